@@ -1,0 +1,171 @@
+"""The command line: reconstruct a capture, import a recording."""
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from .capture import Capture, read_capture, write_capture
+from .errors import InputError
+from .importers import capture_from_readings, load_array, plan_from_matrix
+from .outputs import write_outputs
+from .patterns import ORDERS, POLARITIES, make_plan
+from .pipeline import Result, reconstruct
+from .selection import first_patterns
+
+COMMANDS = ("reconstruct", "import")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+        arguments.insert(0, "reconstruct")
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+    except (InputError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m reconstruction",
+        description="From a capture to image, ranges and depth map.",
+        epilog="A capture as the first word means reconstruct.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    run = commands.add_parser(
+        "reconstruct",
+        help="capture -> image, ranges, depth map, point cloud",
+        epilog="example: python -m reconstruction capture.h5 -o result",
+    )
+    run.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
+    run.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="folder")
+    run.add_argument("--frame", type=int, default=0, help="frame of the capture (0)")
+    run.add_argument("--patterns", metavar="K", type=int, help="use the first K patterns only")
+    run.add_argument("--order", default="sequency-2d", help=f"... of this order: {_list(ORDERS)}")
+    run.add_argument("--json", action="store_true", help="print one JSON object")
+    run.set_defaults(run=_reconstruct)
+
+    load = commands.add_parser(
+        "import",
+        help="array of bucket readings -> capture",
+        epilog="example: python -m reconstruction import car.mat -o car.h5 --shape 32x32 "
+        "--variable data --patterns-variable vecs --untrusted 0",
+    )
+    load.add_argument("file", metavar="FILE", type=Path, help=".mat, .npy, .npz or .csv")
+    load.add_argument("-o", "--output", metavar="CAPTURE", type=Path, required=True, help="file")
+    load.add_argument("--shape", type=_shape, required=True, help="rows x columns, as in 32x32")
+    load.add_argument("--variable", help="the readings' variable in a .mat or .npz")
+    load.add_argument(
+        "--patterns-variable",
+        help="variable with the patterns (M, N), identified row by row; replaces the next three",
+    )
+    load.add_argument("--order", default="natural", help=_list(ORDERS))
+    load.add_argument("--polarity", default="signed", help=_list(POLARITIES))
+    load.add_argument("--patterns", metavar="K", type=int, help="number of patterns (all)")
+    load.add_argument(
+        "--untrusted", metavar="I", type=int, nargs="+", default=[], help="readings not to be used"
+    )
+    load.set_defaults(run=_import)
+    return parser
+
+
+def _reconstruct(options: argparse.Namespace) -> None:
+    capture = read_capture(options.capture)
+    if options.patterns is not None:
+        capture = first_patterns(capture, options.patterns, options.order)
+    result = reconstruct(capture, options.frame)
+    files = write_outputs(result, capture, options.output)
+    if options.json:
+        report = _report(result, capture) | {"files": {k: str(v) for k, v in files.items()}}
+        print(json.dumps(report, allow_nan=False))
+    else:
+        _print_tables(result, capture, files)
+
+
+def _import(options: argparse.Namespace) -> None:
+    readings = load_array(options.file, options.variable)
+    if options.patterns_variable is None:
+        plan = make_plan(options.shape, options.patterns, options.order, options.polarity)
+    else:
+        matrix = load_array(options.file, options.patterns_variable)
+        plan, sign = plan_from_matrix(matrix, options.shape)
+        readings = readings.reshape(-1, plan.exposures) * sign
+    capture = capture_from_readings(readings, plan, options.untrusted)
+    write_capture(capture, options.output)
+    print(f"{options.output}: {capture.frames} frame(s) of {plan.exposures} readings")
+
+
+def _report(result: Result, capture: Capture) -> dict[str, Any]:
+    plan, ranges = capture.plan, result.ranges
+    spots = [] if ranges is None else zip(ranges.range_m, ranges.sigma_m, strict=True)
+    return {
+        "source": capture.provenance.source,
+        "shape": list(plan.shape),
+        "patterns": plan.sampled,
+        "pixels": plan.pixels,
+        "sampling_ratio": plan.sampling_ratio,
+        "spots": [
+            {
+                "range_m": float(range_m) if np.isfinite(range_m) else None,
+                "sigma_m": float(sigma_m) if np.isfinite(sigma_m) else None,
+            }
+            for range_m, sigma_m in spots
+        ],
+        "depth": result.depth_m is not None,
+        "timings_s": result.timings_s,
+    }
+
+
+def _print_tables(result: Result, capture: Capture, files: dict[str, Path]) -> None:
+    plan = capture.plan
+    console = Console(highlight=False)
+    console.print(
+        f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
+        f"({100 * plan.sampling_ratio:.1f} %), {capture.provenance.source}"
+    )
+    if result.ranges is None:
+        console.print("no time of flight in this capture: image only, no ranges, no depth map")
+    else:
+        table = Table("spot", "range / m", "sigma / m", "amplitude / electrons")
+        ranges = result.ranges
+        for spot in range(4):
+            valid = ranges.valid[spot]
+            table.add_row(
+                str(spot),
+                f"{ranges.range_m[spot]:.3f}" if valid else "not valid",
+                f"{ranges.sigma_m[spot]:.3f}" if valid else "",
+                f"{ranges.amplitude_electrons[spot]:.4g}",
+            )
+        console.print(table)
+        if result.depth_m is None:
+            console.print("no depth map: no spot is valid, or the optics are not known")
+    stages = ", ".join(
+        f"{name} {1e3 * seconds:.1f} ms" for name, seconds in result.timings_s.items()
+    )
+    console.print(stages)
+    for path in files.values():
+        console.print(f"wrote {path}", soft_wrap=True)
+
+
+def _shape(text: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d+)x(\d+)", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 32x32 (rows x columns)")
+    return int(match[1]), int(match[2])
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(names)

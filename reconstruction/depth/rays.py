@@ -1,0 +1,29 @@
+"""Where virtual pixels look: the projector's pinhole model."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Optics
+
+Floats = NDArray[np.float64]
+
+
+def pixel_rays(optics: Optics, shape: tuple[int, int]) -> Floats:
+    """Directions through the pixel centres, (H, W, 3), scaled to z = 1.
+
+    A depth times this is a point; its length is range over depth.
+    """
+    height, width = shape
+    x = (2 * np.arange(width) + 1 - width) / width * optics.tan_half_width
+    y = (2 * np.arange(height) + 1 - height) / height * optics.tan_half_height
+    rays = np.ones((height, width, 3))
+    rays[..., 0], rays[..., 1] = x, y[:, None]
+    return rays
+
+
+def pixel_of(directions: Floats, optics: Optics, shape: tuple[int, int]) -> Floats:
+    """Row and column (K, 2), fractional with pixel centres at integers, of directions (K, 3)."""
+    height, width = shape
+    row = directions[:, 1] / directions[:, 2] / optics.tan_half_height
+    column = directions[:, 0] / directions[:, 2] / optics.tan_half_width
+    return np.stack([(row + 1) * height / 2 - 0.5, (column + 1) * width / 2 - 0.5], axis=1)

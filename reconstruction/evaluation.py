@@ -1,0 +1,84 @@
+"""How good a result is, against the truth that a simulation knows."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .capture import Truth
+from .pipeline import Result
+from .ranging import Ranges
+
+
+def evaluate(result: Result, truth: Truth) -> dict[str, Any]:
+    """Metrics as nested plain numbers, ready for JSON; what does not exist is None.
+
+    ``image``: correlation, nrmse and psnr_db, and the same for ``zero_filled``. ``spots``: one
+    entry each with range_m, true_m, error_m, sigma_m. ``depth``: mae_m, rmse_m, median_relative and
+    within_25_percent for ``anchored`` and ``nearest``, over the pixels where something is hit;
+    None without a depth map.
+    """
+    depth = None
+    if result.depth_m is not None and result.depth_nearest_m is not None:
+        depth = {
+            "anchored": depth_metrics(result.depth_m, truth.depth_m),
+            "nearest": depth_metrics(result.depth_nearest_m, truth.depth_m),
+        }
+    return {
+        "image": image_metrics(result.image, truth.image)
+        | {"zero_filled": image_metrics(result.image_zero_filled, truth.image)},
+        "spots": [] if result.ranges is None else _spots(result.ranges, truth),
+        "depth": depth,
+    }
+
+
+def image_metrics(image: ArrayLike, true_image: ArrayLike) -> dict[str, float | None]:
+    """Pearson correlation, rms error over the truth's rms, and PSNR with the truth's peak."""
+    true_values = np.asarray(true_image, dtype=np.float64)
+    known = np.isfinite(true_values)
+    true_values = true_values[known]
+    values = np.asarray(image, dtype=np.float64)[known]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squared_error = np.mean((values - true_values) ** 2)
+        spread = values.std() * true_values.std()
+        covariance = np.mean((values - values.mean()) * (true_values - true_values.mean()))
+        return {
+            "correlation": _number(covariance / spread),
+            "nrmse": _number(np.sqrt(squared_error / np.mean(true_values**2))),
+            "psnr_db": _number(10 * np.log10(true_values.max() ** 2 / squared_error)),
+        }
+
+
+def depth_metrics(depth_m: ArrayLike, true_m: ArrayLike) -> dict[str, float | None]:
+    """Mean absolute and rms error in metres, median relative error, share within 25 per cent."""
+    values = np.asarray(depth_m, dtype=np.float64)
+    true_values = np.asarray(true_m, dtype=np.float64)
+    known = np.isfinite(values) & np.isfinite(true_values)
+    if not known.any():
+        return dict.fromkeys(("mae_m", "rmse_m", "median_relative", "within_25_percent"))
+    error = np.abs(values - true_values)[known]
+    relative = error / true_values[known]
+    return {
+        "mae_m": _number(error.mean()),
+        "rmse_m": _number(np.sqrt((error**2).mean())),
+        "median_relative": _number(np.median(relative)),
+        "within_25_percent": _number((relative < 0.25).mean()),
+    }
+
+
+def _spots(ranges: Ranges, truth: Truth) -> list[dict[str, float | None]]:
+    return [
+        {
+            "range_m": _number(measured),
+            "true_m": _number(true),
+            "error_m": _number(measured - true),
+            "sigma_m": _number(sigma),
+        }
+        for measured, true, sigma in zip(
+            ranges.range_m, truth.spot_range_m, ranges.sigma_m, strict=True
+        )
+    ]
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None

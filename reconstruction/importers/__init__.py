@@ -1,0 +1,5 @@
+"""Recordings of existing rigs and plain arrays -> capture."""
+
+from .arrays import capture_from_readings, load_array, plan_from_matrix
+
+__all__ = ["capture_from_readings", "load_array", "plan_from_matrix"]

@@ -1,0 +1,33 @@
+"""Fewer patterns of a capture, as if only they had been shown."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .capture import Capture
+from .errors import InputError
+from .patterns import PatternPlan, ordered_rows
+
+
+def first_patterns(capture: Capture, patterns: int, order: str = "sequency-2d") -> Capture:
+    """Keep the exposures of the first ``patterns`` of the plan's indices in a named order.
+
+    Raises InputError if the capture has fewer indices or the order is unknown.
+    """
+    plan = capture.plan
+    if not 1 <= patterns <= plan.sampled:
+        raise InputError(
+            f"patterns = {patterns}: this capture has 1..{plan.sampled} to choose from"
+        )
+    ordered = ordered_rows(plan.shape, order)
+    kept = ordered[np.isin(ordered, plan.index)][:patterns]
+    exposures = np.isin(plan.index, kept)
+    return replace(
+        capture,
+        plan=PatternPlan(plan.shape, plan.index[exposures], plan.polarity[exposures], plan.order),
+        buckets=replace(
+            capture.buckets,
+            counts=capture.buckets.counts[:, exposures],
+            saturated=capture.buckets.saturated[:, exposures],
+        ),
+    )

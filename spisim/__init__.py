@@ -1,0 +1,46 @@
+"""Simulator of a single-pixel imaging drone: a scene and an instrument become a capture.
+
+import spisim
+
+scene = spisim.load_scene("warehouse")
+instrument = spisim.load_instrument("paper")
+capture = spisim.simulate(scene, instrument, seed=0).capture
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from spisim.instrument import Instrument, load_instrument
+    from spisim.measurement import Simulation, simulate
+    from spisim.report import write_report
+    from spisim.scene import Scene, load_scene
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Instrument",
+    "Scene",
+    "Simulation",
+    "load_instrument",
+    "load_scene",
+    "simulate",
+    "write_report",
+]
+
+_HOMES = {
+    "Instrument": "instrument",
+    "Scene": "scene",
+    "Simulation": "measurement",
+    "load_instrument": "instrument",
+    "load_scene": "scene",
+    "simulate": "measurement",
+    "write_report": "report",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use: Mitsuba and Matplotlib are slow to load and often not needed."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'spisim' has no attribute {name!r}")
+    return getattr(import_module(f"spisim.{_HOMES[name]}"), name)

@@ -1,0 +1,59 @@
+"""The `spisim` command: one module for each of its subcommands."""
+
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from . import demo, doctor, evaluate, reconstruct, scenes, schema, simulate, transport
+from .console import messages
+
+
+class Commands(TyperGroup):
+    """The subcommands; what a user can cause ends as a message, never as a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a subcommand: exit 2 for input or files that cannot be used, 130 for Ctrl-C."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            message, status = _explain(error), 2
+        except ValueError as error:
+            from reconstruction.errors import InputError  # slow to load, and help needs none
+
+            if not isinstance(error, InputError):
+                raise
+            message, status = str(error), 2
+        except KeyboardInterrupt:
+            message, status = "interrupted; no file is left half-written", 130
+        messages.print(f"error: {message}", style="red", markup=False, soft_wrap=True)
+        raise typer.Exit(status)
+
+
+app = typer.Typer(
+    cls=Commands,
+    name="spisim",
+    help="Single-pixel imaging with four laser spots: simulate, reconstruct, evaluate.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+for module in (demo, simulate, transport, reconstruct, evaluate, scenes, schema, doctor):
+    name = module.__name__.rpartition(".")[2]
+    app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()
+
+
+def _explain(error: OSError) -> str:
+    """What went wrong with which file."""
+    if error.filename is None:
+        return str(error)
+    return f"{error.filename}: {error.strerror or error}"

@@ -1,0 +1,52 @@
+"""What the commands say: results on stdout, progress and messages on stderr."""
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+messages = Console(stderr=True, highlight=False)
+results = Console(highlight=False)
+
+
+def print_json(report: Mapping[str, Any]) -> None:
+    """Print one JSON object; what is not finite becomes null."""
+    print(json.dumps(_plain(report), ensure_ascii=False, allow_nan=False))
+
+
+@contextmanager
+def progress_bar(title: str, shown: bool | None) -> Iterator[Callable[[float], None]]:
+    """Show a bar that the yielded function moves to a fraction; None shows it on terminals."""
+    visible = messages.is_terminal if shown is None else shown
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
+    with Progress(
+        *columns, TimeRemainingColumn(), console=messages, transient=True, disable=not visible
+    ) as progress:
+        task = progress.add_task(title, total=1.0)
+        yield lambda fraction: progress.update(task, completed=fraction)
+
+
+@contextmanager
+def timed(seconds: dict[str, float], step: str) -> Iterator[None]:
+    """Note how long a step takes."""
+    start = time.perf_counter()
+    yield
+    seconds[step] = time.perf_counter() - start
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN, no tuples and no paths."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int):
+        return value
+    return str(value)

@@ -1,0 +1,68 @@
+"""`spisim demo`: everything once, from a scene to a depth map."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import messages, print_json, progress_bar, timed
+from .options import Bar, Json, Seed, Spp
+from .tables import print_errors
+
+EXAMPLE = "spisim demo -o out/demo"
+
+
+def command(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")
+    ] = Path("out/demo"),
+    seed: Seed = 0,
+    spp: Spp = 1024,
+    json: Json = False,
+    progress: Bar = None,
+) -> None:
+    """Simulate the paper's instrument in a foggy warehouse, reconstruct, compare with truth."""
+    from reconstruction import evaluate, reconstruct, write_capture, write_outputs
+    from spisim.instrument import load_instrument
+    from spisim.measurement import simulate
+    from spisim.report import write_overview, write_report
+    from spisim.scene import load_scene
+    from spisim.transport import camera_view
+
+    from .files import require_folder, write_truth
+
+    require_folder(output)
+    seconds: dict[str, float] = {}
+    with timed(seconds, "load"):
+        scene, instrument = load_scene("warehouse"), load_instrument("paper")
+    with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
+        simulation = simulate(scene, instrument, spp=spp, seed=seed, progress=advance)
+    with timed(seconds, "scene view"):
+        view = camera_view(scene, instrument)
+    capture, light = simulation.capture, simulation.transport
+    assert capture.truth is not None
+    result = reconstruct(capture)
+    metrics = evaluate(result, capture.truth)
+
+    write_capture(capture, output / "capture.h5")
+    write_truth(output / "truth.exr", simulation.truth, {"transport": light.image})
+    pictures = write_outputs(result, capture, output)
+    write_overview(output / "overview.png", capture, result, view)
+    write_report(
+        output / "report.html",
+        capture,
+        result,
+        metrics=metrics,
+        transport=light,
+        view=view,
+        timings=seconds,
+        title=scene.name,
+    )
+    written = ["capture.h5", "truth.exr", *pictures, "overview.png", "report.html"]
+    if json:
+        timings = seconds | result.timings_s
+        print_json({"folder": output, "files": written, "metrics": metrics, "seconds": timings})
+    else:
+        print_errors(metrics)
+        messages.print(f"\nWrote {', '.join(written)} to {output}.", soft_wrap=True)
+        messages.print(f"Look at it: {(output / 'report.html').resolve().as_uri()}", soft_wrap=True)

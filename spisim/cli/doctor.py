@@ -1,0 +1,119 @@
+"""`spisim doctor`: is this machine ready?"""
+
+import importlib.metadata
+import os
+import platform
+import re
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from .console import messages, print_json, results
+from .options import Json
+
+EXAMPLE = "spisim doctor"
+
+
+def command(
+    json: Json = False,
+    install_llvm: Annotated[
+        bool,
+        typer.Option("--install-llvm", help="First get LLVM from the Debian or Ubuntu archive."),
+    ] = False,
+) -> None:
+    """Tell what was found on this machine; exit 1 if it cannot simulate."""
+    if install_llvm:
+        from .install_llvm import install_llvm as install
+
+        messages.print("Downloading LLVM …")
+        messages.print(f"LLVM is now in {install()}", soft_wrap=True)
+    findings = examine()
+    if json:
+        print_json(findings)
+    else:
+        _print(findings)
+    if findings["problems"]:
+        raise typer.Exit(1)
+
+
+def examine() -> dict[str, Any]:
+    """Everything about the machine that matters here, and a list of problems, empty if ready."""
+    llvm, trouble = _llvm()
+    gpu = _gpu()
+    return {
+        "ready": trouble is None or gpu,
+        "problems": [] if trouble is None or gpu else [trouble],
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cores": len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count(),
+        "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
+        "llvm": llvm,
+        "gpu": gpu,
+        "cache": _kernel_cache(),
+        "packages": _packages(),
+    }
+
+
+def _llvm() -> tuple[dict[str, Any], str | None]:
+    """The LLVM library that Dr.Jit will use, and what is wrong with it."""
+    from spisim.transport.llvm import LLVMNotFound, advice, find_llvm, probe, version_of
+
+    try:
+        path = find_llvm()
+    except LLVMNotFound as error:
+        return {"path": None, "version": None}, str(error)
+    problem = probe(path)
+    found = {"path": str(path), "version": version_of(path)}
+    return found, problem and f"LLVM {path}: {problem}\n{advice()}"
+
+
+def _gpu() -> bool:
+    """Whether Dr.Jit can use a CUDA device."""
+    from spisim.transport.backend import has_cuda
+
+    return has_cuda()
+
+
+def _kernel_cache() -> dict[str, Any]:
+    """Where Dr.Jit keeps compiled kernels; without it every run compiles anew."""
+    folder = Path.home() / ".drjit"
+    nearest = folder if folder.exists() else folder.parent
+    return {"path": str(folder), "writable": os.access(nearest, os.W_OK)}
+
+
+def _packages() -> dict[str, str]:
+    """Versions of spisim and of what it depends on."""
+    requirements = importlib.metadata.requires("spisim") or []
+    needed = [line for line in requirements if "extra" not in line]
+    names = [re.split(r"[^\w.-]", line, maxsplit=1)[0] for line in needed]
+    versions = {}
+    for name in ["spisim", "drjit", *names]:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            versions[name] = "missing"
+    return versions
+
+
+def _print(findings: dict[str, Any]) -> None:
+    """The same for people."""
+    from rich.table import Table
+
+    llvm, cache = findings["llvm"], findings["cache"]
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(style="dim")
+    table.add_row("Python", findings["python"])
+    table.add_row("system", findings["platform"])
+    table.add_row("machine", f"{findings['cores']} cores, {findings['memory_gib']} GiB")
+    table.add_row("LLVM", f"{llvm['version']} in {llvm['path']}" if llvm["path"] else "none usable")
+    table.add_row("GPU", "CUDA" if findings["gpu"] else "none; light is traced on the CPU")
+    writable = "" if cache["writable"] else " (not writable: every run compiles anew)"
+    table.add_row("kernel cache", cache["path"] + writable)
+    table.add_row("packages", ", ".join(f"{n} {v}" for n, v in findings["packages"].items()))
+    results.print(table)
+    for problem in findings["problems"]:
+        messages.print(f"\n{problem}", style="red", markup=False, soft_wrap=True)
+    if findings["ready"]:
+        results.print("\nReady.", style="green")

@@ -1,0 +1,71 @@
+"""Where the commands write."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Mapping
+from errno import EACCES, ENOTDIR
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from spisim.transport import GroundTruth, Transport
+
+UNITS = {"range_m": "m", "depth_m": "m", "reflectance": "1", "object_id": "1", "transport": "1"}
+
+
+def require_file(file: Path) -> None:
+    """See to it that a file can be written, before the long work begins.
+
+    Raises InputError if `file` is a folder, else as `require_folder` for its own.
+    """
+    from reconstruction.errors import InputError
+
+    if file.is_dir():
+        raise InputError(f"{file} is a folder; the name of a file is needed")
+    require_folder(file.parent)
+
+
+def require_folder(folder: Path) -> None:
+    """Make a folder to write into. Raises OSError where that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise NotADirectoryError(ENOTDIR, os.strerror(ENOTDIR), str(folder)) from None
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(EACCES, os.strerror(EACCES), str(folder))
+
+
+def write_truth(path: Path, truth: GroundTruth, extra: Mapping[str, NDArray[np.floating]]) -> None:
+    """Write what is truly there, and further (H, W) channels, as OpenEXR.
+
+    The header tells the unit of every channel and the names behind `object_id`.
+    """
+    from spisim.exr import write_exr
+
+    channels: dict[str, NDArray[np.floating]] = {
+        "range_m": truth.range_m,
+        "depth_m": truth.depth_m,
+        "reflectance": truth.reflectance,
+        "object_id": np.asarray(truth.object_id, np.float32),
+        **{f"normal.{axis}": truth.normal[..., k] for k, axis in enumerate("XYZ")},
+        **extra,
+    }
+    units = {f"units.{name}": UNITS.get(name, "1") for name in channels}
+    names = {f"object.{k}": name for k, name in enumerate(truth.object_names)}
+    write_exr(path, channels, units | names)
+
+
+def write_histogram(path: Path, light: Transport) -> None:
+    """Write the light of the four spots over path length as a NumPy file."""
+    from reconstruction.files import write_atomically
+
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer, spot_histogram=light.spot_histogram, path_length_m=light.path_length_m
+    )
+    write_atomically(path, buffer.getvalue())

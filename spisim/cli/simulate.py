@@ -1,0 +1,84 @@
+"""`spisim simulate`: a scene and an instrument become a capture."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import messages, print_json, progress_bar, timed
+from .inputs import instrument_with, scene_with
+from .options import Bar, Clear, InstrumentOption, Json, SceneArgument, Seed, Spp, Visibility
+
+EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
+
+
+def command(
+    scene: SceneArgument,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAPTURE", help="HDF5 file.")],
+    instrument: InstrumentOption = "paper",
+    visibility: Visibility = None,
+    clear: Clear = False,
+    patterns: Annotated[int | None, typer.Option(min=1, help="Patterns per frame.")] = None,
+    order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None,
+    polarity: Annotated[
+        str | None, typer.Option(help="differential, single-ended or signed.")
+    ] = None,
+    seed: Seed = 0,
+    spp: Spp = 256,
+    frames: Annotated[int, typer.Option(min=1, help="Frames; only their noise differs.")] = 1,
+    noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False,
+    report: Annotated[
+        bool, typer.Option("--report", help="Reconstruct too, into a page beside the capture.")
+    ] = False,
+    json: Json = False,
+    progress: Bar = None,
+) -> None:
+    """Simulate a capture of a scene, with the truth that evaluation needs.
+
+    The image of a scene is traced once for all patterns; noise and converter follow.
+    """
+    from reconstruction import evaluate, reconstruct, write_capture
+    from spisim.measurement import simulate
+    from spisim.transport import camera_view
+
+    from .files import require_file
+
+    require_file(output)
+    place = scene_with(scene, visibility, clear)
+    carried = instrument_with(instrument, patterns, order, polarity)
+    seconds: dict[str, float] = {}
+    with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
+        simulation = simulate(
+            place,
+            carried,
+            spp=spp,
+            seed=seed,
+            noise=not noise_free,
+            frames=frames,
+            progress=advance,
+        )
+    write_capture(simulation.capture, output)
+    written = [output]
+    if report:
+        from spisim.report import write_report
+
+        page = output.with_suffix(".html")
+        assert simulation.capture.truth is not None
+        result = reconstruct(simulation.capture)
+        write_report(
+            page,
+            simulation.capture,
+            result,
+            metrics=evaluate(result, simulation.capture.truth),
+            transport=simulation.transport,
+            view=camera_view(place, carried),
+            timings=seconds,
+            title=place.name,
+        )
+        written.append(page)
+    if json:
+        print_json({"written": written, "seconds": seconds, "paths": simulation.transport.paths})
+    else:
+        names = " and ".join(map(str, written))
+        messages.print(f"Wrote {names} in {seconds['simulate']:.1f} s.", soft_wrap=True)
+        messages.print(f"Next: spisim reconstruct {output} -o {output.with_suffix('')}")

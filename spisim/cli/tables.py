@@ -1,0 +1,55 @@
+"""Tables of results for people."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.table import Table
+
+from .console import results
+
+
+def print_errors(metrics: Mapping[str, Any]) -> None:
+    """Print image, range and depth errors, as `reconstruction.evaluate` returns them."""
+    image = metrics["image"]
+    table = _table("image", "reconstructed", "zero-filled")
+    names = {"correlation": "correlation", "nrmse": "NRMSE", "psnr_db": "PSNR, dB"}
+    for key, name in names.items():
+        table.add_row(name, _number(image[key]), _number(image["zero_filled"][key]))
+    results.print(table)
+    if metrics.get("spots"):
+        table = _table("spot", "true, m", "measured, m", "error, cm", "sigma, cm")
+        for k, spot in enumerate(metrics["spots"]):
+            metres = (_number(spot[key]) for key in ("true_m", "range_m"))
+            centimetres = (_centimetres(spot[key]) for key in ("error_m", "sigma_m"))
+            table.add_row(str(k), *metres, *centimetres)
+        results.print(table)
+    if metrics.get("depth"):
+        anchored, nearest = metrics["depth"]["anchored"], metrics["depth"]["nearest"]
+        table = _table("depth", "anchored", "nearest spot")
+        names = {"mae_m": "mean error, m", "rmse_m": "RMS error, m"}
+        shares = {"median_relative": "median error", "within_25_percent": "within 25 % of truth"}
+        for key, name in names.items():
+            table.add_row(name, _number(anchored[key]), _number(nearest[key]))
+        for key, name in shares.items():
+            table.add_row(name, _percent(anchored[key]), _percent(nearest[key]))
+        results.print(table)
+
+
+def _table(first: str, *columns: str) -> Table:
+    table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
+    table.add_column(first, min_width=21)
+    for column in columns:
+        table.add_column(column, justify="right", min_width=11)
+    return table
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"
+
+
+def _centimetres(value_m: float | None) -> str:
+    return "–" if value_m is None else f"{100 * value_m:.1f}"
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{100 * value:.1f} %"

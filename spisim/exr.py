@@ -1,0 +1,44 @@
+"""OpenEXR files with named channels: images in physical units, without loss."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from reconstruction.errors import InputError
+from reconstruction.files import write_atomically
+
+
+def write_exr(
+    path: str | Path,
+    channels: Mapping[str, NDArray[np.floating]],
+    attributes: Mapping[str, str] | None = None,
+) -> None:
+    """Write (H, W) channels as float32, with text attributes in the header.
+
+    The file appears whole or not at all. Raises OSError where it cannot be written.
+    """
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    pixels = {name: np.ascontiguousarray(image, np.float32) for name, image in channels.items()}
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / "draft.exr"  # OpenEXR writes to paths only
+        OpenEXR.File(header | dict(attributes or {}), pixels).write(str(draft))
+        write_atomically(path, draft.read_bytes())
+
+
+def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str, str]]:
+    """Return the channels, each (H, W), and the text attributes of an OpenEXR file.
+
+    Raises OSError for a missing file, InputError for one that is not OpenEXR.
+    """
+    Path(path).stat()
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {name: channel.pixels for name, channel in file.channels().items()}
+            attributes = {k: v for k, v in file.header().items() if isinstance(v, str)}
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"{path} cannot be read as OpenEXR: {error}") from error
+    return channels, attributes

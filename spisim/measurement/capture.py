@@ -1,0 +1,128 @@
+"""Put a simulated recording together, in the format that a rig writes too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+
+import numpy as np
+
+from reconstruction.capture import Buckets, Capture, Optics, Provenance, Spots, Truth
+from spisim.instrument import Instrument
+from spisim.measurement.electronics import expected_readings, read_out
+from spisim.measurement.light import mean_electrons
+from spisim.scene import Scene
+from spisim.transport import GroundTruth, Transport, ground_truth, solve
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A capture, and the light it was made from."""
+
+    capture: Capture
+    transport: Transport
+    truth: GroundTruth
+
+
+def simulate(
+    scene: Scene,
+    instrument: Instrument,
+    *,
+    spp: int = 256,
+    seed: int = 0,
+    noise: bool = True,
+    frames: int = 1,
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """Simulate `frames` recordings of a scene that stands still; only their noise differs.
+
+    Parameters
+    ----------
+    spp
+        Light paths per virtual pixel and strategy.
+    seed
+        Equal seeds give equal captures on the same machine and backend.
+    noise
+        False: the expected readings of an ideal converter, as floating-point counts.
+    progress
+        Called with the fraction of the light transport that is done.
+
+    Raises
+    ------
+    InputError
+        If a laser beam hits nothing, or no backend for the light transport works.
+    """
+    truth = ground_truth(scene, instrument)
+    light = solve(scene, instrument, spp=spp, seed=seed, progress=progress)
+    capture = record(scene, instrument, light, truth, seed=seed, noise=noise, frames=frames)
+    return Simulation(capture, light, truth)
+
+
+def record(
+    scene: Scene,
+    instrument: Instrument,
+    light: Transport,
+    truth: GroundTruth,
+    *,
+    seed: int,
+    noise: bool = True,
+    frames: int = 1,
+) -> Capture:
+    """Turn light into the capture that `instrument` would record."""
+    mean = mean_electrons(instrument, light)
+    bucket, tof = instrument.detector, instrument.tof
+    if noise:
+        for_buckets, for_taps = (
+            np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2)
+        )
+        buckets = read_out(mean.buckets, bucket, instrument.exposure_time_s, frames, for_buckets)
+        taps = read_out(mean.taps, tof.detector, tof.tap_time_s, frames, for_taps)
+    else:
+        buckets = expected_readings(mean.buckets, bucket, frames)
+        taps = expected_readings(mean.taps, tof.detector, frames)
+    return Capture(
+        plan=instrument.pattern_plan,
+        buckets=Buckets(
+            counts=buckets.counts,
+            saturated=buckets.saturated,
+            exposure_time_s=instrument.exposure_time_s,
+            pattern_period_s=1 / instrument.projector.pattern_rate_hz,
+            electrons_per_count=bucket.adc.electrons_per_count,
+            offset_counts=bucket.adc.offset_counts,
+            noise_electrons=buckets.noise_electrons,
+        ),
+        spots=Spots(
+            taps=taps.counts,
+            saturated=taps.saturated,
+            directions=instrument.lasers.directions,
+            detector_positions_m=np.asarray(tof.detector.positions_m, dtype=np.float64),
+            modulation_frequency_hz=tof.modulation_frequency_hz,
+            periods=tof.periods,
+            tap_phases_rad=tof.tap_phases_rad,
+            phase_offset_rad=0.0,
+            electrons_per_count=tof.detector.adc.electrons_per_count,
+            offset_counts=tof.detector.adc.offset_counts,
+            noise_electrons=taps.noise_electrons,
+        ),
+        optics=Optics(
+            tan_half_width=instrument.projector.tan_half_width,
+            tan_half_height=instrument.projector.tan_half_height,
+        ),
+        provenance=Provenance(
+            source="simulation",
+            software=f"spisim {version('spisim')}",
+            created=datetime.now(UTC).isoformat(timespec="seconds"),
+            instrument=instrument.text,
+            scene=scene.text,
+            seed=seed,
+        ),
+        truth=Truth(
+            image=mean.image.astype(np.float32),
+            range_m=truth.range_m,
+            depth_m=truth.depth_m,
+            reflectance=truth.reflectance,
+            spot_range_m=truth.spot_range_m,
+        ),
+    )

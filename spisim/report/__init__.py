@@ -1,0 +1,74 @@
+"""One HTML page about one capture: what was there, what was measured, how far off it is."""
+
+from collections.abc import Mapping
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction import Capture, Result
+from reconstruction.files import write_atomically
+
+from . import sections
+from .overview import write_overview
+from .plots import SpotHistograms
+
+__all__ = ["write_overview", "write_report"]
+
+
+def write_report(
+    path: str | Path,
+    capture: Capture,
+    result: Result,
+    *,
+    metrics: sections.Metrics | None = None,
+    transport: SpotHistograms | None = None,
+    view: NDArray[np.floating] | None = None,
+    timings: Mapping[str, float] | None = None,
+    title: str = "Capture",
+) -> None:
+    """Write a self-contained page. What is not known (truth, spots, view) is left out.
+
+    Parameters
+    ----------
+    path: the HTML file, written whole or not at all.
+    metrics: what `reconstruction.evaluate` returns.
+    transport: light of the spots over path length.
+    view: (h, w) radiance of the scene, W m⁻² sr⁻¹.
+    timings: seconds per step before the reconstruction.
+    title: what the page calls the capture.
+
+    Raises OSError where the file cannot be written.
+    """
+    provenance = capture.provenance
+    steps = dict(timings or {}) | dict(result.timings_s)
+    body = "".join(
+        [
+            f"<header><h1>{escape(title)}</h1>"
+            f"<p>{_kind(capture)}, {escape(provenance.created[:10])}</p></header>",
+            sections.headline(capture, result, metrics),
+            sections.recording(capture, view),
+            sections.image(capture, result, metrics),
+            sections.depth(capture, result),
+            sections.spots(capture, result, transport),
+            sections.quality(metrics),
+            sections.timings(steps),
+            sections.parameters(capture),
+            f"<footer>{escape(provenance.software)}</footer>",
+        ]
+    )
+    style = files(__name__).joinpath("style.css").read_text(encoding="utf-8")
+    page = (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(title)}</title><style>{style}</style></head><body>{body}</body></html>"
+    )
+    write_atomically(path, page.encode())
+
+
+def _kind(capture: Capture) -> str:
+    how = "Simulated" if capture.provenance.source == "simulation" else "Recorded"
+    frames = "1 frame" if capture.frames == 1 else f"{capture.frames} frames"
+    return f"{how} with a single-pixel detector, {frames}"

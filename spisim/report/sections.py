@@ -1,0 +1,304 @@
+"""The parts of the report; each is empty where the capture does not hold what it shows."""
+
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction import Capture, Result
+
+from .pictures import (
+    colour_bar,
+    depth_scale,
+    error_scale,
+    figure,
+    intensity_scale,
+    radiance_scale,
+    spot_marks,
+)
+from .plots import SpotHistograms, spot_plot
+
+Metrics = Mapping[str, Any]
+
+METRICS = {
+    "nrmse": "RMS error over RMS of the truth",
+    "psnr_db": "PSNR, dB",
+    "mae_m": "mean absolute error, m",
+    "rmse_m": "RMS error, m",
+    "median_relative": "median relative error",
+    "within_25_percent": "share within 25 % of truth",
+}
+
+
+def headline(capture: Capture, result: Result, metrics: Metrics | None) -> str:
+    """The figures that tell how good the reconstruction is."""
+    plan = capture.plan
+    cards = [
+        _card(
+            f"{100 * plan.sampling_ratio:.2g} %",
+            "sampling ratio",
+            f"{plan.sampled} of {plan.pixels} patterns, {plan.exposures} exposures",
+        ),
+        _card(
+            f"{1 / (plan.exposures * capture.buckets.pattern_period_s):.3g} Hz",
+            "frame rate",
+            f"reconstructed in {1e3 * sum(result.timings_s.values()):.0f} ms",
+        ),
+    ]
+    if metrics and "image" in metrics:
+        image = metrics["image"]
+        cards.append(
+            _card(
+                _number(image["correlation"], 3),
+                "image correlation",
+                f"zero-filled {_number(image['zero_filled']['correlation'], 3)}",
+            )
+        )
+    if metrics and metrics.get("spots"):
+        errors = [abs(s["error_m"]) for s in metrics["spots"] if s["error_m"] is not None]
+        cards.append(
+            _card(
+                _length(max(errors, default=None)),
+                "largest range error",
+                f"of {len(errors)} measured spots",
+            )
+        )
+    if metrics and metrics.get("depth"):
+        anchored, nearest = metrics["depth"]["anchored"], metrics["depth"]["nearest"]
+        cards.append(
+            _card(
+                _length(anchored["mae_m"]),
+                "mean depth error",
+                f"nearest anchor {_length(nearest['mae_m'])}",
+            )
+        )
+    return f'<div class="cards">{"".join(cards)}</div>'
+
+
+def recording(capture: Capture, view: NDArray[np.floating] | None) -> str:
+    """What a camera at the projector sees, and how it was recorded."""
+    facts = _table(["", ""], _facts(capture))
+    if view is None:
+        return _section("Recording", "", facts)
+    scale = radiance_scale(view)
+    picture = figure(view, scale, "Scene", "As a camera in the place of the projector sees it.")
+    return _section(
+        "Recording",
+        "",
+        f'<div class="row recording"><div>{picture}{colour_bar(scale, "radiance")}</div>'
+        f"{facts}</div>",
+    )
+
+
+def image(capture: Capture, result: Result, metrics: Metrics | None) -> str:
+    """True, reconstructed and zero-filled image."""
+    true = None if capture.truth is None else capture.truth.image
+    scale = intensity_scale(
+        *([result.image, result.image_zero_filled] if true is None else [true]), unit="electrons"
+    )
+    quality = (metrics or {}).get("image", {})
+    pictures = [
+        figure(result.image, scale, "Reconstructed", _quality(quality), spot_marks(capture)),
+        figure(
+            result.image_zero_filled,
+            scale,
+            "Zero-filled inverse",
+            _quality(quality.get("zero_filled", {})),
+        ),
+    ]
+    if true is not None:
+        pictures.insert(0, figure(true, scale, "True", "What each pixel alone would give."))
+    return _section(
+        "Image",
+        "Light of each virtual pixel on the single-pixel detector. The zero-filled inverse takes "
+        "every pattern that was not shown as zero.",
+        f'<div class="row">{"".join(pictures)}</div>{colour_bar(scale, "per exposure")}',
+    )
+
+
+def depth(capture: Capture, result: Result) -> str:
+    """True, anchored and nearest-anchor depth, and their errors."""
+    if result.depth_m is None:
+        return ""
+    true = None if capture.truth is None else capture.truth.depth_m
+    maps = {"Anchored by the spots": result.depth_m, "Nearest spot": result.depth_nearest_m}
+    known = {title: values for title, values in maps.items() if values is not None}
+    scale = depth_scale(true if true is not None else result.depth_m)
+    marks = spot_marks(capture)
+    pictures = [figure(values, scale, title, over=marks) for title, values in known.items()]
+    if true is None:
+        body = f'<div class="row">{"".join(pictures)}</div>{colour_bar(scale, "depth")}'
+    else:
+        pictures.insert(0, figure(true, scale, "True", "Component along the optical axis."))
+        errors = {title: values - true for title, values in known.items()}
+        error = error_scale(*errors.values())
+        differences = [
+            figure(values, error, f"Error: {title.lower()}", over=marks)
+            for title, values in errors.items()
+        ]
+        body = (
+            f'<div class="row">{"".join(pictures)}</div>{colour_bar(scale, "depth")}'
+            f'<div class="row"><p class="aside">Reconstructed minus true depth: blue is too near, '
+            f"red is too far.</p>{''.join(differences)}</div>{colour_bar(error, 'error')}"
+        )
+    return _section(
+        "Depth",
+        "Four measured ranges spread over the image, beside the plain choice: each pixel "
+        "takes the depth of the spot nearest to it. Hatched where nothing is hit.",
+        body,
+    )
+
+
+def spots(capture: Capture, result: Result, transport: SpotHistograms | None) -> str:
+    """Ranges of the laser spots, and the light over path length behind them."""
+    if result.ranges is None or capture.spots is None:
+        return ""
+    ranges = result.ranges
+    true = None if capture.truth is None else capture.truth.spot_range_m
+    rows = []
+    for k, measured in enumerate(ranges.range_m):
+        expected = np.nan if true is None else true[k]
+        rows.append(
+            [
+                f'<span class="dot" style="--colour:var(--spot-{k})"></span>spot {k}',
+                _number(expected, 3),
+                _number(measured, 3),
+                _number(100 * (measured - expected), 1),
+                _number(100 * ranges.sigma_m[k], 1),
+                _number(ranges.amplitude_electrons[k], 0),
+                "yes" if ranges.valid[k] else "no",
+            ]
+        )
+    heads = ["", "true, m", "measured, m", "error, cm", "sigma, cm", "amplitude, e⁻", "valid"]
+    plot = ""
+    if transport is not None:
+        way = None if true is None else _path_lengths(capture, true)
+        plot = spot_plot(transport, way)
+    return _section(
+        "Laser spots",
+        "Range along each laser's ray. Below, the light that comes back over its whole way: what "
+        "stands before the dashed line of the true way is fog.",
+        _table(heads, rows) + plot,
+    )
+
+
+def quality(metrics: Metrics | None) -> str:
+    """All metrics against truth."""
+    if not metrics:
+        return ""
+    tables = []
+    if "image" in metrics:
+        both = {"reconstructed": metrics["image"], "zero-filled": metrics["image"]["zero_filled"]}
+        tables.append(_comparison("image", both))
+    if metrics.get("depth"):
+        tables.append(_comparison("depth", metrics["depth"]))
+    return _section("Against truth", "", "".join(tables))
+
+
+def timings(seconds: Mapping[str, float]) -> str:
+    """How long each step took."""
+    rows = [[escape(step.replace("_", " ")), _number(s, 3)] for step, s in seconds.items()]
+    return _section("Time", "", _table(["step", "s"], rows)) if rows else ""
+
+
+def parameters(capture: Capture) -> str:
+    """Everything that is needed to make the capture again."""
+    provenance = capture.provenance
+    return _section(
+        "Parameters",
+        "",
+        _yaml("Instrument", provenance.instrument) + _yaml("Scene", provenance.scene),
+    )
+
+
+def _facts(capture: Capture) -> list[list[str]]:
+    """How the capture was recorded, as rows of a table."""
+    provenance, plan, buckets = capture.provenance, capture.plan, capture.buckets
+    height, width = plan.shape
+    facts = {
+        "source": provenance.source,
+        "software": provenance.software,
+        "seed": "–" if provenance.seed is None else str(provenance.seed),
+        "frames": str(capture.frames),
+        "virtual pixels": f"{width} × {height}",
+        "patterns": f"{plan.sampled} of {plan.pixels}, {plan.basis}, {plan.order}",
+        "exposures": f"{plan.exposures} of {_seconds(buckets.exposure_time_s)}",
+        "duration": _seconds(plan.exposures * buckets.pattern_period_s),
+        "electronics noise": f"{buckets.noise_electrons:,.0f} electrons rms per exposure",
+        "saturated readings": str(int(np.count_nonzero(buckets.saturated))),
+    }
+    if capture.spots is not None:
+        frequency_mhz = capture.spots.modulation_frequency_hz / 1e6
+        facts["time of flight"] = f"{capture.spots.taps.shape[-1]} taps, {frequency_mhz:g} MHz"
+    return [[name, escape(value)] for name, value in facts.items()]
+
+
+def _path_lengths(capture: Capture, range_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """From the laser's exit to the spot and on to its detector (4,)."""
+    assert capture.spots is not None
+    points = range_m[:, None] * capture.spots.directions
+    back: NDArray[np.float64] = np.linalg.norm(points - capture.spots.detector_positions_m, axis=1)
+    return range_m + back
+
+
+def _section(title: str, explanation: str, body: str) -> str:
+    paragraph = f"<p>{escape(explanation)}</p>" if explanation else ""
+    return f"<section><h2>{escape(title)}</h2>{paragraph}{body}</section>"
+
+
+def _card(value: str, label: str, note: str) -> str:
+    return (
+        f'<div class="card"><b>{escape(value)}</b><span>{escape(label)}</span>'
+        f"<small>{escape(note)}</small></div>"
+    )
+
+
+def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table; cells are HTML."""
+    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    return f'<div class="tables"><table><tr>{head}</tr>{body}</table></div>'
+
+
+def _comparison(name: str, columns: Mapping[str, Mapping[str, Any]]) -> str:
+    """Metrics as rows, methods as columns."""
+    first = next(iter(columns.values()))
+    keys = [key for key, value in first.items() if not isinstance(value, Mapping)]
+    rows = [
+        [METRICS.get(key, key.replace("_", " ")), *(_number(c[key], 3) for c in columns.values())]
+        for key in keys
+    ]
+    return _table([name, *columns], rows)
+
+
+def _yaml(title: str, text: str) -> str:
+    if not text:
+        return ""
+    return f"<details><summary>{escape(title)}</summary><pre>{escape(text)}</pre></details>"
+
+
+def _quality(metrics: Mapping[str, Any]) -> str:
+    if not metrics:
+        return ""
+    correlation, nrmse = _number(metrics["correlation"], 3), _number(metrics["nrmse"], 3)
+    return f"correlation {correlation}, NRMSE {nrmse}"
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "–" if value is None or not np.isfinite(value) else f"{value:,.{digits}f}"
+
+
+def _length(metres: float | None) -> str:
+    if metres is None or not np.isfinite(metres):
+        return "–"
+    return f"{100 * metres:.1f} cm" if abs(metres) < 1 else f"{metres:.2f} m"
+
+
+def _seconds(seconds: float) -> str:
+    """A time in the unit that suits it."""
+    for factor, unit in ((1.0, "s"), (1e3, "ms")):
+        if seconds * factor >= 1:
+            return f"{seconds * factor:.4g} {unit}"
+    return f"{seconds * 1e6:.4g} µs"

@@ -1,0 +1,161 @@
+"""What a scene file may say: the YAML fields, their units and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
+
+from reconstruction.errors import nearest
+from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector
+
+
+class DroneDescription(Section):
+    """Where the instrument is and what it looks at, in world coordinates (z up)."""
+
+    position_m: Vector
+    look_at_m: Vector
+    up: Vector = (0.0, 0.0, 1.0)
+
+
+class Pose(Section):
+    """Rotate, then move.
+
+    `rotate_deg` is [roll, pitch, yaw]: about the fixed axes x, then y, then z, right-handed.
+    """
+
+    rotate_deg: Vector = (0.0, 0.0, 0.0)
+    translate_m: Vector = (0.0, 0.0, 0.0)
+
+
+class ObjectDescription(Pose):
+    """What objects of every shape have in common.
+
+    The shape is scaled, then posed. With `instances` there is one copy per entry, posed once more
+    by it, and named name-1, name-2, ….
+    """
+
+    name: Name
+    material: Name
+    scale: Positive = 1.0
+    instances: Annotated[tuple[Pose, ...], Field(min_length=1)] | None = None
+
+
+class MeshObject(ObjectDescription):
+    """A mesh file (PLY, OBJ, STL, …) in metres; its path is relative to the scene file."""
+
+    mesh: Name
+
+
+class BoxObject(ObjectDescription):
+    """A box with edges `size_m` along x, y, z, centred on the origin."""
+
+    shape: Literal["box"]
+    size_m: tuple[Positive, Positive, Positive]
+
+
+class RectangleObject(ObjectDescription):
+    """A rectangle with edges `size_m` along x and y, centred on the origin, facing z."""
+
+    shape: Literal["rectangle"]
+    size_m: tuple[Positive, Positive]
+
+
+class SphereObject(ObjectDescription):
+    """A sphere centred on the origin."""
+
+    shape: Literal["sphere"]
+    radius_m: Positive
+
+
+class CylinderObject(ObjectDescription):
+    """A closed cylinder about z, centred on the origin."""
+
+    shape: Literal["cylinder"]
+    radius_m: Positive
+    height_m: Positive
+
+
+SHAPES = ("box", "rectangle", "sphere", "cylinder")
+
+
+def _with_known_shape(data: Any) -> Any:
+    if not isinstance(data, Mapping):
+        raise PydanticCustomError("object", "should be a mapping of fields")
+    if "mesh" not in data and data.get("shape") not in SHAPES:
+        wrong = f"unknown shape {data['shape']!r}" if "shape" in data else "has no mesh or shape"
+        hint = nearest(str(data.get("shape", "")), SHAPES)
+        raise PydanticCustomError("object", "{message}", {"message": f"{wrong}: {hint}"})
+    return data
+
+
+def _tag(data: Mapping[str, Any]) -> str:
+    return "file" if "mesh" in data else data["shape"]
+
+
+AnyObject = Annotated[
+    Annotated[MeshObject, Tag("file")]
+    | Annotated[BoxObject, Tag("box")]
+    | Annotated[RectangleObject, Tag("rectangle")]
+    | Annotated[SphereObject, Tag("sphere")]
+    | Annotated[CylinderObject, Tag("cylinder")],
+    Discriminator(_tag),
+    BeforeValidator(_with_known_shape),
+]
+
+
+class MaterialDescription(Section):
+    """A material of this scene's own; `source` says where the value comes from."""
+
+    reflectance: Fraction
+    source: Name
+
+
+class FogDescription(Section):
+    """Fog by visibility, or a medium by its coefficients at 1550 nm (`extinction_per_m`)."""
+
+    visibility_m: Positive | None = None
+    kind: str = "moderate-radiation"
+    definition: str = "koschmieder"
+    extinction_per_m: NonNegative | None = None
+    albedo: Fraction = 1.0
+    g: Annotated[Number, Field(gt=-1, lt=1)] = 0.0
+
+    @model_validator(mode="after")
+    def _one_way(self) -> FogDescription:
+        given = self.model_fields_set
+        if ("visibility_m" in given) == ("extinction_per_m" in given):
+            raise PydanticCustomError("fog", "needs either visibility_m or extinction_per_m")
+        other = {"albedo", "g"} if "visibility_m" in given else {"kind", "definition"}
+        if stray := sorted(given & other):
+            raise PydanticCustomError(
+                "fog",
+                "{field} does not go with {way}",
+                {
+                    "field": stray[0],
+                    "way": "visibility_m" if "visibility_m" in given else "extinction_per_m",
+                },
+            )
+        return self
+
+
+class AmbientDescription(Section):
+    """Daylight: `sun_klx` on a surface that faces the sun, `sky_klx` on the ground."""
+
+    sun_klx: NonNegative = 0.0
+    sun_direction: Vector = (0.0, 0.0, -1.0)  # from the sun into the scene
+    sky_klx: NonNegative = 0.0
+
+
+class SceneDescription(Section):
+    """A whole scene file."""
+
+    name: Name
+    description: str = ""
+    drone: DroneDescription
+    objects: Annotated[tuple[AnyObject, ...], Field(min_length=1)]
+    materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
+    fog: FogDescription | None = None
+    ambient: AmbientDescription = AmbientDescription()

@@ -1,0 +1,44 @@
+"""Poses as 4 x 4 matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from reconstruction.errors import InputError
+
+
+def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> NDArray[np.float64]:
+    """(4, 4) matrix that rotates by [roll, pitch, yaw] about the fixed x, y, z axes, then moves."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler(
+        "xyz", np.asarray(rotate_deg, float), degrees=True
+    ).as_matrix()
+    matrix[:3, 3] = translate_m
+    return matrix
+
+
+def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:
+    """(4, 4) world-from-optical pose at `position_m` that looks at `target_m`.
+
+    Optical frame: x right, y down, z forward. `up` need not be normal to the line of sight.
+    Raises InputError if the target is the position, or `up` is zero or along the line of sight.
+    """
+    position = np.asarray(position_m, float)
+    forward = _unit(np.asarray(target_m, float) - position)
+    if not forward.any():
+        raise InputError("look_at_m should differ from position_m")
+    right = np.cross(forward, _unit(np.asarray(up, float)))
+    if np.linalg.norm(right) < 1e-6:
+        raise InputError("up should not be zero or along the line of sight")
+    right = _unit(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
+    matrix[:3, 3] = position
+    return matrix
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(vector)
+    return vector / length if length > 0 else vector

@@ -1,0 +1,71 @@
+"""Exact geometry questions to a scene: what lies along a ray, what encloses a point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from spisim.scene.model import Scene
+
+Floats = NDArray[np.float64]
+
+
+def spot_ranges(scene: Scene, directions: ArrayLike) -> Floats:
+    """Distance from the drone to the first surface along each direction.
+
+    `directions` (n, 3) in the instrument's optical frame. Returns (n,) metres, inf where nothing
+    is hit.
+    """
+    rays = np.atleast_2d(np.asarray(directions, float))
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    rays = rays @ scene.drone_pose[:3, :3].T
+    origin = scene.drone_pose[:3, 3]
+    ranges = [_hits(origin, rays, scene_object.mesh.triangles) for scene_object in scene.objects]
+    return np.min(ranges, axis=0)
+
+
+def _hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
+    """Nearest hit (n,) of each ray among triangles (t, 3, 3): Möller & Trumbore (1997)."""
+    corner = triangles[:, 0]
+    edge1, edge2 = triangles[:, 1] - corner, triangles[:, 2] - corner
+    nearest = np.full(len(rays), np.inf)
+    for i, ray in enumerate(rays):
+        across = np.cross(ray, edge2)
+        determinant = np.einsum("tk,tk->t", edge1, across)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            offset = origin - corner
+            u = np.einsum("tk,tk->t", offset, across) / determinant
+            normal = np.cross(offset, edge1)
+            v = normal @ ray / determinant
+            distance = np.einsum("tk,tk->t", edge2, normal) / determinant
+            hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0) & np.isfinite(distance)
+        if hit.any():
+            nearest[i] = distance[hit].min()
+    return nearest
+
+
+def winding_number(point: ArrayLike, triangles: Floats) -> float:
+    """How often a surface of triangles (t, 3, 3) wraps around a point.
+
+    1 inside a closed surface whose normals face out, -1 where they face in, 0 outside, and a value
+    between for a surface with holes (Jacobson, Kavan, Sorkine-Hornung 2013), from the signed
+    solid angles of the triangles (Van Oosterom & Strackee 1983).
+    """
+    a, b, c = np.moveaxis(triangles - np.asarray(point, float), 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    volume = np.einsum("tk,tk->t", a, np.cross(b, c))
+    ab, bc, ca = (np.einsum("tk,tk->t", v, w) for v, w in ((a, b), (b, c), (c, a)))
+    solid_angle = 2 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+    return float(solid_angle.sum() / (4 * np.pi))
+
+
+def enclosing_object(scene: Scene, point_m: ArrayLike) -> str | None:
+    """Name of an object that a world point is inside of, or None.
+
+    The inside is where the surface wraps the point more than half, so that meshes with gaps count
+    too. A mesh with its normals facing in is a room, and a point inside it is in the open.
+    """
+    for scene_object in scene.objects:
+        if winding_number(point_m, scene_object.mesh.triangles) > 0.5:
+            return scene_object.name
+    return None

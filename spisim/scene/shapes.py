@@ -1,0 +1,83 @@
+"""Meshes of objects, from files and from simple shapes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from reconstruction.errors import InputError, nearest
+from spisim.scene.description import (
+    BoxObject,
+    CylinderObject,
+    MeshObject,
+    ObjectDescription,
+    RectangleObject,
+    SphereObject,
+)
+
+SPHERE_SUBDIVISIONS = 4  # 5120 triangles, radius true to 0.1 %
+CYLINDER_SECTIONS = 96  # radius true to 0.05 %
+
+
+def make_mesh(described: ObjectDescription, folder: Path) -> trimesh.Trimesh:
+    """Mesh of an object in its own coordinates, metres; files are looked for in `folder`.
+
+    Raises InputError for a file that is missing, cannot be read, or holds no usable surface.
+    """
+    match described:
+        case MeshObject():
+            return load_mesh(folder / described.mesh)
+        case BoxObject():
+            return trimesh.creation.box(described.size_m)
+        case RectangleObject():
+            return _rectangle(*described.size_m)
+        case SphereObject():
+            return trimesh.creation.icosphere(SPHERE_SUBDIVISIONS, described.radius_m)
+        case CylinderObject():
+            return trimesh.creation.cylinder(
+                described.radius_m, described.height_m, sections=CYLINDER_SECTIONS
+            )
+    raise TypeError(f"no mesh for {type(described).__name__}")
+
+
+def load_mesh(path: Path) -> trimesh.Trimesh:
+    """Triangles of a mesh file, as they stand there.
+
+    Raises InputError where the file is missing or of an unknown format, or holds no triangles,
+    triangles of missing vertices, or coordinates that are not finite.
+    """
+    if not path.is_file():
+        others = sorted(other.name for other in path.parent.glob(f"*{path.suffix}"))
+        hint = f" in {path.parent}; {nearest(path.name, others)}" if others else f": {path}"
+        raise InputError(f"no mesh {path.name!r}{hint}")
+    if path.suffix.lstrip(".").lower() not in trimesh.available_formats():
+        formats = ", ".join(sorted(trimesh.available_formats()))
+        raise InputError(f"mesh {path.name!r} has an unknown format; known: {formats}")
+    try:
+        mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
+    # trimesh's parsers raise whatever their parsing runs into.
+    except Exception as error:
+        raise InputError(f"mesh {path.name!r} cannot be read: {error}") from None
+    if isinstance(mesh, trimesh.Scene):
+        mesh = mesh.to_mesh()
+    _check_mesh(mesh, path.name)
+    return mesh
+
+
+def _check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise InputError(f"mesh {name!r} is empty: it has no triangles")
+    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+        raise InputError(f"mesh {name!r} is damaged: a triangle refers to a vertex not in the file")
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(f"mesh {name!r} has vertices that are not finite (NaN or infinite)")
+    if not mesh.area > 0:
+        raise InputError(f"mesh {name!r} has no area: all its triangles are degenerate")
+
+
+def _rectangle(width_m: float, height_m: float) -> trimesh.Trimesh:
+    x, y = width_m / 2, height_m / 2
+    vertices = [[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]]
+    return trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], process=False)

@@ -1,0 +1,16 @@
+"""Light transport: the fraction of emitted power that each virtual pixel and each spot returns."""
+
+from contextlib import suppress
+
+from reconstruction.errors import InputError
+from spisim.transport.llvm import use_working_llvm
+
+# Importing Mitsuba loads LLVM, so the library is chosen first. Without one, a GPU may still do.
+with suppress(InputError):
+    use_working_llvm()
+
+from spisim.transport.picture import camera_view
+from spisim.transport.solve import Transport, solve
+from spisim.transport.truth import GroundTruth, ground_truth
+
+__all__ = ["GroundTruth", "Transport", "camera_view", "ground_truth", "solve"]

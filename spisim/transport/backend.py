@@ -1,0 +1,61 @@
+"""Choice of the Dr.Jit backend, made once, when the first scene is built."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from reconstruction.errors import InputError
+from spisim.transport.llvm import MINIMUM_VERSION, VARIABLE, find_llvm
+
+#: One wavelength, just-in-time compiled, on the GPU where there is one.
+CUDA_VARIANT = "cuda_ad_mono"
+LLVM_VARIANT = "llvm_ad_mono"
+
+
+def activate() -> str:
+    """Select the Mitsuba variant, unless one of ours is active already, and return its name.
+
+    Raises
+    ------
+    InputError
+        If there is neither a CUDA device nor an LLVM library that works.
+    """
+    if mi.variant() not in (CUDA_VARIANT, LLVM_VARIANT):
+        if has_cuda():
+            mi.set_variant(CUDA_VARIANT)
+        else:
+            _check_llvm()
+            mi.set_variant(LLVM_VARIANT)
+    return str(mi.variant())
+
+
+def has_cuda() -> bool:
+    """Whether Dr.Jit found a CUDA device."""
+    return bool(dr.has_backend(dr.JitBackend.CUDA))
+
+
+def _check_llvm() -> None:
+    """Dr.Jit has loaded a library by now; a wrong one would abort at the first kernel."""
+    wanted = find_llvm()
+    loaded = dr.detail.llvm_version()
+    if loaded[0] < MINIMUM_VERSION:
+        raise InputError(
+            f"Dr.Jit has loaded LLVM {'.'.join(map(str, loaded))}, which aborts on this kind of "
+            f"machine: import spisim before mitsuba and drjit, or set {VARIABLE}={wanted}"
+        )
+
+
+def with_backend(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Decorate an entry point of this package: it may be the first to need Mitsuba."""
+
+    @wraps(function)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        activate()
+        return function(*args, **kwargs)
+
+    return wrapper

@@ -1,0 +1,79 @@
+"""Fixtures that several test modules share."""
+
+import numpy as np
+import pytest
+from scipy.constants import c
+
+from reconstruction import Capture, PatternPlan, make_plan
+from reconstruction.capture import Buckets, Optics, Provenance, Spots, Truth
+from reconstruction.patterns import expose
+
+SHAPE = (16, 16)
+PERIOD_S = 1 / 15_000
+
+
+@pytest.fixture(scope="session")
+def plan() -> PatternPlan:
+    """Half of the patterns of 16 × 16 pixels."""
+    return make_plan(SHAPE, 128)
+
+
+@pytest.fixture(scope="session")
+def capture(plan: PatternPlan) -> Capture:
+    """A noise-free capture of a slanted wall with a bright square, no light transport involved."""
+    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    image = 1000.0 + 2000.0 * ((rows > 4) & (rows < 11) & (columns > 4) & (columns < 11))
+    depth = 4.0 + columns / 16
+    directions = np.array([[x, y, 1.0] for y in (-0.05, 0.05) for x in (-0.05, 0.05)])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    spot_range = np.array([4.2, 4.7, 4.3, 4.8])
+    return Capture(
+        plan=plan,
+        buckets=Buckets(
+            counts=expose(plan, image)[None],
+            saturated=np.zeros((1, plan.exposures), bool),
+            exposure_time_s=PERIOD_S,
+            pattern_period_s=PERIOD_S,
+            electrons_per_count=1.0,
+            offset_counts=0.0,
+            noise_electrons=0.0,
+        ),
+        spots=_spots(directions, spot_range),
+        optics=Optics(tan_half_width=0.1, tan_half_height=0.1),
+        provenance=Provenance(
+            source="simulation",
+            software="test",
+            created="2026-01-01T00:00:00+00:00",
+            instrument="wavelength_nm: 1550",
+            scene="name: <wall>",
+            seed=0,
+        ),
+        truth=Truth(
+            image=image.astype(np.float32),
+            range_m=depth.astype(np.float32),
+            depth_m=depth.astype(np.float32),
+            reflectance=np.full(SHAPE, 0.5, np.float32),
+            spot_range_m=spot_range,
+        ),
+    )
+
+
+def _spots(directions: np.ndarray, range_m: np.ndarray) -> Spots:
+    """Four taps of every spot, detectors in the pinhole: S_k = B + A cos(phase - phase_k)."""
+    frequency_hz = 10e6
+    tap_phases = np.arange(4) * np.pi / 2
+    phase = 2 * np.pi * frequency_hz * 2 * range_m / c
+    taps = 2e5 + 1e5 * np.cos(phase[:, None] - tap_phases)
+    return Spots(
+        taps=taps[None],
+        saturated=np.zeros((1, 4, 4), bool),
+        directions=directions,
+        detector_positions_m=np.zeros((4, 3)),
+        modulation_frequency_hz=frequency_hz,
+        periods=100,
+        tap_phases_rad=tap_phases,
+        phase_offset_rad=0.0,
+        electrons_per_count=1.0,
+        offset_counts=0.0,
+        noise_electrons=10.0,
+    )

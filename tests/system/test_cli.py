@@ -1,0 +1,252 @@
+"""The command line from outside: what it prints, where, with which exit status, and what it leaves.
+
+A user's mistake ends as one message on stderr and status 2, never as a traceback.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from reconstruction import Capture, read_capture, write_capture
+from spisim.cli import app
+from spisim.exr import read_exr
+
+COMMANDS = [
+    "demo",
+    "simulate",
+    "transport",
+    "reconstruct",
+    "evaluate",
+    "scenes",
+    "schema",
+    "doctor",
+]
+QUICK = ["--spp", "8", "--seed", "3"]
+
+
+def spisim(*arguments: str | Path) -> Any:
+    """Run a command in this process."""
+    return CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "100"})
+
+
+def mistake(*arguments: str | Path) -> str:
+    """What a command says about a user's mistake."""
+    run = spisim(*arguments)
+    assert run.exit_code == 2, run.stderr
+    assert "Traceback" not in run.stderr
+    assert run.stdout == ""
+    return run.stderr
+
+
+def program(*arguments: str | Path) -> list[str]:
+    """The command line of a process of its own."""
+    return [sys.executable, "-c", "from spisim.cli import main; main()", *map(str, arguments)]
+
+
+@pytest.fixture
+def capture_file(capture: Capture, tmp_path: Path) -> Path:
+    path = tmp_path / "capture.h5"
+    write_capture(capture, path)
+    return path
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_shows_an_example_that_is_such_a_command(command: str) -> None:
+    run = spisim(command, "--help")
+    assert run.exit_code == 0
+    assert f"Example: spisim {command}" in run.stdout
+
+
+def test_help_lists_all_commands_without_loading_numpy() -> None:
+    code = (
+        "import sys\nsys.argv = ['spisim', '--help']\nfrom spisim.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "assert not {'numpy', 'mitsuba', 'matplotlib', 'h5py'} & set(sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert all(command in run.stdout for command in COMMANDS)
+
+
+def test_unknown_scene_names_the_nearest(tmp_path: Path) -> None:
+    command = program("simulate", "warehose", "-o", tmp_path / "c.h5")
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert "Traceback" not in run.stderr
+    assert "did you mean 'warehouse'" in run.stderr
+
+
+def test_unknown_instrument_names_the_nearest(tmp_path: Path) -> None:
+    message = mistake("simulate", "warehouse", "-o", tmp_path / "c.h5", "--instrument", "papers")
+    assert "did you mean 'paper'" in message
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--clear", "--visibility", "20"], "exclude each other"),
+        (["--visibility", "-1"], "visibility"),
+        (["--patterns", "99999"], "patterns"),
+        (["--order", "sequenzy"], "did you mean 'sequency'"),
+        (["--polarity", "sign"], "did you mean 'signed'"),
+        (["--spp", "0"], "--spp"),
+        (["--frames", "many"], "--frames"),
+    ],
+)
+def test_bad_options_are_told(options: list[str], reason: str, tmp_path: Path) -> None:
+    assert reason in mistake("simulate", "warehouse", "-o", tmp_path / "c.h5", *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bad_scene_file_is_told_with_its_field(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("name: x\nobjets: []\n")
+    message = mistake("transport", scene, "-o", tmp_path / "x.exr")
+    assert str(scene) in message
+    assert "did you mean 'objects'" in message
+
+
+@pytest.mark.parametrize("command", ["demo", "simulate", "transport", "reconstruct"])
+def test_an_output_that_cannot_be_written_is_told_at_once(
+    command: str, capture_file: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    inputs: dict[str, list[str | Path]] = {
+        "demo": [],
+        "simulate": ["warehouse"],
+        "transport": ["warehouse"],
+        "reconstruct": [capture_file],
+    }
+    target = tmp_path / "file" / "below"
+    assert str(tmp_path / "file") in mistake(command, *inputs[command], "-o", target / "x")
+
+
+def test_a_folder_is_no_capture(tmp_path: Path) -> None:
+    assert "is a folder" in mistake("simulate", "warehouse", "-o", tmp_path)
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "evaluate"])
+def test_a_foreign_file_is_no_capture(command: str, tmp_path: Path) -> None:
+    path = tmp_path / "notes.h5"
+    path.write_text("not HDF5")
+    options = ["-o", tmp_path] if command == "reconstruct" else []
+    assert str(path) in mistake(command, path, *options)
+
+
+def test_reconstruct_and_evaluate_agree(capture_file: Path, tmp_path: Path) -> None:
+    run = spisim("reconstruct", capture_file, "-o", tmp_path / "result", "--json")
+    assert run.exit_code == 0, run.stderr
+    assert set(json.loads(run.stdout)["files"]) >= {"image.png", "depth.png", "cloud.ply"}
+    stored = spisim("evaluate", capture_file, tmp_path / "result", "--json")
+    anew = spisim("evaluate", capture_file, "--json")
+    assert json.loads(stored.stdout) == json.loads(anew.stdout)
+    assert json.loads(anew.stdout)["image"]["correlation"] > 0.9
+
+
+def test_evaluate_for_people_is_a_table(capture_file: Path) -> None:
+    run = spisim("evaluate", capture_file)
+    assert run.exit_code == 0, run.stderr
+    assert "correlation" in run.stdout
+    assert run.stderr == ""
+
+
+def test_scenes_are_listed() -> None:
+    listing = json.loads(spisim("scenes", "--json").stdout)
+    assert "warehouse" in [scene["name"] for scene in listing["scenes"]]
+    assert all(scene["description"] for scene in listing["scenes"])
+
+
+@pytest.mark.parametrize("kind", ["scene", "instrument"])
+def test_schemas_forbid_unknown_fields(kind: str) -> None:
+    schema = json.loads(spisim("schema", kind).stdout)
+    assert schema["type"] == "object"
+    assert schema["additionalProperties"] is False
+
+
+def test_doctor_finds_this_machine_ready() -> None:
+    run = spisim("doctor", "--json")
+    findings = json.loads(run.stdout)
+    assert run.exit_code == 0, findings["problems"]
+    assert findings["ready"] is True
+    assert "missing" not in findings["packages"].values()
+
+
+def test_doctor_tells_an_unusable_llvm(tmp_path: Path) -> None:
+    variables = os.environ | {"DRJIT_LIBLLVM_PATH": str(tmp_path / "none.so")}
+    run = subprocess.run(
+        program("doctor", "--json"), env=variables, capture_output=True, text=True, check=False
+    )
+    findings = json.loads(run.stdout)
+    assert findings["llvm"]["path"] is None
+    if not findings["gpu"]:
+        assert run.returncode == 1
+        assert "is not a file" in findings["problems"][0]
+
+
+@pytest.mark.slow
+def test_simulate_keeps_what_makes_the_capture_again(tmp_path: Path) -> None:
+    options = ["--visibility", "30", "--patterns", "64", "--frames", "2", *QUICK, "--json"]
+    files = [tmp_path / "a" / "capture.h5", tmp_path / "b" / "capture.h5"]
+    first, second = (spisim("simulate", "warehouse", "-o", f, *options) for f in files)
+    assert first.exit_code == second.exit_code == 0, first.stderr
+    assert json.loads(first.stdout)["written"] == [str(files[0])]
+    a, b = map(read_capture, files)
+    assert a.frames == 2
+    assert a.plan.sampled == 64
+    assert "visibility_m: 30" in a.provenance.scene
+    assert "patterns: 64" in a.provenance.instrument
+    np.testing.assert_array_equal(a.buckets.counts, b.buckets.counts)
+    assert (a.buckets.counts[0] != a.buckets.counts[1]).any()
+
+
+@pytest.mark.slow
+def test_transport_writes_named_channels_with_units(tmp_path: Path) -> None:
+    run = spisim("transport", "warehouse", "-o", tmp_path / "w.exr", "--clear", *QUICK, "--json")
+    assert run.exit_code == 0, run.stderr
+    channels, attributes = read_exr(tmp_path / "w.exr")
+    assert {"transport", "range_m", "depth_m", "reflectance", "normal.Z"} <= set(channels)
+    assert attributes["units.range_m"] == "m"
+    hit = np.isfinite(channels["range_m"])
+    assert (channels["depth_m"][hit] <= channels["range_m"][hit]).all()
+    with np.load(tmp_path / "w.npz") as light:
+        assert light["spot_histogram"].shape == (4, light["path_length_m"].size)
+    assert json.loads(run.stdout)["paths"] > 0
+
+
+@pytest.mark.slow
+def test_the_demo_shows_everything(tmp_path: Path) -> None:
+    run = spisim("demo", "-o", tmp_path / "demo", *QUICK, "--json")
+    assert run.exit_code == 0, run.stderr
+    report = json.loads(run.stdout)
+    files = {path.name for path in (tmp_path / "demo").iterdir()}
+    assert files == set(report["files"])
+    assert {"capture.h5", "truth.exr", "image.png", "depth.png", "cloud.ply"} <= files
+    assert {"report.html", "overview.png"} <= files
+    assert report["metrics"]["image"]["correlation"] > 0.5
+    assert report["metrics"]["depth"]["anchored"]["mae_m"] > 0
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_nothing_half_written(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        program("simulate", "warehouse", "-o", tmp_path / "c.h5", "--spp", "100000"),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(6)
+    process.send_signal(signal.SIGINT)
+    message = process.communicate(timeout=60)[1]
+    assert process.returncode == 130
+    assert "interrupted" in message
+    assert "Traceback" not in message
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,259 @@
+"""The capture file: what is written comes back, and nothing broken, foreign or newer is read."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from reconstruction.capture import (
+    PARTS,
+    Buckets,
+    Capture,
+    Optics,
+    Provenance,
+    Spots,
+    Truth,
+    read_capture,
+    write_capture,
+)
+from reconstruction.errors import InputError
+from reconstruction.patterns import make_plan
+from reconstruction.schema import stored_fields
+
+FORMAT_PAGE = Path(__file__).parents[2] / "docs" / "capture-format.md"
+
+
+@pytest.fixture
+def capture():
+    rng = np.random.default_rng(0)
+    plan = make_plan((4, 8), 10)
+    image = rng.random((4, 8)).astype(np.float32)
+    return Capture(
+        plan=plan,
+        buckets=Buckets(
+            counts=rng.integers(0, 65536, (2, 20), dtype=np.int32),
+            saturated=rng.random((2, 20)) < 0.1,
+            exposure_time_s=60e-6,
+            pattern_period_s=67e-6,
+            electrons_per_count=900.0,
+            offset_counts=100.0,
+            noise_electrons=5e4,
+        ),
+        spots=Spots(
+            taps=rng.random((2, 4, 3)),
+            saturated=np.zeros((2, 4, 3), dtype=bool),
+            directions=np.tile([0.0, 0.6, 0.8], (4, 1)),
+            detector_positions_m=rng.random((4, 3)),
+            modulation_frequency_hz=15e6,
+            periods=1000,
+            tap_phases_rad=np.array([0.0, 2.0, 4.0]),
+            phase_offset_rad=0.1,
+            electrons_per_count=1.0,
+            offset_counts=0.0,
+            noise_electrons=100.0,
+        ),
+        optics=Optics(tan_half_width=0.2, tan_half_height=0.1),
+        provenance=Provenance(
+            "simulation", "spisim 0", "2025-01-01T00:00:00+00:00", "λ: 1550", "s", 7
+        ),
+        truth=Truth(image, image, np.where(image > 0.5, image, np.nan), image, rng.random(4)),
+    )
+
+
+@pytest.fixture
+def path(capture, tmp_path):
+    write_capture(capture, tmp_path / "capture.h5")
+    return tmp_path / "capture.h5"
+
+
+def test_everything_comes_back(capture, path):
+    copy = read_capture(path)
+    assert copy.provenance == capture.provenance
+    assert copy.plan.shape == capture.plan.shape
+    assert copy.plan.order == "sequency-2d"
+    assert np.array_equal(copy.plan.index, capture.plan.index)
+    assert np.array_equal(copy.plan.polarity, capture.plan.polarity)
+    for group, part in PARTS.items():
+        for name, _ in stored_fields(part):
+            before, after = (getattr(getattr(c, group), name) for c in (capture, copy))
+            assert np.array_equal(before, after, equal_nan=True), name
+            assert type(before) is type(after), name
+            assert np.asarray(before).dtype == np.asarray(after).dtype, name
+
+
+def test_optional_parts_may_be_absent(capture, tmp_path):
+    plain = replace(
+        capture,
+        spots=None,
+        optics=None,
+        truth=None,
+        provenance=Provenance("hardware", "rig", "2025", ""),
+    )
+    write_capture(plain, tmp_path / "plain.h5")
+    copy = read_capture(tmp_path / "plain.h5")
+    assert copy.spots is copy.optics is copy.truth is copy.provenance.seed is None
+
+
+def test_equal_captures_give_equal_bytes(capture, path, tmp_path):
+    write_capture(capture, tmp_path / "again.h5")
+    assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()
+
+
+def test_every_dataset_is_documented_with_its_units(path):
+    page = FORMAT_PAGE.read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+/\w+)` \|[^|]*\|[^|]*\| ([^|]+) \|", page, re.MULTILINE))
+    stored = {}
+    with h5py.File(path) as file:
+        file.visititems(
+            lambda name, item: (
+                stored.update({name: item.attrs["units"]})
+                if isinstance(item, h5py.Dataset)
+                else None
+            )
+        )
+    assert rows == stored
+
+
+def test_a_foreign_writer_may_use_other_number_types_and_fixed_strings(capture, path):
+    with h5py.File(path, "r+") as file:
+        for name, value in {
+            "patterns/shape": np.array([4.0, 8.0]).astype(np.int64),
+            "patterns/index": capture.plan.index.astype(np.uint16),
+            "patterns/basis": np.array([b"hadamard"]),
+            "buckets/saturated": capture.buckets.saturated.astype(np.int32),
+            "buckets/offset_counts": np.array([100], dtype=np.uint8),
+        }.items():
+            units = file[name].attrs["units"]
+            del file[name]
+            file[name] = value
+            file[name].attrs["units"] = np.bytes_(units)
+        file["recorder/serial_number"] = 5
+    copy = read_capture(path)
+    assert copy.buckets.offset_counts == 100.0
+    assert np.array_equal(copy.buckets.saturated, capture.buckets.saturated)
+    assert copy.buckets.saturated.dtype == bool
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"none\.h5: no such capture file"):
+        read_capture(tmp_path / "none.h5")
+
+
+@pytest.mark.parametrize("length", [0, 100, 3000, -1])
+def test_truncated_files_are_refused(path, length):
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(InputError, match=r"capture\.h5: not an HDF5 file, or truncated or damaged"):
+        read_capture(path)
+
+
+def test_other_hdf5_is_refused(tmp_path):
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["data"] = 1
+    with pytest.raises(InputError, match=r"'format' .*is missing"):
+        read_capture(tmp_path / "other.h5")
+
+
+@pytest.mark.parametrize("version", ["1.1", "2.0", "10.0"])
+def test_newer_versions_are_refused_naming_both(path, version):
+    with h5py.File(path, "r+") as file:
+        file.attrs["version"] = version
+    with pytest.raises(InputError, match=rf"newer format version {version}.*reads up to 1\.0"):
+        read_capture(path)
+
+
+@pytest.mark.parametrize("version", ["one", "1", "1.0.0"])
+def test_malformed_versions_are_refused(path, version):
+    with h5py.File(path, "r+") as file:
+        file.attrs["version"] = version
+    with pytest.raises(InputError, match="not of the form"):
+        read_capture(path)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["patterns/index", "patterns/basis", "buckets/counts", "spots/taps", "provenance/scene"],
+)
+def test_a_missing_dataset_is_named(path, name):
+    with h5py.File(path, "r+") as file:
+        del file[name]
+    with pytest.raises(InputError, match=f"dataset {name} is missing"):
+        read_capture(path)
+
+
+def replace_dataset(path, name, value, units=None):
+    with h5py.File(path, "r+") as file:
+        kept = file[name].attrs["units"]
+        del file[name]
+        file[name] = value
+        file[name].attrs["units"] = kept if units is None else units
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("buckets/counts", np.zeros((2, 19)), r"shape \(2, 19\).*frames = 2, exposures = 20"),
+        ("buckets/counts", np.full((2, 20), np.nan), "not finite"),
+        ("buckets/counts", b"text", "must hold numbers"),
+        ("buckets/exposure_time_s", 0.0, "must be positive"),
+        ("buckets/offset_counts", np.zeros(2), "expected .a scalar"),
+        ("spots/taps", np.zeros((1, 4, 3)), r"shape \(1, 4, 3\), expected \(frames = 2"),
+        ("spots/directions", np.eye(3), r"shape \(3, 3\), expected \(4 = 4, 3 = 3\)"),
+        ("spots/directions", np.tile([0, 0, 57.0], (4, 1)), "unit vectors"),
+        ("spots/modulation_frequency_hz", -1.0, "must be positive"),
+        ("truth/depth_m", np.zeros((8, 4)), "height = 4, width = 8"),
+        ("patterns/index", np.full(20, 32), r"outside 0\.\.31"),
+        ("patterns/shape", np.array([4, 8, 1]), r"patterns/shape has shape \(3,\)"),
+        ("patterns/shape", np.array([4, 7]), "powers of two"),
+        ("patterns/basis", "fourier", "'fourier'; allowed: hadamard"),
+    ],
+)
+def test_a_wrong_dataset_is_named(path, name, value, message):
+    replace_dataset(path, name, value)
+    with pytest.raises(InputError, match=message) as error:
+        read_capture(path)
+    assert str(error.value).startswith(str(path))
+    assert name.split("/")[1] in str(error.value) or "pattern" in str(error.value)
+
+
+def test_a_wrong_unit_is_refused(path):
+    replace_dataset(path, "spots/detector_positions_m", np.zeros((4, 3)), units="mm")
+    with pytest.raises(InputError, match="detector_positions_m has units 'mm', expected 'm'"):
+        read_capture(path)
+
+
+def test_parts_that_do_not_fit_are_refused_before_writing(capture):
+    with pytest.raises(InputError, match="buckets/counts"):
+        replace(capture, plan=make_plan((4, 8), 9))
+    two_taps = replace(
+        capture.spots,
+        taps=np.zeros((2, 4, 2)),
+        saturated=np.zeros((2, 4, 2), dtype=bool),
+        tap_phases_rad=np.zeros(2),
+    )
+    with pytest.raises(InputError, match="at least 3"):
+        replace(capture, spots=two_taps)
+    empty = replace(
+        capture.buckets, counts=np.zeros((0, 20)), saturated=np.zeros((0, 20), dtype=bool)
+    )
+    with pytest.raises(InputError, match="holds no frame"):
+        replace(capture, buckets=empty, spots=None)
+    with pytest.raises(InputError, match="source is 'rig'; allowed: simulation, hardware"):
+        replace(capture, provenance=replace(capture.provenance, source="rig"))
+    with pytest.raises(InputError, match="beyond 32 bits"):
+        replace(capture, buckets=replace(capture.buckets, counts=np.full((2, 20), 2**40)))
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(capture, path, monkeypatch):
+    before = path.read_bytes()
+
+    def no_space(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", no_space)
+    with pytest.raises(OSError, match=r"No space left on device: '.*/capture\.h5'$"):
+        write_capture(replace(capture, truth=None), path)
+    assert path.read_bytes() == before
+    assert [file.name for file in path.parent.iterdir()] == ["capture.h5"]

@@ -1,0 +1,177 @@
+"""The depth map: better than the nearest anchor on average, sane on bad input; point clouds."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from reconstruction.capture import Optics
+from reconstruction.depth import (
+    anchored_range,
+    nearest_range,
+    pixel_of,
+    pixel_rays,
+    point_cloud_ply,
+)
+from reconstruction.depth.anchored import BEYOND
+from reconstruction.image import pursuit_for
+from reconstruction.patterns import fwht, make_plan
+
+SIDE = 64
+OPTICS = Optics(tan_half_width=0.36, tan_half_height=0.36)
+RAYS = pixel_rays(OPTICS, (SIDE, SIDE))
+UNIT_RAYS = RAYS / np.linalg.norm(RAYS, axis=-1, keepdims=True)
+ANCHORS = np.array([[15.5, 15.5], [15.5, 47.5], [47.5, 15.5], [47.5, 47.5]])
+
+
+class View:
+    """Ray casting of planes and boxes seen from the origin, each with a random reflectance."""
+
+    def __init__(self, seed):
+        self.rng = np.random.default_rng(seed)
+        self.range_m = np.full((SIDE, SIDE), np.inf)
+        self.image = np.zeros((SIDE, SIDE))
+
+    def surface(self, range_m, cosine):
+        nearer = (range_m > 0) & (range_m < self.range_m)
+        reflected = self.rng.uniform(0.15, 0.85) * np.abs(cosine)
+        self.range_m[nearer] = range_m[nearer]
+        self.image[nearer] = (reflected / range_m**2)[nearer]
+
+    def plane(self, normal, distance):
+        cosine = UNIT_RAYS @ np.array(normal, dtype=float)
+        self.surface(np.where(cosine > 1e-9, distance / np.maximum(cosine, 1e-9), np.inf), cosine)
+
+    def box(self, centre, half):
+        near = np.sort([(centre - half) / UNIT_RAYS, (centre + half) / UNIT_RAYS], axis=0)
+        entry, leave = near[0].max(axis=-1), near[1].min(axis=-1)
+        face = near[0].argmax(axis=-1)[..., None]
+        cosine = np.take_along_axis(UNIT_RAYS, face, axis=-1)[..., 0]
+        self.surface(np.where(entry < leave, entry, np.inf), cosine)
+
+
+def make_view(kind, seed):
+    view = View(seed)
+    distance = view.rng.uniform(4, 9)
+    view.plane((0, 0, 1), distance)
+    if kind == "corridor":
+        width, height = view.rng.uniform(0.8, 1.5, 2)
+        for normal in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)):
+            view.plane(normal, width if normal[0] else height)
+    else:
+        view.plane((0, 1, 0), view.rng.uniform(0.7, 1.5))
+    if kind == "boxes":
+        for _ in range(view.rng.integers(2, 6)):
+            centre = view.rng.uniform([-1, -1, 0.35 * distance], [1, 1, 0.9 * distance])
+            view.box(centre, view.rng.uniform(0.15, 0.7, 3))
+    return view
+
+
+def at_anchors(range_m):
+    rows, columns = ANCHORS.round().astype(int).T
+    return range_m[rows, columns]
+
+
+@pytest.mark.parametrize("kind", ["floor", "corridor", "boxes"])
+@pytest.mark.parametrize("sampled", [False, True])
+def test_anchored_map_beats_the_nearest_anchor_on_average(kind, sampled):
+    errors, close = [], []
+    for seed in range(20):
+        view = make_view(kind, seed)
+        image = view.image
+        if sampled:  # 128 of 4096 patterns, 5 % noise
+            index = make_plan((SIDE, SIDE), 128, polarity="signed").index
+            coefficients = fwht(image.ravel())
+            sigma = 0.05 * coefficients[1:].std()
+            coefficients = coefficients[index] + view.rng.normal(0, sigma, index.size)
+            image = pursuit_for((SIDE, SIDE), index).reconstruct(coefficients, sigma)
+        ranges = at_anchors(view.range_m)
+        maps = (
+            anchored_range(image, ANCHORS, ranges, np.full(4, 0.01)),
+            nearest_range((SIDE, SIDE), ANCHORS, ranges),
+        )
+        errors.append([np.abs(m - view.range_m).mean() for m in maps])
+        close.append([np.mean(np.abs(m / view.range_m - 1) < 0.25) for m in maps])
+    anchored, nearest = np.mean(errors, axis=0)
+    assert anchored < nearest
+    anchored, nearest = np.mean(close, axis=0)
+    assert anchored > nearest
+
+
+def test_a_uniform_wall_follows_the_inverse_square():
+    view = View(0)
+    view.plane((0, 0, 1), 5.0)
+    mapped = anchored_range(view.image, ANCHORS, at_anchors(view.range_m), np.full(4, 0.01))
+    assert np.abs(mapped / view.range_m - 1).max() < 0.03
+
+
+def test_the_map_passes_near_precise_anchors():
+    view = make_view("corridor", 3)
+    ranges = at_anchors(view.range_m) * np.array([0.9, 1.0, 1.1, 1.2])
+    mapped = anchored_range(view.image, ANCHORS, ranges, np.full(4, 1e-3))
+    assert np.allclose(at_anchors(mapped), ranges, rtol=0.05)
+
+
+def test_an_uncertain_anchor_counts_less():
+    image = np.ones((SIDE, SIDE))
+    ranges = np.array([4.0, 4.0, 4.0, 8.0])
+    sure = anchored_range(image, ANCHORS, ranges, np.full(4, 0.01))
+    doubtful = anchored_range(image, ANCHORS, ranges, np.array([0.01, 0.01, 0.01, 6.0]))
+    assert abs(doubtful[48, 48] - 4) < 0.5 * abs(sure[48, 48] - 4)
+
+
+def test_invalid_spots_are_ignored():
+    view = make_view("floor", 1)
+    ranges = at_anchors(view.range_m)
+    ranges[2] = np.nan
+    sigma = np.where(np.isfinite(ranges), 0.01, np.nan)
+    keep = [0, 1, 3]
+    expected = anchored_range(view.image, ANCHORS[keep], ranges[keep], sigma[keep])
+    assert np.array_equal(anchored_range(view.image, ANCHORS, ranges, sigma), expected)
+    nearest = nearest_range((SIDE, SIDE), ANCHORS, ranges)
+    assert set(np.unique(nearest)) == set(ranges[keep])
+
+
+def test_one_valid_spot_is_enough():
+    ranges = np.array([np.nan, 3.0, np.nan, np.nan])
+    mapped = anchored_range(np.ones((SIDE, SIDE)), ANCHORS, ranges, np.full(4, 0.01))
+    assert np.allclose(mapped, 3)
+
+
+def test_nothing_to_go_by_gives_no_map():
+    none = np.full(4, np.nan)
+    assert anchored_range(np.ones((8, 8)), ANCHORS, none, none) is None
+    assert nearest_range((8, 8), ANCHORS, none) is None
+    assert anchored_range(np.zeros((8, 8)), ANCHORS, np.ones(4), np.ones(4)) is None
+
+
+def test_a_noisy_image_stays_within_limits():
+    image = np.random.default_rng(4).normal(0.1, 1, (SIDE, SIDE))
+    ranges = np.array([2.0, 3.0, 4.0, 5.0])
+    mapped = anchored_range(image, ANCHORS, ranges, np.full(4, 0.01))
+    assert mapped.min() >= 2 / BEYOND
+    assert mapped.max() <= 5 * BEYOND
+
+
+def test_nearest_takes_the_closest_spot_in_pixels():
+    nearest = nearest_range((4, 4), np.array([[0, 0], [0, 3], [3, 0], [3, 3]]), np.arange(1.0, 5))
+    assert nearest.tolist() == [[1, 1, 2, 2]] * 2 + [[3, 3, 4, 4]] * 2
+
+
+def test_rays_and_pixels_are_each_others_inverse():
+    optics = Optics(tan_half_width=0.4, tan_half_height=0.2)
+    rays = pixel_rays(optics, (8, 16))
+    assert rays[0, 0] == pytest.approx([-0.4 * 15 / 16, -0.2 * 7 / 8, 1])  # top left: -x, -y
+    rows, columns = np.mgrid[:8, :16]
+    pixels = pixel_of(rays.reshape(-1, 3) * 2.5, optics, (8, 16))
+    assert np.allclose(pixels, np.stack([rows.ravel(), columns.ravel()], axis=1))
+
+
+def test_point_cloud_is_read_by_other_software(tmp_path):
+    points = np.random.default_rng(5).random((4, 6, 3))
+    points[0, 0] = np.nan
+    image = np.linspace(-1, 10, 24).reshape(4, 6)
+    (tmp_path / "cloud.ply").write_bytes(point_cloud_ply(points, image))
+    cloud = trimesh.load(tmp_path / "cloud.ply")
+    assert np.allclose(cloud.vertices, points.reshape(-1, 3)[1:], atol=1e-6)
+    assert cloud.colors[-1, :3].tolist() == [255] * 3
+    assert cloud.colors[0, :3].tolist() == [0] * 3

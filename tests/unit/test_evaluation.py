@@ -1,0 +1,89 @@
+"""Metrics against truth: known values, gaps in the truth, and numbers that JSON can hold."""
+
+import json
+
+import numpy as np
+import pytest
+
+from reconstruction import Result, evaluate
+from reconstruction.capture import Truth
+from reconstruction.evaluation import depth_metrics, image_metrics
+from reconstruction.ranging import Ranges
+
+IMAGE = np.arange(1.0, 9).reshape(2, 4)
+
+
+def make_truth(depth_m=IMAGE):
+    return Truth(IMAGE, IMAGE, depth_m, IMAGE, np.array([1.0, 2.0, 3.0, 4.0]))
+
+
+def make_result(**changes):
+    ranges = Ranges(
+        range_m=np.array([1.5, 2.0, np.nan, 4.0]),
+        sigma_m=np.array([0.1, 0.1, np.nan, 0.1]),
+        amplitude_electrons=np.ones(4),
+        offset_electrons=np.ones(4),
+        valid=np.array([True, True, False, True]),
+    )
+    values = {
+        "image": IMAGE,
+        "image_zero_filled": IMAGE + 1,
+        "ranges": ranges,
+        "range_m": IMAGE,
+        "depth_m": IMAGE * 1.1,
+        "depth_nearest_m": IMAGE * 1.5,
+        "timings_s": {},
+    }
+    return Result(**(values | changes))
+
+
+def test_image_metrics_have_their_textbook_values():
+    metrics = image_metrics(IMAGE + 2, IMAGE)
+    assert metrics["correlation"] == pytest.approx(1)
+    assert metrics["nrmse"] == pytest.approx(2 / np.sqrt(np.mean(IMAGE**2)))
+    assert metrics["psnr_db"] == pytest.approx(20 * np.log10(8 / 2))
+    assert image_metrics(-IMAGE, IMAGE)["correlation"] == pytest.approx(-1)
+
+
+def test_perfect_and_featureless_images_have_no_number_where_there_is_none():
+    assert image_metrics(IMAGE, IMAGE)["psnr_db"] is None
+    assert image_metrics(np.ones((2, 4)), IMAGE)["correlation"] is None
+
+
+def test_depth_metrics_have_their_textbook_values():
+    metrics = depth_metrics(np.array([1.1, 2.2, 6.0]), np.array([1.0, 2.0, 3.0]))
+    assert metrics["mae_m"] == pytest.approx((0.1 + 0.2 + 3) / 3)
+    assert metrics["rmse_m"] == pytest.approx(np.sqrt((0.01 + 0.04 + 9) / 3))
+    assert metrics["median_relative"] == pytest.approx(0.1)
+    assert metrics["within_25_percent"] == pytest.approx(2 / 3)
+
+
+def test_pixels_that_hit_nothing_do_not_count():
+    depth_m = IMAGE.copy()
+    depth_m[0, 0] = np.nan
+    estimate = IMAGE * 1.1
+    estimate[0, 0] = 1e6
+    assert depth_metrics(estimate, depth_m)["median_relative"] == pytest.approx(0.1)
+    assert depth_metrics(estimate, np.full((2, 4), np.nan))["mae_m"] is None
+
+
+def test_evaluate_compares_both_images_and_both_maps():
+    metrics = evaluate(make_result(), make_truth())
+    assert metrics["image"]["nrmse"] == 0
+    assert metrics["image"]["zero_filled"]["nrmse"] > 0
+    assert metrics["depth"]["anchored"]["median_relative"] == pytest.approx(0.1)
+    assert metrics["depth"]["nearest"]["within_25_percent"] == 0
+    assert metrics["spots"][0] == pytest.approx(
+        {"range_m": 1.5, "true_m": 1.0, "error_m": 0.5, "sigma_m": 0.1}
+    )
+    assert metrics["spots"][2] == {"range_m": None, "true_m": 3, "error_m": None, "sigma_m": None}
+
+
+def test_evaluate_is_ready_for_json_with_or_without_depth():
+    for result in (
+        make_result(),
+        make_result(ranges=None, range_m=None, depth_m=None, depth_nearest_m=None),
+    ):
+        json.dumps(evaluate(result, make_truth()), allow_nan=False)
+    assert evaluate(result, make_truth())["depth"] is None
+    assert evaluate(result, make_truth())["spots"] == []

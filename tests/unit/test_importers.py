@@ -1,0 +1,130 @@
+"""Importing arrays: every file type, plans verified against the patterns, and bad input named."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from scipy.linalg import hadamard
+
+from reconstruction import read_capture, reconstruct, write_capture
+from reconstruction.errors import InputError
+from reconstruction.importers import capture_from_readings, load_array, plan_from_matrix
+from reconstruction.patterns import expose, illumination, make_plan, signed_coefficients
+
+CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
+VALUES = np.arange(6, dtype=np.int32).reshape(1, 6)
+
+
+def write_mat73(path):
+    with h5py.File(path, "w") as file:
+        file["data"] = VALUES.T
+        file.create_group("#refs#")
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("a.npy", lambda path: np.save(path, VALUES)),
+        ("a.npz", lambda path: np.savez(path, data=VALUES)),
+        ("a.csv", lambda path: np.savetxt(path, VALUES, delimiter=",")),
+        ("a.mat", lambda path: scipy.io.savemat(path, {"data": VALUES})),
+        ("a.MAT", write_mat73),
+    ],
+)
+def test_every_file_type_gives_the_same_numbers(tmp_path, name, write):
+    write(tmp_path / name)
+    assert np.array_equal(load_array(tmp_path / name).ravel(), VALUES.ravel())
+
+
+def test_one_of_several_variables(tmp_path):
+    np.savez(tmp_path / "a.npz", data=VALUES, other=np.zeros(3))
+    assert np.array_equal(load_array(tmp_path / "a.npz", "data"), VALUES)
+    with pytest.raises(InputError, match="name one of its variables: data, other"):
+        load_array(tmp_path / "a.npz")
+    with pytest.raises(InputError, match="no variable 'dta': did you mean 'data'"):
+        load_array(tmp_path / "a.npz", "dta")
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.mat", "a.csv"])
+def test_broken_files_are_named(tmp_path, name):
+    (tmp_path / name).write_bytes(b"\x93NUMPY rubbish")
+    with pytest.raises(InputError, match=rf"{name}: not a readable"):
+        load_array(tmp_path / name)
+
+
+def test_missing_files_foreign_types_and_texts_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"a\.npy: no such file"):
+        load_array(tmp_path / "a.npy")
+    with pytest.raises(InputError, match=r"a\.xlsx: unknown file type; allowed: \.mat, \.npy"):
+        load_array(tmp_path / "a.xlsx")
+    np.save(tmp_path / "text.npy", np.array(["a"]))
+    with pytest.raises(InputError, match="not numbers"):
+        load_array(tmp_path / "text.npy")
+
+
+@pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
+def test_patterns_are_recognised_row_by_row(polarity):
+    original = make_plan((4, 8), 12, polarity=polarity)
+    matrix = [illumination(original, k).ravel() for k in range(original.exposures)]
+    plan, sign = plan_from_matrix(matrix, (4, 8))
+    assert np.array_equal(plan.index, original.index)
+    assert np.array_equal(plan.polarity, original.polarity)
+    assert (sign == 1).all()
+
+
+def test_an_inverted_signed_pattern_inverts_its_reading():
+    matrix = hadamard(16)[[3, 5, 9]] * np.array([[1], [-1], [1]])
+    plan, sign = plan_from_matrix(matrix, (4, 4))
+    image = np.random.default_rng(0).random((4, 4))
+    readings = matrix @ image.ravel()
+    assert np.allclose(signed_coefficients(plan, readings * sign)[1], expose(plan, image))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (np.ones((3, 5)), r"shape \(3, 5\), expected \(M, 16\)"),
+        (np.vstack([hadamard(16)[:2], np.eye(16)[:1] * 2 - 1]), "row 2 of the pattern matrix"),
+        (np.vstack([(1 + hadamard(16)[:1]) / 2, np.full((1, 16), 0.5)]), "row 1 of the pattern"),
+        (hadamard(16)[:2] * 1.5, "row 0 of the pattern matrix is not a Hadamard pattern"),
+    ],
+)
+def test_other_patterns_are_refused(matrix, message):
+    with pytest.raises(InputError, match=message):
+        plan_from_matrix(matrix, (4, 4))
+
+
+def test_the_measured_car_becomes_a_capture(tmp_path):
+    plan = make_plan((32, 32), order="natural", polarity="signed")
+    write_capture(capture_from_readings(np.load(CAR), plan, untrusted=[0]), tmp_path / "car.h5")
+    capture = read_capture(tmp_path / "car.h5")
+    assert capture.provenance.source == "hardware"
+    assert capture.buckets.counts.dtype == np.int32
+    assert capture.spots is None
+    image = reconstruct(capture).image
+    inverse = (hadamard(1024) @ np.load(CAR)).reshape(32, 32) / 1024
+    assert np.allclose(image - image.mean(), inverse - inverse.mean(), atol=1e-4)
+    assert image.min() == 0  # the mean level was not to be trusted
+
+
+def test_several_frames():
+    plan = make_plan((2, 2), polarity="signed")
+    assert capture_from_readings(np.zeros((3, 4)), plan).frames == 3
+    assert capture_from_readings(np.zeros((4, 1)), plan).frames == 1
+
+
+@pytest.mark.parametrize(
+    ("readings", "untrusted", "message"),
+    [
+        (np.zeros(5), [], r"shape \(5,\); the pattern plan expects 4 per frame"),
+        (np.zeros((4, 3)), [], r"shape \(4, 3\)"),
+        (np.ones(4, dtype=bool), [], "true/false"),
+        (np.zeros(4), [4], r"untrusted reading 4 is outside 0\.\.3"),
+        (np.array([1, 2, np.nan, 4]), [], "not finite"),
+    ],
+)
+def test_bad_readings_are_refused(readings, untrusted, message):
+    with pytest.raises(InputError, match=message):
+        capture_from_readings(readings, make_plan((2, 2), polarity="signed"), untrusted)

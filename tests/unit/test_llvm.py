@@ -1,0 +1,127 @@
+"""A working LLVM is found, and one that would abort the process is refused by a message."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from reconstruction import InputError
+from spisim.transport import llvm
+
+
+@pytest.mark.parametrize(
+    ("name", "version"),
+    [
+        ("libLLVM.so.22.1", 22),
+        ("libLLVM.so.19.1", 19),
+        ("libLLVM-19.so.1", 19),
+        ("libLLVM-15.so", 15),
+        ("libLLVM-14.0.6.so.1", 14),
+        ("llvm-18/lib/libLLVM.so.1", 18),
+        ("opt/llvm@20/lib/libLLVM.dylib", 20),
+        ("Cellar/llvm/21.1.2/lib/libLLVM.dylib", 21),
+        ("lib/libLLVM.so", None),
+        ("lib/libLLVM.dylib", None),
+    ],
+)
+def test_version_is_read_from_name_and_folder(name: str, version: int | None) -> None:
+    assert llvm.version_in_name(Path("/nowhere") / name) == version
+
+
+def test_version_follows_links(tmp_path: Path) -> None:
+    (tmp_path / "libLLVM.so.21.1").touch()
+    link = tmp_path / "libLLVM.so"
+    link.symlink_to("libLLVM.so.21.1")
+    assert llvm.version_of(link) == 21
+
+
+def test_the_library_found_tells_the_version_that_its_name_tells(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv(llvm.VARIABLE, raising=False)
+    path = llvm.find_llvm()
+    asked = llvm._version_inside(path)
+    assert asked is not None
+    assert asked >= llvm.MINIMUM_VERSION
+    assert llvm.version_in_name(path) in {asked, None}
+
+
+def test_libraries_of_other_names_are_no_candidates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("libLLVM.so.22.1", "libLLVM-19.so.1", "libLLVMCore.so.22", "libLLVM-C.so"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(llvm, "_folders", lambda: iter([tmp_path]))
+    assert [path.name for path in llvm.candidates()] == ["libLLVM.so.22.1", "libLLVM-19.so.1"]
+
+
+def test_an_old_llvm_alone_is_refused_with_advice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "libLLVM-15.so.1").touch()
+    monkeypatch.delenv(llvm.VARIABLE, raising=False)
+    monkeypatch.setattr(llvm, "_folders", lambda: iter([tmp_path]))
+    with pytest.raises(llvm.LLVMNotFound) as caught:
+        llvm.find_llvm()
+    assert f"{tmp_path / 'libLLVM-15.so.1'} (version 15)" in str(caught.value)
+    assert llvm.advice() in str(caught.value)
+
+
+def test_nothing_found_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(llvm.VARIABLE, raising=False)
+    monkeypatch.setattr(llvm, "_folders", lambda: iter(()))
+    with pytest.raises(InputError, match="found none"):
+        llvm.find_llvm()
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda folder: folder / "missing.so", "not a file"),
+        (lambda folder: folder, "not a file"),
+        (lambda folder: _touched(folder / "libsomething.so"), "no LLVM library"),
+        (lambda folder: _touched(folder / "libLLVM-15.so.1"), "which is LLVM 15"),
+    ],
+)
+def test_an_unusable_library_named_by_the_variable_is_refused(
+    make: object, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert callable(make)
+    path = make(tmp_path)
+    monkeypatch.setenv(llvm.VARIABLE, str(path))
+    with pytest.raises(llvm.LLVMNotFound, match=reason) as caught:
+        llvm.use_working_llvm()
+    assert llvm.VARIABLE in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_a_bad_variable_gives_a_message_and_no_abort(tmp_path: Path) -> None:
+    old = _touched(tmp_path / "libLLVM-15.so.1")
+    code = "from spisim.transport.llvm import use_working_llvm; use_working_llvm()"
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {llvm.VARIABLE: str(old)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 1
+    assert "which is LLVM 15" in run.stderr
+
+
+def test_the_trial_kernel_runs_with_the_library_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(llvm.VARIABLE, raising=False)
+    assert llvm.probe(llvm.find_llvm()) is None
+
+
+def test_the_trial_kernel_tells_what_fails(tmp_path: Path) -> None:
+    problem = llvm.probe(_touched(tmp_path / "libLLVM.so.22.1"))
+    assert problem is not None
+    assert "the trial kernel" in problem
+
+
+def _touched(path: Path) -> Path:
+    path.touch()
+    return path

@@ -1,0 +1,206 @@
+"""Matching pursuit: Batch-OMP equals the textbook, and the weighted one beats zero-filling."""
+
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from reconstruction.image import WeightedPursuit, batch_omp, pursuit_for, zero_filled
+from reconstruction.image.weighted import fit_variance, natural_image_deviation
+from reconstruction.patterns import fwht, make_plan
+
+CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
+
+
+def textbook_omp(dictionary, measured, atoms):
+    """Pati, Rezaiifar, Krishnaprasad 1993: correlate, choose, solve anew."""
+    chosen, residual = [], measured
+    for _ in range(atoms):
+        chosen.append(int(np.argmax(np.abs(dictionary.T @ residual))))
+        values = np.linalg.lstsq(dictionary[:, chosen], measured, rcond=None)[0]
+        residual = measured - dictionary[:, chosen] @ values
+    return chosen, values
+
+
+def correlation(a, b):
+    return np.corrcoef(a.ravel(), b.ravel())[0, 1]
+
+
+def natural_image(side, seed):
+    """Overlapping discs of all sizes, random grey: edges and a 1/f^2 power spectrum."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:side, :side]
+    image = np.zeros((side, side))
+    for radius in np.sort(side * rng.uniform(0.02, 1, 150) ** 2)[::-1]:
+        row, column = rng.uniform(0, side, 2)
+        image[(y - row) ** 2 + (x - column) ** 2 < radius**2] = rng.uniform(0.1, 1)
+    return image
+
+
+def measure(image, patterns):
+    index = make_plan(image.shape, patterns, polarity="signed").index
+    return index, fwht(image.ravel())[index]
+
+
+@pytest.fixture
+def dictionary():
+    columns = np.random.default_rng(0).standard_normal((40, 100))
+    return columns / np.linalg.norm(columns, axis=0)
+
+
+def test_batch_omp_equals_the_textbook(dictionary):
+    measured = np.random.default_rng(1).standard_normal(40)
+    expected, expected_values = textbook_omp(dictionary, measured, 15)
+    chosen, values = batch_omp(
+        dictionary.T @ dictionary, dictionary.T @ measured, measured @ measured, budget=15
+    )
+    assert chosen.tolist() == expected
+    assert np.allclose(values, expected_values)
+
+
+def test_ridge_gives_the_regularised_solution_on_the_chosen_atoms(dictionary):
+    measured = np.random.default_rng(2).standard_normal(40)
+    chosen, values = batch_omp(
+        dictionary.T @ dictionary,
+        dictionary.T @ measured,
+        measured @ measured,
+        ridge=0.3,
+        budget=12,
+    )
+    part = dictionary[:, chosen]
+    expected = np.linalg.solve(part.T @ part + 0.3 * np.eye(12), part.T @ measured)
+    assert np.allclose(values, expected)
+
+
+def test_a_sparse_signal_is_found_and_the_pursuit_stops_there(dictionary):
+    truth = np.zeros(100)
+    truth[[7, 42, 63]] = [3.0, -2.0, 1.5]
+    measured = dictionary @ truth
+    energy = measured @ measured
+    chosen, values = batch_omp(
+        dictionary.T @ dictionary,
+        dictionary.T @ measured,
+        energy,
+        tolerance=1e-9 * energy,
+        budget=40,
+    )
+    assert sorted(chosen) == [7, 42, 63]
+    assert np.allclose(values, truth[chosen])
+
+
+def test_a_repeated_column_is_taken_once(dictionary):
+    doubled = np.hstack([dictionary[:, :5], dictionary[:, :5]])
+    measured = doubled @ np.arange(10.0)
+    chosen, values = batch_omp(
+        doubled.T @ doubled, doubled.T @ measured, measured @ measured, budget=10
+    )
+    assert len(chosen) == 5
+    assert np.allclose(doubled[:, chosen] @ values, measured)
+
+
+def test_nothing_measured_takes_no_atom():
+    chosen, values = batch_omp(np.eye(4), np.zeros(4), 0.0, budget=4)
+    assert chosen.size == values.size == 0
+
+
+def test_deviation_falls_with_spatial_frequency_in_cycles_per_pixel():
+    deviation = natural_image_deviation((32, 64))
+    assert deviation[0, 0] == 0
+    assert deviation[0, 4] == pytest.approx(2 * deviation[0, 8])
+    assert deviation[3, 0] == pytest.approx(deviation[0, 6])
+
+
+def test_variance_fit_finds_signal_and_white_part():
+    rng = np.random.default_rng(3)
+    expected = np.logspace(2, -2, 4000)
+    measured = rng.standard_normal(4000) * np.sqrt(5 * expected + 2)
+    variance, white = fit_variance(measured, expected)
+    assert variance == pytest.approx(5, rel=0.15)
+    assert variance * white == pytest.approx(2, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("patterns", "linear", "gain"), [(256, 0.97, 0.015), (102, 0.93, 0.03), (31, 0.84, 0.03)]
+)
+def test_measured_car_beats_zero_filling(patterns, linear, gain):
+    readings = np.load(CAR).astype(float)
+    full = fwht(readings).reshape(32, 32) / 1024
+    index = make_plan((32, 32), patterns, polarity="signed").index
+    baseline = correlation(zero_filled((32, 32), index, readings[index]), full)
+    pursued = correlation(pursuit_for((32, 32), index).reconstruct(readings[index]), full)
+    assert baseline == pytest.approx(linear, abs=0.01)
+    assert pursued > baseline + gain
+
+
+@pytest.mark.parametrize("patterns", [128, 410, 1024])
+def test_synthetic_images_gain_at_every_sampling_ratio(patterns):
+    gains = []
+    for seed in range(5):
+        image = natural_image(64, seed)
+        index, coefficients = measure(image, patterns)
+        pursued = pursuit_for((64, 64), index).reconstruct(coefficients)
+        gains.append(
+            correlation(pursued, image)
+            - correlation(zero_filled((64, 64), index, coefficients), image)
+        )
+    assert min(gains) > -0.002
+    assert np.mean(gains) > 0.005
+
+
+@pytest.mark.parametrize("shape", [(32, 32), (64, 64), (16, 64)])
+def test_without_noise_full_sampling_is_exact(shape):
+    image = np.random.default_rng(4).random(shape)
+    index, coefficients = measure(image, None)
+    assert np.allclose(pursuit_for(shape, index).reconstruct(coefficients), image, atol=1e-10)
+
+
+def test_without_noise_the_image_agrees_with_every_measured_coefficient():
+    image = natural_image(32, 5)
+    index, coefficients = measure(image, 100)
+    pursued = pursuit_for((32, 32), index).reconstruct(coefficients)
+    assert np.allclose(fwht(pursued.ravel())[index], coefficients)
+
+
+def test_known_noise_is_suppressed():
+    image = natural_image(32, 6)
+    index, clean = measure(image, None)
+    sigma = float(clean[1:].std())
+    noisy = clean + np.random.default_rng(7).normal(0, sigma, clean.size)
+    pursuit = pursuit_for((32, 32), index)
+    linear = np.mean((zero_filled((32, 32), index, noisy) - image) ** 2)
+    assert np.mean((pursuit.reconstruct(noisy, sigma) - image) ** 2) < 0.4 * linear
+    assert np.mean((pursuit.reconstruct(noisy) - image) ** 2) == pytest.approx(linear)
+
+
+def test_a_uniform_image_and_the_mean_alone():
+    image = np.full((8, 8), 3.0)
+    assert np.allclose(
+        WeightedPursuit((8, 8), *(measure(image, 20)[:1])).reconstruct(measure(image, 20)[1]), image
+    )
+    index, coefficients = measure(natural_image(8, 8), 1)
+    assert np.allclose(WeightedPursuit((8, 8), index).reconstruct(coefficients), coefficients / 64)
+
+
+def test_a_missing_mean_changes_the_level_only():
+    image = natural_image(32, 9)
+    index, coefficients = measure(image, 60)
+    with_mean = pursuit_for((32, 32), index).reconstruct(coefficients)
+    without = pursuit_for((32, 32), index[1:]).reconstruct(coefficients[1:])
+    assert np.allclose(with_mean - without, image.mean())
+
+
+def test_the_set_up_is_shared_between_frames():
+    index = make_plan((16, 16), 30, polarity="signed").index
+    assert pursuit_for((16, 16), index) is pursuit_for((16, 16), index.copy())
+
+
+def test_a_frame_of_64_by_64_from_128_patterns_takes_well_under_30_ms():
+    index, coefficients = measure(natural_image(64, 10), 128)
+    pursuit = pursuit_for((64, 64), index)
+    seconds = []
+    for _ in range(5):
+        started = perf_counter()
+        pursuit.reconstruct(coefficients)
+        seconds.append(perf_counter() - started)
+    assert min(seconds) < 0.03

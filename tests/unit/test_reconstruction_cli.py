@@ -1,0 +1,262 @@
+"""From capture to files on the command line: what is written, said, and refused with status 2."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+import scipy.io
+from scipy.constants import c
+from scipy.linalg import hadamard
+
+from reconstruction import (
+    Capture,
+    InputError,
+    first_patterns,
+    make_plan,
+    read_capture,
+    read_result,
+    reconstruct,
+    write_capture,
+    write_outputs,
+)
+from reconstruction.capture import Buckets, Optics, Provenance, Spots
+from reconstruction.cli import main
+from reconstruction.patterns import expose
+
+CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
+SHAPE = (16, 32)
+SPOT_RANGES = np.array([2.0, 3.0, 4.0, 5.0])
+
+
+def make_image():
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return 1e4 * (1.5 + np.sin(x / 5) * np.cos(y / 4))
+
+
+@pytest.fixture
+def capture():
+    """Noise-free capture of two frames, the second twice as bright, 60 % of the patterns."""
+    plan = make_plan(SHAPE, 307)
+    light = expose(plan, np.stack([make_image(), 2 * make_image()])) + 1e6
+    directions = np.array([[-0.1, -0.05, 1], [0.1, -0.05, 1], [-0.1, 0.05, 1], [0.1, 0.05, 1]])
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    phase = 2 * np.pi * 15e6 * 2 * SPOT_RANGES / c
+    taps = 1e5 + 2e4 * np.cos(phase[:, None] - np.arange(4) * np.pi / 2)
+    return Capture(
+        plan=plan,
+        buckets=Buckets(
+            counts=light / 100 + 20,
+            saturated=np.zeros(light.shape, dtype=bool),
+            exposure_time_s=60e-6,
+            pattern_period_s=67e-6,
+            electrons_per_count=100.0,
+            offset_counts=20.0,
+            noise_electrons=np.nan,
+        ),
+        spots=Spots(
+            taps=np.stack([taps, taps]),
+            saturated=np.zeros((2, 4, 4), dtype=bool),
+            directions=directions,
+            detector_positions_m=np.zeros((4, 3)),
+            modulation_frequency_hz=15e6,
+            periods=1000,
+            tap_phases_rad=np.arange(4) * np.pi / 2,
+            phase_offset_rad=0.0,
+            electrons_per_count=1.0,
+            offset_counts=0.0,
+            noise_electrons=0.0,
+        ),
+        optics=Optics(0.2, 0.1),
+        provenance=Provenance("simulation", "test", "2025-01-01T00:00:00+00:00", ""),
+    )
+
+
+@pytest.fixture
+def path(capture, tmp_path):
+    write_capture(capture, tmp_path / "capture.h5")
+    return tmp_path / "capture.h5"
+
+
+def test_reconstruct_gives_electrons_per_pixel_and_ranges(capture):
+    result = reconstruct(capture)
+    assert result.image.dtype == np.float32
+    assert np.corrcoef(result.image.ravel(), make_image().ravel())[0, 1] > 0.99
+    assert result.image.mean() == pytest.approx(make_image().mean(), rel=1e-5)
+    assert np.allclose(result.ranges.range_m, SPOT_RANGES)
+    ratio = result.range_m / result.depth_m
+    assert ratio[0, 0] == pytest.approx(np.sqrt(1 + 0.19375**2 + 0.09375**2), rel=1e-5)
+    assert reconstruct(capture, 1).image.mean() == pytest.approx(2 * make_image().mean(), rel=1e-5)
+
+
+def test_nearest_baseline_takes_the_spots_ranges(capture):
+    result = reconstruct(capture)
+    ranges = result.depth_nearest_m * (result.range_m / result.depth_m)
+    assert np.allclose(np.unique(ranges.round(4)), SPOT_RANGES)
+
+
+def test_saturated_readings_are_left_out(capture):
+    counts = capture.buckets.counts.copy()
+    saturated = np.zeros(counts.shape, dtype=bool)
+    counts[0, 41], saturated[0, 41] = 1e9, True
+    spoilt = replace(capture, buckets=replace(capture.buckets, counts=counts, saturated=saturated))
+    image = reconstruct(spoilt).image
+    assert np.corrcoef(image.ravel(), make_image().ravel())[0, 1] > 0.99
+    saturated[:] = True
+    with pytest.raises(InputError, match="every pattern has a saturated reading"):
+        reconstruct(spoilt)
+
+
+def test_without_a_valid_spot_there_is_no_map(capture):
+    saturated = np.ones((2, 4, 4), dtype=bool)
+    result = reconstruct(replace(capture, spots=replace(capture.spots, saturated=saturated)))
+    assert not result.ranges.valid.any()
+    assert result.depth_m is result.range_m is result.depth_nearest_m is None
+
+
+@pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
+def test_fewer_patterns_is_what_fewer_patterns_would_have_given(capture, polarity):
+    def recorded(patterns):
+        plan = make_plan(SHAPE, patterns, polarity=polarity)
+        buckets = replace(
+            capture.buckets,
+            counts=expose(plan, make_image())[None] / 100 + 20 * (polarity != "signed"),
+            saturated=np.zeros((1, plan.exposures), dtype=bool),
+            offset_counts=20.0 * (polarity != "signed"),
+        )
+        return replace(capture, plan=plan, buckets=buckets, spots=None)
+
+    few = first_patterns(recorded(200), 50)
+    assert few.plan.sampled == 50
+    assert np.allclose(reconstruct(few).image, reconstruct(recorded(50)).image, rtol=1e-4)
+    with pytest.raises(InputError, match=r"patterns = 201: this capture has 1\.\.200"):
+        first_patterns(recorded(200), 201)
+
+
+def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, capsys):
+    assert main([str(path), "-o", str(tmp_path / "out")]) == 0
+    names = {"image.png", "image_zero_filled.png", "depth.png", "cloud.ply", "result.h5"}
+    assert {file.name for file in (tmp_path / "out").iterdir()} == names
+    for name in ("image.png", "depth.png"):
+        assert matplotlib.image.imread(tmp_path / "out" / name).std() > 0.05
+    result, copy = reconstruct(read_capture(path)), read_result(tmp_path / "out" / "result.h5")
+    assert np.array_equal(copy.image, result.image)
+    assert np.array_equal(copy.depth_m, result.depth_m)
+    assert np.array_equal(copy.ranges.valid, result.ranges.valid)
+    assert copy.timings_s.keys() == result.timings_s.keys()
+    out = capsys.readouterr().out
+    assert "307 patterns (60.0 %)" in out
+    assert "3.000" in out
+
+
+def test_json_is_one_object(path, tmp_path, capsys):
+    arguments = [
+        "reconstruct",
+        str(path),
+        "-o",
+        str(tmp_path / "out"),
+        "--json",
+        "--patterns",
+        "50",
+    ]
+    assert main(arguments) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["patterns"] == 50
+    assert report["spots"][3]["range_m"] == pytest.approx(5.0)
+    assert Path(report["files"]["depth.png"]).is_file()
+
+
+def test_without_time_of_flight_there_is_an_image_only_and_it_says_so(tmp_path, capsys):
+    vectors = hadamard(1024)
+    readings = np.load(CAR).reshape(1, -1)
+    scipy.io.savemat(tmp_path / "car.mat", {"data": readings, "vecs": vectors.astype(np.int8)})
+    imported = [
+        *("import", str(tmp_path / "car.mat"), "-o", str(tmp_path / "car.h5"), "--shape", "32x32"),
+        *("--variable", "data", "--patterns-variable", "vecs", "--untrusted", "0"),
+    ]
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "depth.png").write_bytes(b"of an earlier result")
+    assert main(imported) == 0
+    assert main([str(tmp_path / "car.h5"), "-o", str(out)]) == 0
+    assert "no time of flight" in capsys.readouterr().out
+    assert not (out / "depth.png").exists()
+    assert (out / "image.png").exists()
+
+
+def test_import_with_a_named_plan_is_the_same_as_with_the_patterns(tmp_path):
+    np.save(tmp_path / "car.npy", np.load(CAR))
+    arguments = ["import", str(tmp_path / "car.npy"), "-o", str(tmp_path / "car.h5")]
+    assert main([*arguments, "--shape", "32x32"]) == 0
+    plan = read_capture(tmp_path / "car.h5").plan
+    assert np.array_equal(plan.index, np.arange(1024))
+    assert (plan.polarity == 0).all()
+
+
+def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
+    out = str(tmp_path / "out")
+    (tmp_path / "text.h5").write_text("no capture")
+    (tmp_path / "file").write_text("")
+    for arguments, message in [
+        ([str(tmp_path / "none.h5"), "-o", out], "no such capture file"),
+        ([str(tmp_path / "text.h5"), "-o", out], "not an HDF5 file"),
+        ([str(path), "-o", out, "--frame", "2"], "frames 0..1"),
+        ([str(path), "-o", out, "--patterns", "0"], "patterns = 0"),
+        ([str(path), "-o", out, "--patterns", "9", "--order", "natral"], "did you mean 'natural'"),
+        ([str(path), "-o", str(tmp_path / "file" / "x")], "Not a directory"),
+        (["import", str(path), "-o", out, "--shape", "8x8"], "unknown file type"),
+    ]:
+        assert main(arguments) == 2
+        error = capsys.readouterr().err
+        assert error.startswith("error: ")
+        assert message in error
+        assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("arguments", [[], ["capture.h5"], ["import", "a.npy", "--shape", "32"]])
+def test_wrong_usage_ends_with_status_2(arguments):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+
+
+def test_a_full_disk_leaves_nothing_half_written(capture, tmp_path, monkeypatch):
+    def no_space(_):
+        raise OSError(28, "No space left on device")
+
+    result = reconstruct(capture)
+    monkeypatch.setattr("os.fsync", no_space)
+    with pytest.raises(OSError, match="No space left"):
+        write_outputs(result, capture, tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_foreign_file_is_no_result(path, tmp_path):
+    with pytest.raises(InputError, match="not a result"):
+        read_result(path)
+    with pytest.raises(InputError, match="cannot be read as a result"):
+        read_result(tmp_path / "none.h5")
+
+
+def test_module_runs_without_the_simulator(path, tmp_path):
+    code = (
+        "import sys; from reconstruction.cli import main; "
+        f"status = main([{str(path)!r}, '-o', {str(tmp_path / 'out')!r}]); "
+        "banned = {'spisim', 'mitsuba', 'drjit', 'trimesh', 'pydantic', 'yaml', 'typer'}; "
+        "sys.exit(status or sorted(banned & set(sys.modules)) or None)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    done = subprocess.run(
+        [sys.executable, "-m", "reconstruction", "--help"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0
+    assert "import" in done.stdout

@@ -1,0 +1,158 @@
+"""The report is one self-contained page, and shows only what the capture holds."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from reconstruction import Capture, Result, evaluate, reconstruct
+from spisim.report import write_overview, write_report
+from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
+from spisim.report.plots import spot_plot
+
+
+@pytest.fixture(scope="module")
+def result(capture: Capture) -> Result:
+    return reconstruct(capture)
+
+
+class Page(HTMLParser):
+    """Headings, addresses and the balance of tags."""
+
+    VOID = frozenset({"meta", "img"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.addresses: list[str] = []
+        self.headings: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.addresses += [value or "" for key, value in attrs if key in {"src", "href"}]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] == "h2":
+            self.headings.append(data)
+
+
+def test_a_full_report_has_all_parts_and_needs_no_other_file(
+    capture: Capture, result: Result, tmp_path: Path
+) -> None:
+    assert capture.truth is not None
+    path = tmp_path / "report.html"
+    histogram = np.zeros((4, 600))
+    histogram[:, 400:430] = 1e-6
+    write_report(
+        path,
+        capture,
+        result,
+        metrics=evaluate(result, capture.truth),
+        transport=SimpleNamespace(spot_histogram=histogram, path_length_m=0.02 * np.arange(600)),
+        view=np.ones((8, 8), np.float32),
+        timings={"load": 0.5},
+        title="a <b> & c",
+    )
+    text = path.read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.open == []
+    assert page.headings == [
+        "Recording", "Image", "Depth", "Laser spots", "Against truth", "Time", "Parameters",
+    ]  # fmt: skip
+    assert page.addresses
+    assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
+    assert "http" not in text
+    assert "url(" not in text
+    assert "a &lt;b&gt; &amp; c" in text
+    assert "name: &lt;wall&gt;" in text
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_recording_without_truth_and_spots_gives_a_shorter_page(
+    capture: Capture, tmp_path: Path
+) -> None:
+    bare = replace(capture, spots=None, optics=None, truth=None)
+    write_report(tmp_path / "report.html", bare, reconstruct(bare))
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert page.headings == ["Recording", "Image", "Time", "Parameters"]
+
+
+def test_metrics_that_do_not_exist_are_shown_as_dashes(
+    capture: Capture, result: Result, tmp_path: Path
+) -> None:
+    nothing = dict.fromkeys(("correlation", "nrmse", "psnr_db"))
+    spots = [dict.fromkeys(("range_m", "true_m", "error_m", "sigma_m"))] * 4
+    metrics = {"image": nothing | {"zero_filled": nothing}, "spots": spots, "depth": None}
+    write_report(tmp_path / "report.html", capture, result, metrics=metrics)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "nan" not in re.sub(r"base64,[^\"]*", "", text)
+    assert "of 0 measured spots" in text
+
+
+def test_an_unwritable_report_leaves_nothing(
+    capture: Capture, result: Result, tmp_path: Path
+) -> None:
+    with pytest.raises(FileNotFoundError):
+        write_report(tmp_path / "missing" / "report.html", capture, result)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_overview_is_a_picture_of_four_panels(
+    capture: Capture, result: Result, tmp_path: Path
+) -> None:
+    write_overview(tmp_path / "overview.png", capture, result, np.ones((8, 8), np.float32))
+    header = (tmp_path / "overview.png").read_bytes()[:24]
+    assert header.startswith(b"\x89PNG")
+    width, height = np.frombuffer(header[16:24], ">u4")
+    assert width > 3 * height
+
+
+def test_colours_end_at_the_scale_and_unknown_pixels_are_transparent() -> None:
+    rgba = Scale(1.0, 3.0, "gray", "m").rgba([[0.0, 1.0, 3.0, 9.0, np.nan]])
+    assert rgba[0, :, 0].tolist()[:4] == [0, 0, 255, 255]
+    assert rgba[0, :, 3].tolist() == [255, 255, 255, 255, 0]
+
+
+def test_depth_scales_ignore_unknown_pixels_and_errors_are_symmetric() -> None:
+    depth = depth_scale(np.array([[np.nan, 2.0, 4.0]]))
+    assert 2.0 <= depth.low < depth.high <= 4.0
+    error = error_scale(np.array([[-1.0, np.nan]]), np.array([[3.0]]))
+    assert error.low == -error.high
+    assert 1.0 < error.high <= 3.0
+
+
+def test_spots_are_marked_where_their_rays_cross_the_image(capture: Capture) -> None:
+    assert [
+        tuple(map(float, place))
+        for place in re.findall(r"left:([\d.]+)%;top:([\d.]+)%", spot_marks(capture))
+    ] == [(25, 25), (75, 25), (25, 75), (75, 75)]
+
+
+def test_the_plot_marks_the_true_path_length_where_the_light_peaks() -> None:
+    histogram = np.full((4, 500), 1e-9)
+    histogram[:, 250] = 1e-6
+    light = SimpleNamespace(spot_histogram=histogram, path_length_m=0.02 * np.arange(500))
+    drawing = spot_plot(light, np.full(4, 5.0))
+    marks = re.findall(r'class="truth"[^>]*d="M([\d.]+) ', drawing)
+    points = re.search(r'points="([^"]*)"', drawing)
+    assert points is not None
+    pairs = [pair.split(",") for pair in points[1].split()]
+    peak = min(pairs, key=lambda pair: float(pair[1]))
+    assert marks == [peak[0]] * 4
+
+
+def test_no_light_gives_no_plot() -> None:
+    dark = SimpleNamespace(spot_histogram=np.zeros((4, 9)), path_length_m=np.arange(9.0))
+    assert spot_plot(dark, None) == ""

@@ -1,0 +1,369 @@
+"""Scene files become scenes in the right place, and every mistake in one is told in a sentence."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from reconstruction.errors import InputError
+from spisim.scene import (
+    Scene,
+    enclosing_object,
+    in_band_irradiance,
+    list_scenes,
+    load_scene,
+    look_at,
+    pose_matrix,
+    spot_ranges,
+)
+from spisim.scene.rays import winding_number
+
+MINIMAL = """
+name: test
+drone: {position_m: [0, 0, 1], look_at_m: [5, 0, 1]}
+objects:
+  - {name: wall, shape: rectangle, size_m: [4, 4], rotate_deg: [0, -90, 0],
+     translate_m: [5, 0, 1], material: concrete}
+"""
+
+Load = Callable[[str], Scene]
+
+
+@pytest.fixture
+def load(tmp_path: Path) -> Load:
+    """Load a scene from YAML text, in a folder with two meshes."""
+    trimesh.creation.box((2, 2, 2)).export(tmp_path / "solid.ply")
+    gappy = trimesh.creation.icosphere(2, 1.0)
+    gappy.update_faces(np.arange(len(gappy.faces)) % 10 != 0)
+    gappy.export(tmp_path / "gappy.ply")
+    room = trimesh.creation.box((20, 20, 20))
+    room.invert()
+    room.export(tmp_path / "room.ply")
+
+    def load_text(text: str) -> Scene:
+        path = tmp_path / "scene.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_scene(path)
+
+    return load_text
+
+
+def with_objects(*objects: str) -> str:
+    return MINIMAL + "".join(f"  - {{{item}}}\n" for item in objects)
+
+
+# What a scene says
+
+
+def test_minimal_scene(load: Load) -> None:
+    scene = load(MINIMAL)
+    assert scene.name == "test"
+    assert [item.name for item in scene.objects] == ["wall"]
+    assert scene.objects[0].material.reflectance == 0.39
+    assert scene.atmosphere.extinction_per_m == 0
+    assert (scene.ambient.sun_klx, scene.ambient.sky_klx) == (0, 0)
+    assert scene.text == MINIMAL
+
+
+def test_optical_frame_is_right_down_forward(load: Load) -> None:
+    pose = load(MINIMAL).drone_pose
+    np.testing.assert_allclose(pose @ [0, 0, 2, 1], [2, 0, 1, 1], atol=1e-12)  # forward: +x
+    np.testing.assert_allclose(pose @ [1, 0, 0, 1], [0, -1, 1, 1], atol=1e-12)  # right: -y
+    np.testing.assert_allclose(pose @ [0, 1, 0, 1], [0, 0, 0, 1], atol=1e-12)  # down: -z
+
+
+def test_look_at_is_a_rotation_whatever_the_length_of_up() -> None:
+    pose = look_at((1, 2, 3), (-4, 5, 1), (0, 0, 1e-4))
+    rotation = pose[:3, :3]
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    assert rotation[2, 0] == pytest.approx(0)  # the horizon is level
+    assert rotation[2, 1] < 0  # down is down
+
+
+def test_rotation_is_roll_then_pitch_then_yaw_about_fixed_axes() -> None:
+    x, y, z = np.eye(3)
+    yaw_last = pose_matrix((90, 0, 90), (0, 0, 0))[:3, :3]
+    np.testing.assert_allclose(yaw_last @ z, x, atol=1e-12)  # roll takes z to -y, yaw that to x
+    np.testing.assert_allclose(yaw_last @ x, y, atol=1e-12)
+    pitch = pose_matrix((0, 90, 0), (1, 2, 3))
+    np.testing.assert_allclose(pitch @ [1, 0, 0, 1], [1, 2, 2, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("item", "extents", "volume"),
+    [
+        ("shape: box, size_m: [1, 2, 3]", [1, 2, 3], 6),
+        ("shape: sphere, radius_m: 0.5", [1, 1, 1], 4 / 3 * np.pi * 0.125),
+        ("shape: cylinder, radius_m: 0.5, height_m: 2", [1, 1, 2], np.pi * 0.5),
+        ("mesh: solid.ply", [2, 2, 2], 8),
+        ("mesh: solid.ply, scale: 0.5", [1, 1, 1], 1),
+    ],
+)
+def test_shapes_are_centred_where_they_are_put(
+    load: Load, item: str, extents: list[float], volume: float
+) -> None:
+    text = with_objects(f"name: it, {item}, translate_m: [3, 4, 5], material: brick")
+    mesh = load(text).objects[1].mesh
+    np.testing.assert_allclose(mesh.bounds.mean(axis=0), [3, 4, 5], atol=1e-3)
+    np.testing.assert_allclose(mesh.extents, extents, rtol=2e-3)
+    assert mesh.volume == pytest.approx(volume, rel=4e-3)
+
+
+def test_rectangle_faces_z_before_its_rotation(load: Load) -> None:
+    wall = load(MINIMAL).objects[0].mesh
+    np.testing.assert_allclose(wall.face_normals, [[-1, 0, 0]] * 2, atol=1e-12)
+    assert wall.area == pytest.approx(16)
+
+
+def test_instances_are_named_and_posed_after_the_object(load: Load) -> None:
+    scene = load(
+        with_objects(
+            "name: post, shape: box, size_m: [1, 1, 1], translate_m: [1, 0, 0], material: brick,"
+            " instances: [{translate_m: [0, 5, 0]}, {rotate_deg: [0, 0, 90]}]"
+        )
+    )
+    assert [item.name for item in scene.objects] == ["wall", "post-1", "post-2"]
+    np.testing.assert_allclose(scene.objects[1].mesh.center_mass, [1, 5, 0], atol=1e-9)
+    np.testing.assert_allclose(scene.objects[2].mesh.center_mass, [0, 1, 0], atol=1e-9)
+
+
+def test_own_materials_fog_and_daylight(load: Load) -> None:
+    scene = load(
+        MINIMAL.replace("material: concrete", "material: mine")
+        + "materials: {mine: {reflectance: 0.33, source: measured}}\n"
+        + "fog: {visibility_m: 100, kind: heavy-advection, definition: mor}\n"
+        + "ambient: {sun_klx: 50, sun_direction: [0, 3, -4], sky_klx: 10}\n"
+    )
+    assert scene.objects[0].material.reflectance == 0.33
+    assert scene.atmosphere.extinction_per_m == pytest.approx(0.029957 * 1.0293, rel=1e-4)
+    assert scene.ambient.sun_direction == pytest.approx((0, 0.6, -0.8))
+
+
+def test_fog_by_coefficients(load: Load) -> None:
+    air = load(MINIMAL + "fog: {extinction_per_m: 0.2, albedo: 0.9, g: 0.8}\n").atmosphere
+    assert (air.extinction_per_m, air.albedo, air.g) == (0.2, 0.9, 0.8)
+
+
+def test_numbers_may_be_written_as_yaml_1_2_does(load: Load) -> None:
+    assert load(MINIMAL + "ambient: {sky_klx: 1e1}\n").ambient.sky_klx == 10
+
+
+# The shipped scene
+
+
+def test_warehouse_spots_hit_four_ranges() -> None:
+    assert "warehouse" in list_scenes()
+    scene = load_scene("warehouse")
+    angles = np.radians([[-5, 5], [5, 5], [-5, -5], [5, -5]])
+    directions = [
+        [np.cos(el) * np.sin(az), -np.sin(el), np.cos(el) * np.cos(az)] for az, el in angles
+    ]
+    ranges = spot_ranges(scene, directions)
+    np.testing.assert_allclose(ranges, [7.84, 5.01, 2.88, 4.02], atol=0.01)
+    assert scene.atmosphere.visibility_m == 100
+
+
+def test_warehouse_fills_the_field_and_is_lit_from_above() -> None:
+    scene = load_scene("warehouse")
+    grid = np.tan(np.radians(10)) * np.linspace(-1, 1, 8)
+    field = [[x, y, 1] for x in grid for y in grid]
+    assert (spot_ranges(scene, field) < 10).all()
+    upwards = scene.drone_pose[:3, :3].T @ [4, 0, 2]  # through the skylight
+    assert np.isinf(spot_ranges(scene, upwards)).all()
+
+
+# Geometry
+
+
+def test_ranges_to_a_wall(load: Load) -> None:
+    scene = load(MINIMAL)
+    np.testing.assert_allclose(
+        spot_ranges(scene, [[0, 0, 2], [0.3, 0, 1], [0, 0, -1], [0, 1, 0]]),
+        [5, 5 * np.hypot(1, 0.3), np.inf, np.inf],
+    )
+
+
+def test_ranges_take_the_nearest_object_from_either_side(load: Load) -> None:
+    scene = load(
+        with_objects(
+            "name: ball, shape: sphere, radius_m: 1, translate_m: [3, 0, 1], material: brick",
+            "name: back, shape: rectangle, size_m: [9, 9], rotate_deg: [0, 90, 0],"
+            " translate_m: [1.5, 0, 1], material: brick",
+        )
+    )
+    assert spot_ranges(scene, [0, 0, 1]) == pytest.approx(1.5)
+    assert spot_ranges(scene, [0, 0, -1]) == np.inf
+
+
+def test_winding_number_of_closed_open_and_inverted_surfaces() -> None:
+    ball = trimesh.creation.icosphere(2)
+    assert winding_number((0.2, 0, 0), ball.triangles) == pytest.approx(1)
+    assert winding_number((1.2, 0, 0), ball.triangles) == pytest.approx(0, abs=1e-9)
+    assert winding_number((0.2, 0, 0), ball.triangles[:, ::-1]) == pytest.approx(-1)
+    upper = ball.triangles[ball.triangles_center[:, 2] > 0]
+    assert winding_number((0, 0, -0.5), upper) < 0.5 < winding_number((0, 0, 0.5), upper)
+
+
+def test_drone_in_a_room_is_in_the_open(load: Load) -> None:
+    scene = load(with_objects("name: room, mesh: room.ply, material: brick"))
+    assert enclosing_object(scene, (0, 0, 1)) is None
+    assert spot_ranges(scene, [0, -1, 0]) == pytest.approx(9)
+
+
+@pytest.mark.parametrize("mesh", ["solid.ply", "gappy.ply"])
+def test_drone_inside_an_object(load: Load, mesh: str) -> None:
+    with pytest.raises(InputError, match=r"drone\.position_m.*inside object 'rock'"):
+        load(with_objects(f"name: rock, mesh: {mesh}, translate_m: [0.3, 0, 1], material: brick"))
+    load(with_objects(f"name: rock, mesh: {mesh}, translate_m: [2, 0, 1], material: brick"))
+
+
+# Daylight
+
+
+def test_daylight_in_the_paper_s_band() -> None:
+    assert in_band_irradiance(100, (1544, 1556)) == pytest.approx(2.967, abs=0.001)
+    assert in_band_irradiance(109.5, (1544, 1556)) == pytest.approx(3.249, abs=0.001)
+
+
+def test_daylight_adds_over_bands() -> None:
+    parts = in_band_irradiance(10, (1544, 1547.3)) + in_band_irradiance(10, (1547.3, 1556))
+    assert parts == pytest.approx(in_band_irradiance(10, (1544, 1556)))
+
+
+@pytest.mark.parametrize("band", [(1490, 1556), (1544, 1601), (1556, 1544), (1550, 1550)])
+def test_daylight_outside_its_table(band: tuple[float, float]) -> None:
+    with pytest.raises(InputError, match="1500 to 1600 nm"):
+        in_band_irradiance(10, band)
+
+
+# Mistakes
+
+DRONE = "drone: {position_m: [0, 0, 1], look_at_m: [5, 0, 1]}"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "parts"),
+    [
+        # (text to replace, replacement), what the message must hold
+        (("material: concrete", "material: conrete"), ["objects[0] (wall)", "'concrete'"]),
+        (("material: concrete", "materiel: concrete"), ["objects[0]", "'materiel'", "'material'"]),
+        (("material: concrete", "material: 5"), ["objects[0].material", "found 5"]),
+        (("shape: rectangle", "shape: rectangel"), ["objects[0]", "did you mean 'rectangle'"]),
+        (("shape: rectangle, ", ""), ["objects[0]", "mesh", "shape"]),
+        (("size_m: [4, 4]", "size_m: [4, -4]"), ["objects[0].size_m[1]", "greater than 0", "-4"]),
+        (("size_m: [4, 4]", "size_m: [4]"), ["objects[0].size_m[1]", "missing"]),
+        (("size_m: [4, 4]", "size_m: big"), ["objects[0].size_m", "'big'"]),
+        (("[5, 0, 1], mat", "[5, 0, .nan], mat"), ["objects[0].translate_m[2]", "finite", "nan"]),
+        (("[5, 0, 1], mat", "[.inf, 0, 1], mat"), ["objects[0].translate_m[0]", "finite", "inf"]),
+        (("[5, 0, 1], mat", "[yes, 0, 1], mat"), ["objects[0].translate_m[0]", "number", "True"]),
+        (("size_m: [4, 4]", "size_m: [4, 4], scale: 0"), ["objects[0].scale", "greater than 0"]),
+        (("size_m: [4, 4]", "size_m: [4, 4], instances: []"), ["objects[0].instances"]),
+        (("name: test", "nmae: test"), ["'nmae'", "did you mean 'name'"]),
+        (("name: test\n", "\n"), ["name", "missing"]),
+        ((DRONE, "drone: here"), ["drone", "mapping", "'here'"]),
+        ((DRONE, ""), ["drone", "missing"]),
+        (("look_at_m: [5, 0, 1]", "look_at_m: [0, 0, 1]"), ["drone", "look_at_m"]),
+        (("look_at_m: [5, 0, 1]", "look_at_m: [0, 0, 9]"), ["drone", "up", "line of sight"]),
+        (("look_at_m: [5, 0, 1]", "lookat_m: [5, 0, 1]"), ["drone", "did you mean 'look_at_m'"]),
+    ],
+)
+def test_mistake_in_a_field(load: Load, wrong: tuple[str, str], parts: list[str]) -> None:
+    text = MINIMAL.replace(*wrong)
+    assert text != MINIMAL
+    assert_told(load, text, parts)
+
+
+@pytest.mark.parametrize(
+    ("added", "parts"),
+    [
+        ("fog: {visibility_m: -50}", ["fog.visibility_m", "greater than 0", "-50"]),
+        ("fog: {visibility_m: 50, kind: heavy}", ["fog", "'heavy'", "heavy-advection"]),
+        ("fog: {visibility_m: 50, definition: moor}", ["fog", "did you mean 'mor'"]),
+        ("fog: {visibility: 50}", ["fog", "did you mean 'visibility_m'"]),
+        ("fog: {}", ["fog", "visibility_m or extinction_per_m"]),
+        ("fog: {visibility_m: 5, extinction_per_m: 1}", ["fog", "either"]),
+        ("fog: {visibility_m: 5, albedo: 1}", ["fog", "albedo does not go with visibility_m"]),
+        ("fog: {extinction_per_m: 1, kind: x}", ["fog", "kind does not go with extinction_per_m"]),
+        ("fog: {extinction_per_m: 1, albedo: 1.5}", ["fog.albedo", "1.5"]),
+        ("fog: {extinction_per_m: 1, g: 1}", ["fog.g", "less than 1"]),
+        ("ambient: {sun_klx: -1}", ["ambient.sun_klx", "-1"]),
+        ("ambient: {sun_direction: [0, 0, 0]}", ["ambient", "sun_direction"]),
+        ("materials: {m: {reflectance: 1.5, source: x}}", ["materials.m.reflectance", "1.5"]),
+        ("materials: {m: {reflectance: 0.5}}", ["materials.m.source", "missing"]),
+        ("name: again", ["'name' is given twice"]),
+        ("fog: [", ["not valid YAML", "line"]),
+        ("fog: !!python/object/apply:os.getcwd []", ["not valid YAML"]),
+    ],
+)
+def test_mistake_in_another_section(load: Load, added: str, parts: list[str]) -> None:
+    assert_told(load, f"{MINIMAL}{added}\n", parts)
+
+
+@pytest.mark.parametrize(
+    ("item", "parts"),
+    [
+        (
+            "name: a, mesh: sold.ply, material: brick",
+            ["objects[1] (a)", "did you mean 'solid.ply'"],
+        ),
+        ("name: a, mesh: solid.ply, size_m: [1, 1], material: brick", ["'size_m'", "objects[1]"]),
+        ("name: wall, mesh: solid.ply, translate_m: [3, 0, 0], material: brick", ["'wall'"]),
+        ("name: '', mesh: solid.ply, material: brick", ["objects[1].name"]),
+    ],
+)
+def test_mistake_in_an_object(load: Load, item: str, parts: list[str]) -> None:
+    assert_told(load, with_objects(item), parts)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["mapping", "None"]),
+        ("- a\n- b\n", ["mapping", "['a', 'b']"]),
+        ("just text", ["mapping", "'just text'"]),
+        (MINIMAL.split("objects")[0], ["objects", "missing"]),
+        (MINIMAL.split("objects")[0] + "objects: []\n", ["objects", "at least 1"]),
+        (MINIMAL.split("objects")[0] + "objects: none\n", ["objects", "'none'"]),
+        (MINIMAL.split("objects")[0] + "objects: [wall]\n", ["objects[0]", "'wall'"]),
+    ],
+)
+def test_no_scene_at_all(load: Load, text: str, parts: list[str]) -> None:
+    assert_told(load, text, parts)
+
+
+def assert_told(load: Load, text: str, parts: list[str]) -> None:
+    """Loading the text raises one short InputError that holds the file's name and all parts."""
+    with pytest.raises(InputError) as caught:
+        load(text)
+    message = str(caught.value)
+    assert "scene.yaml" in message
+    for part in parts:
+        assert part in message
+    assert len(message.splitlines()) == 1
+    assert "pydantic" not in message
+
+
+def test_binary_garbage(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(InputError, match=r"scene\.yaml: not a text file"):
+        load_scene(path)
+    path.write_bytes(b"name: \x00\x01\n")
+    with pytest.raises(InputError, match=r"scene\.yaml.*not valid YAML"):
+        load_scene(path)
+
+
+def test_missing_scene_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"absent\.yaml: no such file"):
+        load_scene(tmp_path / "absent.yaml")
+    (tmp_path / "folder.yaml").mkdir()
+    with pytest.raises(InputError, match=r"folder\.yaml: cannot be read"):
+        load_scene(tmp_path / "folder.yaml")
+
+
+def test_unknown_scene_names_the_nearest() -> None:
+    with pytest.raises(InputError, match=r"'warehose'.*did you mean 'warehouse'"):
+        load_scene("warehose")

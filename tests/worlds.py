@@ -1,0 +1,97 @@
+"""Small worlds with known answers, shared by the tests."""
+
+import numpy as np
+import trimesh
+
+from spisim.atmosphere import Atmosphere
+from spisim.scene import Ambient, Material, Scene, SceneObject
+from spisim.transport.views import BeamView, DetectorView, ProjectorView
+
+ORIGIN = np.eye(4)  # optical frame = world: x right, y down, z forward
+
+
+def surface(name, mesh, reflectance):
+    return SceneObject(name, mesh, Material(name, reflectance, "test"))
+
+
+def plane(distance_m, reflectance=0.5, tilt_rad=0.0, half_size_m=60.0):
+    """Square across the z axis at `distance_m`, turned about the y axis through (0, 0, z)."""
+    s = half_size_m
+    mesh = trimesh.Trimesh([[-s, -s, 0], [s, -s, 0], [s, s, 0], [-s, s, 0]], [[0, 1, 2], [0, 2, 3]])
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(tilt_rad, [0, 1, 0]))
+    mesh.apply_translation([0, 0, distance_m])
+    return surface("plane", mesh, reflectance)
+
+
+def sphere(radius_m, reflectance, subdivisions=5):
+    return surface("sphere", trimesh.creation.icosphere(subdivisions, radius_m), reflectance)
+
+
+def room():
+    """A closed room, a box and a ball: interreflection, occlusion, ranges from 3 to 8 m."""
+    walls = trimesh.creation.box((6, 6, 12))
+    walls.apply_translation((0, 0, 2))
+    box = trimesh.creation.box((1, 1, 1))
+    box.apply_translation((0.6, 0.3, 5))
+    ball = trimesh.creation.icosphere(3, 0.5)
+    ball.apply_translation((-0.5, -0.3, 4))
+    return surface("walls", walls, 0.5), surface("box", box, 0.8), surface("ball", ball, 0.3)
+
+
+def scene(*objects, extinction_per_m=0.0, albedo=1.0, g=0.0, ambient=None):
+    return Scene(
+        name="test",
+        objects=objects,
+        atmosphere=Atmosphere(extinction_per_m, albedo, g, "test"),
+        ambient=ambient or Ambient(),
+        drone_pose=ORIGIN,
+    )
+
+
+def projector(fov_deg=20.0, shape=(16, 16), pose=ORIGIN):
+    half_width = float(np.tan(np.radians(fov_deg) / 2))
+    return ProjectorView(pose, shape, half_width, half_width * shape[0] / shape[1])
+
+
+def detector(position=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0), area_m2=1e-6, half_angle_deg=90.0):
+    """One detector, or several where `position` and `axis` have several rows."""
+    positions, axes = np.broadcast_arrays(np.atleast_2d(position), np.atleast_2d(axis))
+    return DetectorView(
+        positions.astype(float),
+        axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        area_m2,
+        float(np.radians(half_angle_deg)),
+    )
+
+
+def beams(*directions, origin=(0.0, 0.0, 0.0)):
+    headings = np.array(directions, dtype=float)
+    headings /= np.linalg.norm(headings, axis=1, keepdims=True)
+    return BeamView(np.broadcast_to(np.array(origin, dtype=float), headings.shape), headings)
+
+
+def pixel_weights(view, weight, oversampling=16):
+    """Integral of `weight(x, y)` over each virtual pixel, image plane at unit distance."""
+    height, width = (side * oversampling for side in view.shape)
+    x = (2 * (np.arange(width) + 0.5) / width - 1) * view.tan_half_width
+    y = (2 * (np.arange(height) + 0.5) / height - 1) * view.tan_half_height
+    fine = weight(*np.meshgrid(x, y))
+    blocks = fine.reshape(view.shape[0], oversampling, view.shape[1], oversampling)
+    return blocks.mean(axis=(1, 3)) * view.pixel_area
+
+
+def seeds(count):
+    return [np.random.SeedSequence(entropy) for entropy in range(count)]
+
+
+def z_score(first, second):
+    """Of the difference of two means, each given as independent repetitions (seeds, ...)."""
+    first, second = np.asarray(first), np.asarray(second)
+    variance = first.var(axis=0, ddof=1) / len(first) + second.var(axis=0, ddof=1) / len(second)
+    return (first.mean(axis=0) - second.mean(axis=0)) / np.sqrt(variance)
+
+
+def z_score_exact(repetitions, exact):
+    repetitions = np.asarray(repetitions)
+    error = repetitions.std(axis=0, ddof=1) / np.sqrt(len(repetitions))
+    return (repetitions.mean(axis=0) - exact) / error
