@@ -25,10 +25,10 @@ def camera_view(
     scene: Scene,
     instrument: Instrument,
     *,
-    width: int = 384,
-    height: int = 384,
+    width: int = 256,
+    height: int = 256,
     fov_deg: float | None = None,
-    spp: int = 64,
+    spp: int = 48,
     seed: int = 0,
 ) -> NDArray[np.float32]:
     """In-band radiance (height, width), W m⁻² sr⁻¹, all pixels on, sun and sky included.
