@@ -1,4 +1,4 @@
-"""`spisim reconstruct`: the same as `python -m reconstruction`."""
+"""`spisim reconstruct`: `python -m reconstruction`, and a page about what came out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,10 +14,28 @@ def command(
     capture: CaptureArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A folder.")],
     frame: Annotated[int, typer.Option(min=0, help="Frame of the capture.")] = 0,
+    patterns: Annotated[
+        int | None, typer.Option(min=1, help="Use the first K patterns only.")
+    ] = None,
+    order: Annotated[str, typer.Option(help="... of this order.")] = "sequency-2d",
     json: Json = False,
 ) -> None:
-    """Reconstruct image, ranges, depth map and point cloud of a capture, simulated or recorded."""
+    """Reconstruct image, ranges, depth map and point cloud of a capture, simulated or recorded.
+
+    Writes report.html beside them.
+    """
+    from reconstruction import evaluate, first_patterns, read_capture, read_result
     from reconstruction.cli import main
+    from spisim.report import write_report
 
     options = ["--output", str(output), "--frame", str(frame), *(["--json"] if json else [])]
-    raise typer.Exit(main(["reconstruct", str(capture), *options]))
+    if patterns is not None:
+        options += ["--patterns", str(patterns), "--order", order]
+    if status := main(["reconstruct", str(capture), *options]):
+        raise typer.Exit(status)
+    recording = read_capture(capture)
+    if patterns is not None:
+        recording = first_patterns(recording, patterns, order)
+    result = read_result(output / "result.h5")
+    metrics = None if recording.truth is None else evaluate(result, recording.truth)
+    write_report(output / "report.html", recording, result, metrics=metrics, title=capture.stem)

@@ -41,12 +41,15 @@ def headline(capture: Capture, result: Result, metrics: Metrics | None) -> str:
             "sampling ratio",
             f"{plan.sampled} of {plan.pixels} patterns, {plan.exposures} exposures",
         ),
-        _card(
-            f"{1 / (plan.exposures * capture.buckets.pattern_period_s):.3g} Hz",
-            "frame rate",
-            f"reconstructed in {1e3 * sum(result.timings_s.values()):.0f} ms",
-        ),
     ]
+    frame_s = plan.exposures * capture.buckets.pattern_period_s
+    reconstructed = f"{1e3 * sum(result.timings_s.values()):.0f} ms"
+    if np.isfinite(frame_s):
+        cards.append(
+            _card(f"{1 / frame_s:.3g} Hz", "frame rate", f"reconstructed in {reconstructed}")
+        )
+    else:
+        cards.append(_card(reconstructed, "to reconstruct", "frame rate not known"))
     if metrics and "image" in metrics:
         image = metrics["image"]
         cards.append(
@@ -206,11 +209,9 @@ def timings(seconds: Mapping[str, float]) -> str:
 def parameters(capture: Capture) -> str:
     """Everything that is needed to make the capture again."""
     provenance = capture.provenance
-    return _section(
-        "Parameters",
-        "",
-        _yaml("Instrument", provenance.instrument) + _yaml("Scene", provenance.scene),
-    )
+    texts = {"Instrument": provenance.instrument, "Scene": provenance.scene}
+    body = "".join(_yaml(title, text) for title, text in texts.items() if text)
+    return _section("Parameters", "", body) if body else ""
 
 
 def _facts(capture: Capture) -> list[list[str]]:
@@ -224,9 +225,10 @@ def _facts(capture: Capture) -> list[list[str]]:
         "frames": str(capture.frames),
         "virtual pixels": f"{width} × {height}",
         "patterns": f"{plan.sampled} of {plan.pixels}, {plan.basis}, {plan.order}",
-        "exposures": f"{plan.exposures} of {_seconds(buckets.exposure_time_s)}",
+        "exposures": str(plan.exposures),
+        "exposure time": _seconds(buckets.exposure_time_s),
         "duration": _seconds(plan.exposures * buckets.pattern_period_s),
-        "electronics noise": f"{buckets.noise_electrons:,.0f} electrons rms per exposure",
+        "electronics noise": _electrons(buckets.noise_electrons),
         "saturated readings": str(int(np.count_nonzero(buckets.saturated))),
     }
     if capture.spots is not None:
@@ -296,8 +298,14 @@ def _length(metres: float | None) -> str:
     return f"{100 * metres:.1f} cm" if abs(metres) < 1 else f"{metres:.2f} m"
 
 
+def _electrons(noise: float) -> str:
+    return f"{noise:,.0f} electrons rms per exposure" if np.isfinite(noise) else "not known"
+
+
 def _seconds(seconds: float) -> str:
     """A time in the unit that suits it."""
+    if not np.isfinite(seconds):
+        return "not known"
     for factor, unit in ((1.0, "s"), (1e3, "ms")):
         if seconds * factor >= 1:
             return f"{seconds * factor:.4g} {unit}"
