@@ -3,6 +3,7 @@
 from .capture import Capture, read_capture, write_capture
 from .errors import InputError
 from .evaluation import evaluate
+from .findings import capture_warnings
 from .outputs import read_result, write_outputs
 from .patterns import PatternPlan, make_plan
 from .pipeline import Result, reconstruct
@@ -13,6 +14,7 @@ __all__ = [
     "InputError",
     "PatternPlan",
     "Result",
+    "capture_warnings",
     "evaluate",
     "first_patterns",
     "make_plan",

@@ -6,8 +6,9 @@ at its pinhole. The CW-iToF convention is S_k = B + A cos(phi - tap_phase_k) wit
 phi = 2 pi f L / c + phase_offset, L the whole optical path.
 """
 
-import io
+import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .files import write_atomically
+from .hdf5 import content, get, get_attribute, get_text, opened, put, put_attribute
 from .patterns import PatternPlan
 from .schema import Stored, check_value, stored_fields
 
@@ -24,6 +26,7 @@ FORMAT = "spisim-capture"
 VERSION = (1, 0)
 
 
+Unit = Literal["electron", "count"]
 Readings = Annotated[NDArray[Any], Stored("count", ("frames", "exposures"), "int32 or float64")]
 Taps = Annotated[NDArray[Any], Stored("count", ("frames", 4, "taps"), "int32 or float64")]
 Image = NDArray[np.float32]
@@ -36,16 +39,27 @@ class Buckets:
 
     ``counts`` are raw ADC counts, int32 or float64; electrons = (counts - offset_counts) *
     electrons_per_count. ``saturated`` marks readings that must not be used. ``noise_electrons`` is
-    the rms electronics and ADC noise of one exposure. Times and noise are nan where unknown.
+    the rms electronics and ADC noise of one exposure. Times, scale and noise are nan where unknown.
     """
 
     counts: Readings
     saturated: Annotated[NDArray[np.bool_], Stored("1", ("frames", "exposures"), "bool")]
     exposure_time_s: Annotated[float, Stored("s", positive=True, nan=True)]
     pattern_period_s: Annotated[float, Stored("s", positive=True, nan=True)]
-    electrons_per_count: Annotated[float, Stored("electron/count", positive=True)]
+    electrons_per_count: Annotated[float, Stored("electron/count", positive=True, nan=True)]
     offset_counts: Annotated[float, Stored("count")]
     noise_electrons: Annotated[float, Stored("electron", nan=True)]
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of ``signal``."""
+        return "electron" if np.isfinite(self.electrons_per_count) else "count"
+
+    @property
+    def signal(self) -> Reals:
+        """Light of each exposure (frames, M): electrons, or counts where their scale is unknown."""
+        scale = self.electrons_per_count if self.unit == "electron" else 1.0
+        return np.asarray((self.counts - self.offset_counts) * scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +95,12 @@ class Optics:
 class Truth:
     """What a simulation knows: only evaluation reads it; nan where nothing is hit.
 
-    ``image`` is the electrons per exposure that each virtual pixel alone, fully on, contributes.
+    ``image`` is the electrons per exposure that each virtual pixel alone, fully on, contributes;
+    ``image_error`` the standard error of the light transport that found it.
     """
 
     image: Annotated[Image, Stored("electron", ("height", "width"), "float32", nan=True)]
+    image_error: Annotated[Image, Stored("electron", ("height", "width"), "float32", nan=True)]
     range_m: Annotated[Image, Stored("m", ("height", "width"), "float32", nan=True)]
     depth_m: Annotated[Image, Stored("m", ("height", "width"), "float32", nan=True)]
     reflectance: Annotated[Image, Stored("1", ("height", "width"), "float32", nan=True)]
@@ -93,7 +109,10 @@ class Truth:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a capture comes from: ``created`` is an ISO time, instrument and scene YAML text."""
+    """Where a capture comes from: ``created`` is an ISO time.
+
+    ``instrument``, ``scene`` and the ``settings`` of the simulator are YAML text.
+    """
 
     source: Literal["simulation", "hardware"]
     software: str
@@ -101,6 +120,7 @@ class Provenance:
     instrument: str
     scene: str = ""
     seed: int | None = None
+    settings: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,10 +142,24 @@ class Capture:
         """Number of frames."""
         return int(self.buckets.counts.shape[0])
 
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 over patterns and readings, by which a result knows its recording."""
+        plan = self.plan
+        readings = [np.array(plan.shape), plan.index, plan.polarity, self.buckets.counts]
+        if self.spots is not None:
+            readings.append(self.spots.taps)
+        digest = hashlib.sha256()
+        for values in readings:
+            digest.update(f"{values.shape}".encode())
+            digest.update(values.astype(np.float64).tobytes())  # of whichever type the file has
+        return digest.hexdigest()
+
 
 PARTS = {"buckets": Buckets, "spots": Spots, "optics": Optics, "truth": Truth}
 OPTIONAL = ("spots", "optics", "truth")
 SOURCES = ("simulation", "hardware")
+TEXTS = ("instrument", "scene", "settings")
 
 
 def write_capture(capture: Capture, path: str | Path) -> None:
@@ -133,76 +167,65 @@ def write_capture(capture: Capture, path: str | Path) -> None:
 
     Raises OSError if the file cannot be written.
     """
-    buffer = io.BytesIO()
-    with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:
-        provenance = capture.provenance
-        file.attrs["format"] = FORMAT
-        file.attrs["version"] = _dotted(VERSION)
-        for name in ("source", "software", "created"):
-            file.attrs[name] = getattr(provenance, name)
-        _put(file, "patterns/shape", np.array(capture.plan.shape, np.int32), "1")
-        _put(file, "patterns/index", capture.plan.index, "1")
-        _put(file, "patterns/polarity", capture.plan.polarity, "1")
-        _put(file, "patterns/basis", capture.plan.basis, "1")
-        _put(file, "patterns/order", capture.plan.order, "1")
-        for group in PARTS:
-            part = getattr(capture, group)
-            if part is not None:
-                for name, stored in stored_fields(type(part)):
-                    value = np.asarray(getattr(part, name))
-                    dtype = stored.type_of(value)
-                    on_disk = np.dtype(np.uint8) if dtype.kind == "b" else dtype
-                    _put(file, f"{group}/{name}", value.astype(on_disk), stored.units)
-        _put(file, "provenance/instrument", provenance.instrument, "1")
-        _put(file, "provenance/scene", provenance.scene, "1")
-        if provenance.seed is not None:
-            _put(file, "provenance/seed", np.int64(provenance.seed), "1")
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, content(lambda file: _write(file, capture)))
 
 
 def read_capture(path: str | Path) -> Capture:
     """Read a capture.
 
-    Raises InputError, naming the file, if it is missing, truncated, not a capture, of a newer
-    format version, or if a dataset is missing, has another shape or unit, or makes no sense.
+    Raises InputError, naming the file, if it is missing, damaged, not a capture, of a newer format
+    version, or if a dataset is missing, has another shape or unit, or makes no sense.
     """
     if not Path(path).is_file():
         raise InputError(f"{path}: no such capture file")
-    try:
-        with h5py.File(path, "r") as file:
-            return _read(file)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except PermissionError:
-        raise
-    except (OSError, RuntimeError) as error:
-        raise InputError(f"{path}: not an HDF5 file, or truncated or damaged ({error})") from error
+    with opened(path, FORMAT, "capture") as file:
+        return _read(file)
+
+
+def _write(file: h5py.File, capture: Capture) -> None:
+    provenance = capture.provenance
+    put_attribute(file, "format", FORMAT)
+    put_attribute(file, "version", _dotted(VERSION))
+    for name in ("source", "software", "created"):
+        put_attribute(file, name, getattr(provenance, name))
+    put(file, "patterns/shape", np.array(capture.plan.shape, np.int32), "1")
+    for name in ("index", "polarity", "basis", "order"):
+        put(file, f"patterns/{name}", getattr(capture.plan, name), "1")
+    for group in PARTS:
+        part = getattr(capture, group)
+        if part is not None:
+            for name, stored in stored_fields(type(part)):
+                value = np.asarray(getattr(part, name))
+                dtype = stored.type_of(value)
+                on_disk = np.dtype(np.uint8) if dtype.kind == "b" else dtype
+                put(file, f"{group}/{name}", value.astype(on_disk), stored.units)
+    for name in TEXTS:
+        put(file, f"provenance/{name}", getattr(provenance, name), "1")
+    if provenance.seed is not None:
+        put(file, "provenance/seed", np.int64(provenance.seed), "1")
 
 
 def _read(file: h5py.File) -> Capture:
-    if _attribute(file, "format") != FORMAT:
-        raise InputError(f"an HDF5 file, but not a capture: its attribute format is not {FORMAT!r}")
-    _check_version(_attribute(file, "version"))
-    basis = _get_text(file, "patterns/basis")
+    _check_version(get_attribute(file, "version"))
+    basis = get_text(file, "patterns/basis")
     if basis != "hadamard":
         raise InputError(f"patterns/basis is {basis!r}; allowed: hadamard")
-    shape = _get(file, "patterns/shape", "1")
+    shape = get(file, "patterns/shape", "1")
     if shape.shape != (2,):
         raise InputError(f"patterns/shape has shape {shape.shape}, expected (2,)")
     plan = PatternPlan(
         shape=(int(shape[0]), int(shape[1])),
-        index=_get(file, "patterns/index", "1"),
-        polarity=_get(file, "patterns/polarity", "1"),
-        order=_get_text(file, "patterns/order"),
+        index=get(file, "patterns/index", "1"),
+        polarity=get(file, "patterns/polarity", "1"),
+        order=get_text(file, "patterns/order"),
     )
-    seed = _get(file, "provenance/seed", "1") if "provenance/seed" in file else None
+    seed = get(file, "provenance/seed", "1") if "provenance/seed" in file else None
     provenance = Provenance(
-        source=_attribute(file, "source"),
-        software=_attribute(file, "software"),
-        created=_attribute(file, "created"),
-        instrument=_get_text(file, "provenance/instrument"),
-        scene=_get_text(file, "provenance/scene"),
+        source=get_attribute(file, "source"),
+        software=get_attribute(file, "software"),
+        created=get_attribute(file, "created"),
         seed=None if seed is None else int(seed.item()),
+        **{name: get_text(file, f"provenance/{name}") for name in TEXTS},
     )
     parts: dict[str, Any] = {
         group: None if group in OPTIONAL and group not in file else _read_part(file, group, part)
@@ -214,7 +237,7 @@ def _read(file: h5py.File) -> Capture:
 def _read_part(file: h5py.File, group: str, part: type) -> Any:
     values: dict[str, Any] = {}
     for name, stored in stored_fields(part):
-        value = _get(file, f"{group}/{name}", stored.units)
+        value = get(file, f"{group}/{name}", stored.units)
         if value.dtype.kind not in "iufb":
             raise InputError(f"{group}/{name} must hold numbers, found {value.dtype}")
         array = value.astype(stored.type_of(value))
@@ -264,31 +287,3 @@ def _check_version(text: str) -> None:
 
 def _dotted(version: tuple[int, int]) -> str:
     return ".".join(map(str, version))
-
-
-def _put(file: h5py.File, name: str, value: Any, units: str) -> None:
-    file.create_dataset(name, data=value, track_times=False).attrs["units"] = units
-
-
-def _get(file: h5py.File, name: str, units: str) -> NDArray[Any]:
-    dataset = file.get(name)
-    if not isinstance(dataset, h5py.Dataset):
-        raise InputError(f"dataset {name} is missing")
-    found = _attribute(dataset, "units")
-    if found != units:
-        raise InputError(f"dataset {name} has units {found!r}, expected {units!r}")
-    return np.asarray(dataset[()])
-
-
-def _get_text(file: h5py.File, name: str) -> str:
-    return _text(_get(file, name, "1").item())
-
-
-def _attribute(item: h5py.File | h5py.Dataset, name: str) -> Any:
-    if name not in item.attrs:
-        raise InputError(f"attribute {name!r} of {item.name} is missing")
-    return _text(item.attrs[name])
-
-
-def _text(value: Any) -> str:
-    return value.decode() if isinstance(value, bytes) else str(value)

@@ -5,15 +5,17 @@ import json
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from .capture import Capture, read_capture, write_capture
-from .errors import InputError
+from .errors import InputError, explain, naming
+from .files import require_file, require_folder
+from .findings import capture_warnings
 from .importers import capture_from_readings, load_array, plan_from_matrix
 from .outputs import write_outputs
 from .patterns import ORDERS, POLARITIES, make_plan
@@ -31,10 +33,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         options.run(options)
-    except (InputError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    except InputError as error:
+        return _fail(str(error))
+    except OSError as error:
+        return _fail(explain(error))
     return 0
+
+
+def _fail(message: str) -> int:
+    print(f"error: {message}", file=sys.stderr)
+    return 2
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -83,19 +91,28 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _reconstruct(options: argparse.Namespace) -> None:
-    capture = read_capture(options.capture)
-    if options.patterns is not None:
-        capture = first_patterns(capture, options.patterns, options.order)
-    result = reconstruct(capture, options.frame)
+    require_folder(options.output)
+    recording = capture = read_capture(options.capture)
+    with naming(options.capture):
+        if options.patterns is not None:
+            capture = first_patterns(recording, options.patterns, options.order)
+        result = reconstruct(capture, options.frame)
+    # However many of its patterns are used, it is a result of this recording.
+    result = replace(result, recording=recording.digest)
     files = write_outputs(result, capture, options.output)
+    warnings = capture_warnings(capture, options.frame)
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
     if options.json:
-        report = _report(result, capture) | {"files": {k: str(v) for k, v in files.items()}}
+        written = {name: str(path) for name, path in files.items()}
+        report = _report(result, capture) | {"warnings": warnings, "files": written}
         print(json.dumps(report, allow_nan=False))
     else:
         _print_tables(result, capture, files)
 
 
 def _import(options: argparse.Namespace) -> None:
+    require_file(options.output)
     readings = load_array(options.file, options.variable)
     if options.patterns_variable is None:
         plan = make_plan(options.shape, options.patterns, options.order, options.polarity)
@@ -110,7 +127,9 @@ def _import(options: argparse.Namespace) -> None:
 
 def _report(result: Result, capture: Capture) -> dict[str, Any]:
     plan, ranges = capture.plan, result.ranges
-    spots = [] if ranges is None else zip(ranges.range_m, ranges.sigma_m, strict=True)
+    spots = (
+        [] if ranges is None else zip(ranges.range_m, ranges.sigma_m, ranges.status, strict=True)
+    )
     return {
         "source": capture.provenance.source,
         "shape": list(plan.shape),
@@ -119,10 +138,11 @@ def _report(result: Result, capture: Capture) -> dict[str, Any]:
         "sampling_ratio": plan.sampling_ratio,
         "spots": [
             {
-                "range_m": float(range_m) if np.isfinite(range_m) else None,
-                "sigma_m": float(sigma_m) if np.isfinite(sigma_m) else None,
+                "range_m": float(range_m) if status == "ok" else None,
+                "sigma_m": float(sigma_m) if status == "ok" else None,
+                "status": status,
             }
-            for range_m, sigma_m in spots
+            for range_m, sigma_m, status in spots
         ],
         "depth": result.depth_m is not None,
         "timings_s": result.timings_s,
@@ -142,16 +162,16 @@ def _print_tables(result: Result, capture: Capture, files: dict[str, Path]) -> N
         table = Table("spot", "range / m", "sigma / m", "amplitude / electrons")
         ranges = result.ranges
         for spot in range(4):
-            valid = ranges.valid[spot]
+            status = ranges.status[spot]
             table.add_row(
                 str(spot),
-                f"{ranges.range_m[spot]:.3f}" if valid else "not valid",
-                f"{ranges.sigma_m[spot]:.3f}" if valid else "",
+                f"{ranges.range_m[spot]:.3f}" if status == "ok" else status,
+                f"{ranges.sigma_m[spot]:.3f}" if status == "ok" else "",
                 f"{ranges.amplitude_electrons[spot]:.4g}",
             )
         console.print(table)
         if result.depth_m is None:
-            console.print("no depth map: no spot is valid, or the optics are not known")
+            console.print("no depth map: no spot has a range, or the optics are not known")
     stages = ", ".join(
         f"{name} {1e3 * seconds:.1f} ms" for name, seconds in result.timings_s.items()
     )

@@ -1,11 +1,29 @@
 """Errors that a user can cause, told in a sentence."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
+from pathlib import Path
 
 
 class InputError(ValueError):
     """A file, option or value cannot be used; the message says which and what is allowed."""
+
+
+@contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Put the file in front of the message of an InputError raised within."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error.__cause__
+
+
+def explain(error: OSError) -> str:
+    """What went wrong with which file."""
+    if error.filename is None:
+        return str(error)
+    return f"{error.filename}: {error.strerror or error}"
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

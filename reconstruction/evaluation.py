@@ -13,8 +13,10 @@ from .ranging import Ranges
 def evaluate(result: Result, truth: Truth) -> dict[str, Any]:
     """Metrics as nested plain numbers, ready for JSON; what does not exist is None.
 
-    ``image``: correlation, nrmse and psnr_db, and the same for ``zero_filled``. ``spots``: one
-    entry each with range_m, true_m, error_m, sigma_m. ``depth``: mae_m, rmse_m, median_relative and
+    ``image``: correlation, nrmse and psnr_db, and the same for ``zero_filled``. ``truth``: the
+    rms standard error of its image over the image's rms, ``image_noise``, below which an nrmse
+    tells nothing. ``spots``: one entry each with range_m, true_m, error_m, sigma_m and status.
+    ``depth``: mae_m, rmse_m, median_relative and
     within_25_percent for ``anchored`` and ``nearest``, over the pixels where something is hit;
     None without a depth map.
     """
@@ -27,6 +29,7 @@ def evaluate(result: Result, truth: Truth) -> dict[str, Any]:
     return {
         "image": image_metrics(result.image, truth.image)
         | {"zero_filled": image_metrics(result.image_zero_filled, truth.image)},
+        "truth": {"image_noise": _relative_rms(truth.image_error, truth.image)},
         "spots": [] if result.ranges is None else _spots(result.ranges, truth),
         "depth": depth,
     }
@@ -49,6 +52,11 @@ def image_metrics(image: ArrayLike, true_image: ArrayLike) -> dict[str, float | 
         }
 
 
+def _relative_rms(error: ArrayLike, image: ArrayLike) -> float | None:
+    noise, signal = (np.nanmean(np.asarray(a, dtype=np.float64) ** 2) for a in (error, image))
+    return _number(np.sqrt(noise / signal)) if signal > 0 else None
+
+
 def depth_metrics(depth_m: ArrayLike, true_m: ArrayLike) -> dict[str, float | None]:
     """Mean absolute and rms error in metres, median relative error, share within 25 per cent."""
     values = np.asarray(depth_m, dtype=np.float64)
@@ -66,16 +74,17 @@ def depth_metrics(depth_m: ArrayLike, true_m: ArrayLike) -> dict[str, float | No
     }
 
 
-def _spots(ranges: Ranges, truth: Truth) -> list[dict[str, float | None]]:
+def _spots(ranges: Ranges, truth: Truth) -> list[dict[str, float | str | None]]:
     return [
         {
             "range_m": _number(measured),
             "true_m": _number(true),
             "error_m": _number(measured - true),
             "sigma_m": _number(sigma),
+            "status": status,
         }
-        for measured, true, sigma in zip(
-            ranges.range_m, truth.spot_range_m, ranges.sigma_m, strict=True
+        for measured, true, sigma, status in zip(
+            ranges.range_m, truth.spot_range_m, ranges.sigma_m, ranges.status, strict=True
         )
     ]
 

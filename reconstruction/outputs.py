@@ -1,37 +1,30 @@
 """What a reconstruction leaves in a folder: pictures, point cloud, and the result itself."""
 
 import io
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import h5py
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .capture import Capture
+from .capture import Capture, Unit
 from .depth import pixel_of, pixel_rays, point_cloud_ply
 from .errors import InputError
 from .files import write_atomically
+from .hdf5 import content, get, get_text, get_units, opened, put, put_attribute
 from .pipeline import Result
-from .ranging import Ranges
+from .ranging import Ranges, Status
 
 FORMAT = "spisim-result"
 VERSION = "1.0"
-IMAGES = {
-    "image": "electron",
-    "image_zero_filled": "electron",
-    "range_m": "m",
-    "depth_m": "m",
-    "depth_nearest_m": "m",
-}
+MAPS = ("range_m", "depth_m", "depth_nearest_m")
 RANGES = {
     "range_m": "m",
     "sigma_m": "m",
     "amplitude_electrons": "electron",
     "offset_electrons": "electron",
-    "valid": "1",
 }
 NAMES = ("image.png", "image_zero_filled.png", "depth.png", "cloud.ply", "result.h5")
 
@@ -40,19 +33,21 @@ def write_outputs(result: Result, capture: Capture, directory: str | Path) -> di
     """Write the files NAMES, without depth map neither depth.png nor cloud.ply; return their paths.
 
     Everything is made before the first file is written; each appears whole or not at all, and
-    files of an earlier result that have no successor are removed. Raises OSError.
+    files of an earlier result that have no successor are removed. Raises InputError where the
+    folder cannot be written into, OSError where a file cannot be written.
     """
     contents = {
-        "image.png": _picture(result.image, "Image (matching pursuit)"),
-        "image_zero_filled.png": _picture(result.image_zero_filled, "Image (zero-filled inverse)"),
-        "result.h5": _result_file(result),
+        "image.png": _picture(result.image, "Image (matching pursuit)", result.unit),
+        "image_zero_filled.png": _picture(
+            result.image_zero_filled, "Image (zero-filled inverse)", result.unit
+        ),
+        "result.h5": content(lambda file: _write(file, result)),
     }
     if result.depth_m is not None and capture.optics is not None:
         points = pixel_rays(capture.optics, capture.plan.shape) * result.depth_m[..., None]
         contents["depth.png"] = _depth_picture(result, capture)
         contents["cloud.ply"] = point_cloud_ply(points, result.image.astype(np.float64))
     folder = Path(directory)
-    folder.mkdir(parents=True, exist_ok=True)
     for name in NAMES:
         if name in contents:
             write_atomically(folder / name, contents[name])
@@ -62,55 +57,70 @@ def write_outputs(result: Result, capture: Capture, directory: str | Path) -> di
 
 
 def read_result(path: str | Path) -> Result:
-    """Read a result.h5. Raises InputError if it is missing or not a result."""
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT:
-                raise InputError(f"{path}: not a result: its attribute format is not {FORMAT!r}")
-            images: dict[str, Any] = {
-                name: file[name][()] if name in file else None for name in IMAGES
-            }
-            ranges = None
-            if "ranges" in file:
-                values = {name: file[f"ranges/{name}"][()] for name in RANGES}
-                ranges = Ranges(**values | {"valid": values["valid"].astype(bool)})
-            timings = {name: float(value[()]) for name, value in file["timings_s"].items()}
-    except InputError:
-        raise
-    except (OSError, KeyError) as error:
-        raise InputError(f"{path}: cannot be read as a result ({error})") from error
-    return Result(ranges=ranges, timings_s=timings, **images)
+    """Read a result.h5. Raises InputError if it is missing, damaged or not a result."""
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no result there; run spisim reconstruct CAPTURE -o DIR")
+    with opened(path, FORMAT, "result") as file:
+        unit: Unit = "count" if get_units(file, "image") == "count" else "electron"
+        image = get(file, "image", unit)
+        maps = {name: _get_map(file, name, "m", image) for name in MAPS if name in file}
+        return Result(
+            image=image,
+            image_zero_filled=_get_map(file, "image_zero_filled", unit, image),
+            **dict.fromkeys(MAPS) | maps,
+            ranges=_get_ranges(file) if "ranges" in file else None,
+            timings_s={name: float(value[()]) for name, value in file["timings_s"].items()},
+            unit=unit,
+            recording=get_text(file, "recording"),
+            frame=int(get(file, "frame", "1")),
+            patterns=int(get(file, "patterns", "1")),
+        )
 
 
-def _result_file(result: Result) -> bytes:
-    buffer = io.BytesIO()
-    with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:
-        file.attrs["format"] = FORMAT
-        file.attrs["version"] = VERSION
-
-        def put(name: str, value: Any, units: str) -> None:
-            file.create_dataset(name, data=value, track_times=False).attrs["units"] = units
-
-        for name, units in IMAGES.items():
-            if getattr(result, name) is not None:
-                put(name, getattr(result, name), units)
-        if result.ranges is not None:
-            for field in fields(result.ranges):
-                value = getattr(result.ranges, field.name)
-                stored = value.astype(np.uint8) if value.dtype.kind == "b" else value
-                put(f"ranges/{field.name}", stored, RANGES[field.name])
-        file.create_group("timings_s")
-        for stage, seconds in result.timings_s.items():
-            put(f"timings_s/{stage}", seconds, "s")
-    return buffer.getvalue()
+def _get_map(file: h5py.File, name: str, units: str, image: NDArray[Any]) -> NDArray[Any]:
+    values = get(file, name, units)
+    if values.ndim != 2 or values.shape != image.shape:
+        raise InputError(f"dataset {name} has shape {values.shape}, the image {image.shape}")
+    return values
 
 
-def _picture(image: NDArray[np.float32], title: str) -> bytes:
+def _get_ranges(file: h5py.File) -> Ranges:
+    values = {name: get(file, f"ranges/{name}", units) for name, units in RANGES.items()}
+    status = tuple(text.decode() for text in get(file, "ranges/status", "1"))
+    for name, array in values.items():
+        if array.shape != (len(status),):
+            raise InputError(f"dataset ranges/{name} has shape {array.shape}, expected (4,)")
+    unknown = set(status) - set(get_args(Status))
+    if unknown:
+        raise InputError(f"dataset ranges/status holds {', '.join(map(repr, unknown))}")
+    return Ranges(**values, status=status)
+
+
+def _write(file: h5py.File, result: Result) -> None:
+    put_attribute(file, "format", FORMAT)
+    put_attribute(file, "version", VERSION)
+    for name in ("recording", "frame", "patterns"):
+        put(file, name, getattr(result, name), "1")
+    for name in ("image", "image_zero_filled"):
+        put(file, name, getattr(result, name), result.unit)
+    for name in MAPS:
+        if getattr(result, name) is not None:
+            put(file, name, getattr(result, name), "m")
+    if result.ranges is not None:
+        for name, units in RANGES.items():
+            put(file, f"ranges/{name}", getattr(result.ranges, name), units)
+        put(file, "ranges/status", np.array(result.ranges.status, dtype="S"), "1")
+    file.create_group("timings_s")
+    for stage, seconds in result.timings_s.items():
+        put(file, f"timings_s/{stage}", seconds, "s")
+
+
+def _picture(image: NDArray[np.float32], title: str, unit: str) -> bytes:
     figure, axes = _figure(title)
     # Single bright pixels do not dim the rest.
     low, high = np.percentile(image, (0.5, 99.5))
     shown = axes.imshow(image, cmap="gray", vmin=low, vmax=max(high, low + 1e-12))
-    figure.colorbar(shown, ax=axes, label="electrons per exposure", shrink=0.85)
+    figure.colorbar(shown, ax=axes, label=f"{unit}s per exposure", shrink=0.85)
     return _png(figure)
 
 
@@ -120,8 +130,11 @@ def _depth_picture(result: Result, capture: Capture) -> bytes:
     figure.colorbar(shown, ax=axes, label="depth along the optical axis / m", shrink=0.85)
     if capture.spots is not None and capture.optics is not None and result.ranges is not None:
         anchors = pixel_of(capture.spots.directions, capture.optics, capture.plan.shape)
-        for (row, column), range_m in zip(anchors, result.ranges.range_m, strict=True):
-            text = f" {range_m:.2f} m" if np.isfinite(range_m) else " no range"
+        depths = result.ranges.range_m * capture.spots.directions[:, 2]
+        for (row, column), depth_m, status in zip(
+            anchors, depths, result.ranges.status, strict=True
+        ):
+            text = f" {depth_m:.2f} m" if status == "ok" else f" {status}"
             axes.plot(column, row, "+", color="white", markersize=9)
             axes.annotate(
                 text,

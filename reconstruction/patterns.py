@@ -227,6 +227,14 @@ def illumination(plan: PatternPlan, k: int) -> NDArray[np.float32]:
     return (row if polarity == 0 else (1 + polarity * row) / 2).astype(np.float32)
 
 
+def mean_illumination(plan: PatternPlan) -> NDArray[np.float64]:
+    """Mean of all displayed patterns, (H, W)."""
+    weight = np.where(plan.polarity == 0, 1.0, plan.polarity / 2)
+    rows = np.bincount(plan.index, weight, minlength=plan.pixels)
+    steady = np.count_nonzero(plan.polarity) / 2
+    return ((fwht(rows) + steady) / plan.exposures).reshape(plan.shape)
+
+
 def signed_coefficients(
     plan: PatternPlan, readings: ArrayLike
 ) -> tuple[NDArray[np.int32], NDArray[Any]]:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .capture import Capture, Optics
+from .capture import Capture, Optics, Unit
 from .depth import anchored_range, nearest_range, pixel_of, pixel_rays
 from .errors import InputError
-from .image import pursuit_for, zero_filled
+from .image import pursuit_for, without_shared_errors, zero_filled
 from .ranging import Ranges, measure_ranges
 
 Image = NDArray[np.float32]
@@ -21,12 +21,14 @@ Floats = NDArray[np.float64]
 class Result:
     """What one frame shows; images are (H, W) float32.
 
-    ``image``: electrons per exposure that each virtual pixel contributes, by matching pursuit;
-    ``image_zero_filled``: the linear baseline. ``ranges``: the four spots, None without time of
+    ``image``: what each virtual pixel contributes to an exposure, in ``unit`` (counts where their
+    scale is unknown), by matching pursuit; ``image_zero_filled``: the linear baseline, of the same
+    coefficients. ``ranges``: the four spots, None without time of
     flight. ``range_m`` along each pixel's ray and ``depth_m`` along the optical axis: the map
     anchored on the spots; ``depth_nearest_m``: the baseline in which each pixel takes the range of
     the nearest spot. The maps are None where no spot is valid or the optics are unknown.
-    ``timings_s``: seconds per stage.
+    ``timings_s``: seconds per stage. ``recording``: the digest of the capture, ``frame`` its frame
+    and ``patterns`` the number of distinct ones that the image rests on.
     """
 
     image: Image
@@ -36,6 +38,10 @@ class Result:
     depth_m: Image | None
     depth_nearest_m: Image | None
     timings_s: dict[str, float]
+    unit: Unit
+    recording: str
+    frame: int
+    patterns: int
 
 
 def reconstruct(capture: Capture, frame: int = 0) -> Result:
@@ -75,28 +81,37 @@ def reconstruct(capture: Capture, frame: int = 0) -> Result:
         depth_m=_depth(range_m, capture.optics),
         depth_nearest_m=_depth(nearest_m, capture.optics),
         timings_s=timings,
+        unit=capture.buckets.unit,
+        recording=capture.digest,
+        frame=frame,
+        patterns=index.size,
     )
 
 
 def measured_coefficients(capture: Capture, frame: int) -> tuple[NDArray[np.int32], Floats, float]:
-    """Walsh-Hadamard coefficients in electrons: indices (K,), values (K,) and their noise.
+    """Walsh-Hadamard coefficients in the unit of the signal: rows (K,), values (K,), their noise.
 
-    Coefficients that rest on a saturated reading are left out. The noise is the standard deviation
-    of a typical coefficient, from shot noise and the electronics; 0 where the latter is unknown.
+    Coefficients that rest on a saturated reading are left out, and errors that many share are
+    taken off. The noise is the standard deviation of a typical coefficient, from shot noise and
+    the electronics; where the latter is unknown it is 0, and every reading taken at its word.
     Raises InputError if nothing is left.
     """
     plan, buckets = capture.plan, capture.buckets
-    decoder = plan.decoder
-    electrons = (buckets.counts[frame] - buckets.offset_counts) * buckets.electrons_per_count
-    usable = abs(decoder) @ buckets.saturated[frame].astype(float) == 0
+    usable = abs(plan.decoder) @ buckets.saturated[frame].astype(float) == 0
     if not usable.any():
-        raise InputError(f"frame {frame}: every pattern has a saturated reading")
-    noise = 0.0
-    if np.isfinite(buckets.noise_electrons):
-        # Of a difference formed by the recorder the light is not known, but is at least |y|.
-        variance = np.abs(electrons) + buckets.noise_electrons**2
-        noise = float(np.sqrt(np.median((decoder**2 @ variance)[usable])))
-    return plan.distinct[usable], (decoder @ electrons)[usable], noise
+        raise InputError(
+            f"frame {frame}: every pattern rests on a saturated reading, so there is no image; "
+            "record again with less light (projector power, exposure time) or a larger full scale"
+        )
+    index, decoder, signal = plan.distinct[usable], plan.decoder[usable], buckets.signal[frame]
+    coefficients = decoder @ signal
+    if buckets.unit == "count" or not np.isfinite(buckets.noise_electrons):
+        return index, coefficients, 0.0
+    # Of a difference formed by the recorder the light is not known, but is at least |y|.
+    variance = np.abs(signal) + buckets.noise_electrons**2
+    prior = pursuit_for(plan.shape, index).prior_variance(coefficients)
+    coefficients, variance = without_shared_errors(decoder, coefficients, variance, prior)
+    return index, coefficients, float(np.sqrt(np.median(variance)))
 
 
 def _depth(range_m: Floats | None, optics: Optics | None) -> Any:

@@ -47,9 +47,11 @@ def capture(plan: PatternPlan) -> Capture:
             instrument="wavelength_nm: 1550",
             scene="name: <wall>",
             seed=0,
+            settings="spp: 7",
         ),
         truth=Truth(
             image=image.astype(np.float32),
+            image_error=(0.01 * image).astype(np.float32),
             range_m=depth.astype(np.float32),
             depth_m=depth.astype(np.float32),
             reflectance=np.full(SHAPE, 0.5, np.float32),

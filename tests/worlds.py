@@ -3,8 +3,11 @@
 import numpy as np
 import trimesh
 
-from spisim.atmosphere import Atmosphere
+from spisim.atmosphere import Atmosphere, henyey_greenstein
 from spisim.scene import Ambient, Material, Scene, SceneObject
+from spisim.transport.effort import Paths
+from spisim.transport.estimator import spot_histogram, transport_image
+from spisim.transport.tally import PathLengthBins
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
 ORIGIN = np.eye(4)  # optical frame = world: x right, y down, z forward
@@ -38,14 +41,29 @@ def room():
     return surface("walls", walls, 0.5), surface("box", box, 0.8), surface("ball", ball, 0.3)
 
 
-def scene(*objects, extinction_per_m=0.0, albedo=1.0, g=0.0, ambient=None):
+def scene(*objects, extinction_per_m=0.0, albedo=1.0, g=0.0, ambient=None, volumes=()):
     return Scene(
         name="test",
         objects=objects,
-        atmosphere=Atmosphere(extinction_per_m, albedo, g, "test"),
+        atmosphere=Atmosphere(extinction_per_m, albedo, henyey_greenstein(g), "test"),
         ambient=ambient or Ambient(),
         drone_pose=ORIGIN,
+        volumes=tuple(volumes),
     )
+
+
+def box_pose(size_m, centre_m):
+    """Matrix that takes the unit cube [0, 1]³ to a box."""
+    pose = np.diag([*size_m, 1.0]).astype(float)
+    pose[:3, 3] = np.asarray(centre_m) - np.asarray(size_m) / 2
+    return pose
+
+
+def pose_at(position_m):
+    """Pose that looks along z from a place."""
+    pose = np.eye(4)
+    pose[:3, 3] = position_m
+    return pose
 
 
 def projector(fov_deg=20.0, shape=(16, 16), pose=ORIGIN):
@@ -78,6 +96,20 @@ def pixel_weights(view, weight, oversampling=16):
     fine = weight(*np.meshgrid(x, y))
     blocks = fine.reshape(view.shape[0], oversampling, view.shape[1], oversampling)
     return blocks.mean(axis=(1, 3)) * view.pixel_area
+
+
+def image(world, view, end, spp, seed, **options):
+    """Transport image (H, W)."""
+    estimate = transport_image(world, view, end, Paths(spp), seed=seed, **options)
+    return estimate.mean["image"].reshape(view.shape)
+
+
+def histogram(world, lasers, ends, bins, paths, seed, **options):
+    """Path-length histograms (beams, bins); `bins` is (count, width in m)."""
+    effort = Paths(paths)
+    return spot_histogram(
+        world, lasers, ends, PathLengthBins(*bins), effort, seed=seed, **options
+    ).mean["histogram"]
 
 
 def seeds(count):

@@ -55,6 +55,18 @@ class WeightedPursuit:
         )
         self.gram: Floats = self.dictionary.T @ self.dictionary
 
+    def prior_variance(self, coefficients: Floats) -> Floats:
+        """Variance (K,) that coefficients (K,) like these have from image to image.
+
+        Infinite for row 0, whose level may be any, and where nothing was measured.
+        """
+        variance = np.full(coefficients.size, np.inf)
+        measured = coefficients[self.varying]
+        if measured.any():
+            scale, white = fit_variance(measured, self.expected_variance)
+            variance[self.varying] = scale * (self.expected_variance + white)
+        return variance
+
     def reconstruct(self, coefficients: Floats, noise: float = 0.0) -> Floats:
         """Image (H, W) from coefficients (K,) whose noise has the standard deviation ``noise``.
 

@@ -1,5 +1,6 @@
 """Arrays of bucket readings, with a named pattern plan or the patterns themselves -> capture."""
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,7 +12,7 @@ import scipy.io
 from numpy.typing import ArrayLike, NDArray
 
 from ..capture import Buckets, Capture, Provenance
-from ..errors import InputError, nearest
+from ..errors import InputError, naming, nearest
 from ..patterns import PatternPlan, fwht
 
 
@@ -19,7 +20,8 @@ def load_array(path: str | Path, variable: str | None = None) -> NDArray[Any]:
     """Numeric array from .npy, .csv, .npz or .mat (v5 and v7.3).
 
     ``variable`` names the one wanted of a .npz or .mat; not needed if there is just one. Raises
-    InputError if the file is missing or unreadable, or if there is no such variable.
+    InputError if the file is missing, unreadable or without numbers, if there is no such variable,
+    or if one of its numbers is not finite.
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
@@ -27,15 +29,28 @@ def load_array(path: str | Path, variable: str | None = None) -> NDArray[Any]:
         raise InputError(f"{path}: unknown file type; allowed: {', '.join(_READERS)}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    try:
-        array = reader(path, variable)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except Exception as error:  # each format has errors of its own
-        raise InputError(f"{path}: not a readable {path.suffix} file ({error})") from error
-    if array.dtype.kind not in "iufb":
-        raise InputError(f"{path}: holds {array.dtype}, not numbers")
+    with naming(path):
+        try:
+            array = reader(path, variable)
+        except InputError:
+            raise
+        except Exception as error:  # each format has errors of its own
+            raise InputError(f"not a readable {path.suffix} file ({error})") from error
+        _check_numbers(array)
     return array
+
+
+def _check_numbers(array: NDArray[Any]) -> None:
+    if array.dtype.kind not in "iufb":
+        raise InputError(f"holds {array.dtype}, not numbers")
+    if array.size == 0:
+        raise InputError("holds no numbers")
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        place = tuple(bad[0].tolist())
+        raise InputError(
+            f"the value at {list(place)} is {array[place]}, must be finite (positions count from 0)"
+        )
 
 
 def plan_from_matrix(
@@ -76,9 +91,9 @@ def capture_from_readings(
 ) -> Capture:
     """Capture (source hardware, no time of flight) from readings (M,) or (frames, M).
 
-    ``untrusted`` are positions of readings that must not be used, marked as saturated. One count is
-    taken for one electron; noise and times are marked as unknown. Raises InputError if the number
-    of readings is not the plan's.
+    ``untrusted`` are positions of readings that must not be used, marked as saturated. What a count
+    stands for, noise and times are marked as unknown. Raises InputError if the number of readings
+    is not the plan's.
     """
     counts = np.asarray(readings)
     if counts.dtype.kind == "b":
@@ -102,7 +117,7 @@ def capture_from_readings(
             saturated=saturated,
             exposure_time_s=np.nan,
             pattern_period_s=np.nan,
-            electrons_per_count=1.0,
+            electrons_per_count=np.nan,
             offset_counts=0.0,
             noise_electrons=np.nan,
         ),
@@ -122,7 +137,9 @@ def _read_npy(path: Path, _variable: str | None) -> NDArray[Any]:
 
 
 def _read_csv(path: Path, _variable: str | None) -> NDArray[Any]:
-    return np.loadtxt(path, delimiter=",")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an empty file is told by whoever called
+        return np.loadtxt(path, delimiter=",")
 
 
 def _read_npz(path: Path, variable: str | None) -> NDArray[Any]:

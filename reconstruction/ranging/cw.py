@@ -5,6 +5,7 @@ optical path from the laser over the spot to the detector.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from scipy.constants import c
 from ..capture import Spots
 
 Floats = NDArray[np.float64]
+Status = Literal["ok", "saturated", "no signal", "too close"]
 
 LEAST_SIGNAL = 3.0
 """A spot counts as seen when its amplitude exceeds its own standard deviation this many times."""
@@ -23,23 +25,29 @@ class Ranges:
     """Ranges of the four spots of one frame, each (4,).
 
     ``range_m`` from the projector's pinhole along the spot's direction, ``sigma_m`` its standard
-    deviation from shot and electronics noise; both nan where not ``valid``. ``amplitude_electrons``
-    and ``offset_electrons`` are A and B of one tap.
+    deviation from shot and electronics noise, without the bias of light that came another way, such
+    as the echo of fog; both nan where ``status`` is not "ok". ``amplitude_electrons`` and
+    ``offset_electrons`` are A and B of one tap.
     """
 
     range_m: Floats
     sigma_m: Floats
     amplitude_electrons: Floats
     offset_electrons: Floats
-    valid: NDArray[np.bool_]
+    status: tuple[Status, ...]
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where there is a range (4,)."""
+        return np.array(self.status) == "ok"
 
 
 def measure_ranges(spots: Spots, frame: int = 0) -> Ranges:
     """Ranges of one frame by least squares over any number of taps >= 3.
 
-    A spot is invalid if a tap is saturated, if it shows no signal (amplitude below LEAST_SIGNAL
-    standard deviations), or if its path is shorter than the way from projector to detector. The
-    path is unambiguous below c / f only.
+    There is none, and the spot's status says why, if a tap is saturated, if it shows no signal
+    (amplitude below LEAST_SIGNAL standard deviations), or if its path is shorter than the way from
+    projector to detector, which is too close. The path is unambiguous below c / f only.
     """
     electrons = (spots.taps[frame] - spots.offset_counts) * spots.electrons_per_count
     electronics = np.nan_to_num(spots.noise_electrons) ** 2
@@ -49,17 +57,19 @@ def measure_ranges(spots: Spots, frame: int = 0) -> Ranges:
     metres_per_radian = c / (2 * np.pi * spots.modulation_frequency_hz)
     path = np.mod(phase - spots.phase_offset_rad, 2 * np.pi) * metres_per_radian
     range_m, slope = range_from_path(path, spots.directions, spots.detector_positions_m)
-    valid = (
-        ~spots.saturated[frame].any(axis=1)
-        & (phase_sigma < 1 / LEAST_SIGNAL)
-        & (path > np.linalg.norm(spots.detector_positions_m, axis=1))
-    )
+    trouble = [
+        spots.saturated[frame].any(axis=1),
+        phase_sigma > 1 / LEAST_SIGNAL,
+        path <= np.linalg.norm(spots.detector_positions_m, axis=1),
+    ]
+    status = np.select(trouble, ["saturated", "no signal", "too close"], "ok")
+    valid = status == "ok"
     return Ranges(
         range_m=np.where(valid, range_m, np.nan),
         sigma_m=np.where(valid, slope * phase_sigma * metres_per_radian, np.nan),
         amplitude_electrons=amplitude,
         offset_electrons=offset,
-        valid=valid,
+        status=tuple(status.tolist()),
     )
 
 

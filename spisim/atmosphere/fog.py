@@ -1,4 +1,4 @@
-"""Homogeneous fog from its visibility.
+"""Fog from its visibility.
 
 Visibility is a property of the eye's wavelengths: it fixes the extinction at 550 nm, and the
 droplets fix how much more or less there is at 1550 nm. The droplet size distributions are the four
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from reconstruction.errors import InputError, nearest
+from spisim.atmosphere.phase import HenyeyGreenstein, Isotropic, Phase
 
 # Contrast of a black object against the horizon at which it counts as just visible.
 CONTRAST_THRESHOLDS: Mapping[str, float] = MappingProxyType({"koschmieder": 0.02, "mor": 0.05})
@@ -41,18 +42,18 @@ FOGS: Mapping[str, FogKind] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Atmosphere:
-    """A homogeneous medium at 1550 nm that fills the whole scene.
-
-    Scattering follows Henyey & Greenstein (1941) with asymmetry `g`. For water fog that gives
-    the right width of the forward lobe but underestimates scattering straight back (180°) 6 to 16
-    times against Mie theory, and with it the fog's own echo in bucket and time of flight.
-    """
+    """A medium at 1550 nm."""
 
     extinction_per_m: float  # 0: clear air
     albedo: float
-    g: float
+    phase: Phase
     kind: str
     visibility_m: float | None = None
+
+    @property
+    def g(self) -> float:
+        """Asymmetry: the mean cosine of the scattering angle."""
+        return self.phase.g
 
     @property
     def scattering_per_m(self) -> float:
@@ -65,7 +66,7 @@ class Atmosphere:
         return self.extinction_per_m * (1.0 - self.albedo)
 
 
-CLEAR = Atmosphere(extinction_per_m=0.0, albedo=1.0, g=0.0, kind="clear")
+CLEAR = Atmosphere(extinction_per_m=0.0, albedo=1.0, phase=Isotropic(), kind="clear")
 
 
 def extinction_at_550nm(visibility_m: float, definition: str = "koschmieder") -> float:
@@ -85,7 +86,7 @@ def extinction_at_550nm(visibility_m: float, definition: str = "koschmieder") ->
 
 
 def fog(visibility_m: float, kind: str, definition: str = "koschmieder") -> Atmosphere:
-    """Fog of a kind in `FOGS` with a visibility in metres at 550 nm.
+    """Fog of a kind in `FOGS` with a visibility in metres at 550 nm, Henyey-Greenstein scattering.
 
     Raises InputError for an unknown kind or definition and for a visibility that is not positive.
     """
@@ -93,13 +94,14 @@ def fog(visibility_m: float, kind: str, definition: str = "koschmieder") -> Atmo
         raise InputError(f"fog kind {kind!r}: {nearest(kind, FOGS)}")
     droplets = FOGS[kind]
     extinction = extinction_at_550nm(visibility_m, definition) * droplets.extinction_ratio
-    return Atmosphere(extinction, droplets.albedo, droplets.g, kind, visibility_m)
+    phase = HenyeyGreenstein(droplets.g)
+    return Atmosphere(extinction, droplets.albedo, phase, kind, visibility_m)
 
 
-def explicit(extinction_per_m: float, albedo: float, g: float) -> Atmosphere:
-    """A medium given by its coefficients at 1550 nm.
+def explicit(extinction_per_m: float, albedo: float, phase: Phase) -> Atmosphere:
+    """A medium given by its coefficients and phase function at 1550 nm.
 
-    Raises InputError unless extinction ≥ 0, 0 ≤ albedo ≤ 1 and −1 < g < 1, all finite.
+    Raises InputError unless extinction ≥ 0 and finite, and 0 ≤ albedo ≤ 1.
     """
     if not (math.isfinite(extinction_per_m) and extinction_per_m >= 0):
         raise InputError(
@@ -107,6 +109,4 @@ def explicit(extinction_per_m: float, albedo: float, g: float) -> Atmosphere:
         )
     if not 0 <= albedo <= 1:
         raise InputError(f"albedo should lie between 0 and 1; found {albedo}")
-    if not -1 < g < 1:
-        raise InputError(f"g should lie between -1 and 1, both excluded; found {g}")
-    return Atmosphere(extinction_per_m, albedo, g, kind="explicit")
+    return Atmosphere(extinction_per_m, albedo, phase, kind="explicit")

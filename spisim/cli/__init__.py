@@ -19,9 +19,11 @@ class Commands(TyperGroup):
         except BrokenPipeError:
             raise
         except OSError as error:
-            message, status = _explain(error), 2
+            from reconstruction.errors import explain  # slow to load, and help needs none
+
+            message, status = explain(error), 2
         except ValueError as error:
-            from reconstruction.errors import InputError  # slow to load, and help needs none
+            from reconstruction.errors import InputError
 
             if not isinstance(error, InputError):
                 raise
@@ -50,10 +52,3 @@ for module in (demo, simulate, transport, reconstruct, evaluate, scenes, schema,
 def main() -> None:
     """Entry point of the console script."""
     app()
-
-
-def _explain(error: OSError) -> str:
-    """What went wrong with which file."""
-    if error.filename is None:
-        return str(error)
-    return f"{error.filename}: {error.strerror or error}"

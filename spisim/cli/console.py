@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -17,6 +17,12 @@ results = Console(highlight=False)
 def print_json(report: Mapping[str, Any]) -> None:
     """Print one JSON object; what is not finite becomes null."""
     print(json.dumps(_plain(report), ensure_ascii=False, allow_nan=False))
+
+
+def warn(warnings: Iterable[str]) -> None:
+    """Say what the user should know before believing the results."""
+    for warning in warnings:
+        messages.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .console import messages, print_json, progress_bar, timed
+from .console import messages, print_json, progress_bar, timed, warn
 from .options import Bar, Json, Seed, Spp
 from .tables import print_errors
 
@@ -22,14 +22,21 @@ def command(
     progress: Bar = None,
 ) -> None:
     """Simulate the paper's instrument in a foggy warehouse, reconstruct, compare with truth."""
-    from reconstruction import evaluate, reconstruct, write_capture, write_outputs
+    from reconstruction import (
+        capture_warnings,
+        evaluate,
+        reconstruct,
+        write_capture,
+        write_outputs,
+    )
+    from reconstruction.files import require_folder
     from spisim.instrument import load_instrument
     from spisim.measurement import simulate
     from spisim.report import write_overview, write_report
     from spisim.scene import load_scene
     from spisim.transport import camera_view
 
-    from .files import require_folder, write_truth
+    from .files import write_truth
 
     require_folder(output)
     seconds: dict[str, float] = {}
@@ -58,10 +65,13 @@ def command(
         timings=seconds,
         title=scene.name,
     )
+    warnings = capture_warnings(capture)
+    warn(warnings)
     written = ["capture.h5", "truth.exr", *pictures, "overview.png", "report.html"]
     if json:
         timings = seconds | result.timings_s
-        print_json({"folder": output, "files": written, "metrics": metrics, "seconds": timings})
+        report = {"folder": output, "files": written, "warnings": warnings}
+        print_json(report | {"metrics": metrics, "seconds": timings})
     else:
         print_errors(metrics)
         messages.print(f"\nWrote {', '.join(written)} to {output}.", soft_wrap=True)

@@ -1,11 +1,9 @@
-"""Where the commands write."""
+"""What the commands write besides captures, results and pages."""
 
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Mapping
-from errno import EACCES, ENOTDIR
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,28 +14,6 @@ if TYPE_CHECKING:
     from spisim.transport import GroundTruth, Transport
 
 UNITS = {"range_m": "m", "depth_m": "m", "reflectance": "1", "object_id": "1", "transport": "1"}
-
-
-def require_file(file: Path) -> None:
-    """See to it that a file can be written, before the long work begins.
-
-    Raises InputError if `file` is a folder, else as `require_folder` for its own.
-    """
-    from reconstruction.errors import InputError
-
-    if file.is_dir():
-        raise InputError(f"{file} is a folder; the name of a file is needed")
-    require_folder(file.parent)
-
-
-def require_folder(folder: Path) -> None:
-    """Make a folder to write into. Raises OSError where that is not possible."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise NotADirectoryError(ENOTDIR, os.strerror(ENOTDIR), str(folder)) from None
-    if not os.access(folder, os.W_OK):
-        raise PermissionError(EACCES, os.strerror(EACCES), str(folder))
 
 
 def write_truth(path: Path, truth: GroundTruth, extra: Mapping[str, NDArray[np.floating]]) -> None:

@@ -1,9 +1,23 @@
 """Options that several commands share."""
 
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+
+def number_option(least: int, most: int, text: str) -> Any:
+    """An option that takes a whole number; what it refuses, it names."""
+
+    def parse(value: str) -> int:
+        with suppress(ValueError):
+            if least <= int(value) <= most:
+                return int(value)
+        raise typer.BadParameter(f"{value} is not a whole number from {least} to {most}")
+
+    return typer.Option(parser=parse, metavar="N", help=text)
+
 
 SceneArgument = Annotated[
     str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a shipped scene.")
@@ -14,9 +28,9 @@ CaptureArgument = Annotated[
 InstrumentOption = Annotated[
     str, typer.Option("--instrument", help="An instrument file, or the name of a preset.")
 ]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of all randomness.")]
+Seed = Annotated[int, number_option(0, 2**63 - 1, "Seed of all randomness.")]
 Spp = Annotated[
-    int, typer.Option(min=1, help="Light paths per virtual pixel; the noise falls as 1/√spp.")
+    int, number_option(1, 2**20, "Light paths per virtual pixel; the noise falls as 1/√spp.")
 ]
 Visibility = Annotated[
     float | None,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .options import CaptureArgument, Json
+from .options import CaptureArgument, Json, number_option
 
 EXAMPLE = "spisim reconstruct foggy.h5 -o foggy"
 
@@ -13,10 +13,8 @@ EXAMPLE = "spisim reconstruct foggy.h5 -o foggy"
 def command(
     capture: CaptureArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A folder.")],
-    frame: Annotated[int, typer.Option(min=0, help="Frame of the capture.")] = 0,
-    patterns: Annotated[
-        int | None, typer.Option(min=1, help="Use the first K patterns only.")
-    ] = None,
+    frame: Annotated[int, number_option(0, 2**31, "Frame of the capture.")] = 0,
+    patterns: Annotated[int | None, number_option(1, 2**31, "Use so many patterns only.")] = None,
     order: Annotated[str, typer.Option(help="... of this order.")] = "sequency-2d",
     json: Json = False,
 ) -> None:

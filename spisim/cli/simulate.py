@@ -5,9 +5,19 @@ from typing import Annotated
 
 import typer
 
-from .console import messages, print_json, progress_bar, timed
+from .console import messages, print_json, progress_bar, timed, warn
 from .inputs import instrument_with, scene_with
-from .options import Bar, Clear, InstrumentOption, Json, SceneArgument, Seed, Spp, Visibility
+from .options import (
+    Bar,
+    Clear,
+    InstrumentOption,
+    Json,
+    SceneArgument,
+    Seed,
+    Spp,
+    Visibility,
+    number_option,
+)
 
 EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
 
@@ -18,14 +28,12 @@ def command(
     instrument: InstrumentOption = "paper",
     visibility: Visibility = None,
     clear: Clear = False,
-    patterns: Annotated[int | None, typer.Option(min=1, help="Patterns per frame.")] = None,
+    patterns: Annotated[int | None, number_option(1, 2**31, "Patterns per frame.")] = None,
     order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None,
-    polarity: Annotated[
-        str | None, typer.Option(help="differential, single-ended or signed.")
-    ] = None,
+    polarity: Annotated[str | None, typer.Option(help="differential or single-ended.")] = None,
     seed: Seed = 0,
     spp: Spp = 256,
-    frames: Annotated[int, typer.Option(min=1, help="Frames; only their noise differs.")] = 1,
+    frames: Annotated[int, number_option(1, 10_000, "Frames; only their noise differs.")] = 1,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False,
     report: Annotated[
         bool, typer.Option("--report", help="Reconstruct too, into a page beside the capture.")
@@ -37,11 +45,11 @@ def command(
 
     The image of a scene is traced once for all patterns; noise and converter follow.
     """
-    from reconstruction import evaluate, reconstruct, write_capture
+    from reconstruction import capture_warnings, evaluate, reconstruct, write_capture
+    from reconstruction.errors import naming
+    from reconstruction.files import require_file
     from spisim.measurement import simulate
     from spisim.transport import camera_view
-
-    from .files import require_file
 
     require_file(output)
     place = scene_with(scene, visibility, clear)
@@ -59,12 +67,15 @@ def command(
         )
     write_capture(simulation.capture, output)
     written = [output]
+    warnings = capture_warnings(simulation.capture)
+    warn(warnings)
     if report:
         from spisim.report import write_report
 
         page = output.with_suffix(".html")
         assert simulation.capture.truth is not None
-        result = reconstruct(simulation.capture)
+        with naming(output):
+            result = reconstruct(simulation.capture)
         write_report(
             page,
             simulation.capture,
@@ -77,7 +88,8 @@ def command(
         )
         written.append(page)
     if json:
-        print_json({"written": written, "seconds": seconds, "paths": simulation.transport.paths})
+        paths = simulation.transport.paths
+        print_json({"written": written, "warnings": warnings, "seconds": seconds, "paths": paths})
     else:
         names = " and ".join(map(str, written))
         messages.print(f"Wrote {names} in {seconds['simulate']:.1f} s.", soft_wrap=True)

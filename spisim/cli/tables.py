@@ -16,10 +16,13 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
     for key, name in names.items():
         table.add_row(name, _number(image[key]), _number(image["zero_filled"][key]))
     results.print(table)
+    noise = _percent(metrics["truth"]["image_noise"])
+    results.print(f"noise of the true image, RMS: {noise}\n", style="dim")
     if metrics.get("spots"):
         table = _table("spot", "true, m", "measured, m", "error, cm", "sigma, cm")
         for k, spot in enumerate(metrics["spots"]):
-            metres = (_number(spot[key]) for key in ("true_m", "range_m"))
+            measured = _number(spot["range_m"]) if spot["status"] == "ok" else spot["status"]
+            metres = _number(spot["true_m"]), measured
             centimetres = (_centimetres(spot[key]) for key in ("error_m", "sigma_m"))
             table.add_row(str(k), *metres, *centimetres)
         results.print(table)

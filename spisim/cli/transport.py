@@ -27,9 +27,10 @@ def command(
 
     The spots' light over path length goes into a NumPy file (.npz) beside it.
     """
+    from reconstruction.files import require_file
     from spisim.transport import ground_truth, solve
 
-    from .files import require_file, write_histogram, write_truth
+    from .files import write_histogram, write_truth
 
     require_file(output)
     place, carried = scene_with(scene, visibility, clear), instrument_with(instrument)

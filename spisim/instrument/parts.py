@@ -7,13 +7,14 @@ its pinhole. Angles named `fov` or `field_of_view` are full angles.
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 from scipy.constants import elementary_charge
 
+from reconstruction.errors import InputError
 from spisim.config import Count, NonNegative, Number, Positive, Section, Vector
 
 Angle = Annotated[Number, Field(gt=-90, lt=90)]
@@ -28,6 +29,18 @@ class Projector(Section):
     power_w: Positive  # radiant, with all pixels on
     in_band_fraction: PositiveFraction  # of the power, in front of the filter
     pattern_rate_hz: Positive
+    falloff: NonNegative = 0.0  # exponent n of cosⁿθ across the field; 4 for a lens without aids
+    lens_radius_m: NonNegative = 0.0  # 0: a pinhole, sharp everywhere
+    focus_m: Positive = 1.0  # distance at which a lens is sharp
+
+    @property
+    def pixel_powers_w(self) -> NDArray[np.float64]:
+        """In-band power (H, W) of each virtual pixel, fully on; `power_w` in all."""
+        height, width = self.shape
+        x = (2 * (np.arange(width) + 0.5) / width - 1) * self.tan_half_width
+        y = (2 * (np.arange(height) + 0.5) / height - 1) * self.tan_half_height
+        share = (1 + x**2 + y[:, None] ** 2) ** (-self.falloff / 2)
+        return np.asarray(self.power_w * self.in_band_fraction * share / share.sum())
 
     @property
     def tan_half_width(self) -> float:
@@ -41,12 +54,23 @@ class Projector(Section):
         return self.tan_half_width * height / width
 
 
+def _light_is_not_negative(polarity: Any) -> Any:
+    if polarity == "signed":
+        raise InputError(
+            "signed patterns are differences formed by a recorder; choose differential or "
+            "single-ended"
+        )
+    return polarity
+
+
 class Plan(Section):
     """Which patterns are shown; see `reconstruction.make_plan`."""
 
     patterns: Count
     order: str
-    polarity: str
+    polarity: Annotated[
+        Literal["differential", "single-ended"], BeforeValidator(_light_is_not_negative)
+    ]
 
 
 class Filter(Section):
@@ -83,6 +107,7 @@ class Detector(Section):
     """A photodiode behind a lens, with amplifier and ADC; what bucket and ToF have in common."""
 
     field_of_view_deg: Annotated[Number, Field(gt=0, le=180)]  # full angle of a hard-edged cone
+    vignetting: NonNegative = 0.0  # m: the response falls off with cosᵐ inside the cone
     photoactive_area_mm2: Positive
     fill_factor: PositiveFraction
     f_number: Positive
@@ -132,9 +157,11 @@ class TofDetector(Detector):
 
 
 class Lasers(Section):
-    """Four pencil beams that leave from the projector's pinhole."""
+    """Four beams that leave from the projector's pinhole, Gaussian in angle and place."""
 
     power_w: Positive  # mean, each
+    divergence_mrad: NonNegative = 0.0  # standard deviation per axis
+    waist_mm: NonNegative = 0.0  # standard deviation per axis of the place of exit
     # azimuth to the right, then elevation up
     directions_deg: Annotated[tuple[tuple[Angle, Angle], ...], Field(min_length=4, max_length=4)]
 

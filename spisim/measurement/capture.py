@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
+import yaml
 
 from reconstruction.capture import Buckets, Capture, Optics, Provenance, Spots, Truth
 from spisim.instrument import Instrument
 from spisim.measurement.electronics import expected_readings, read_out
 from spisim.measurement.light import mean_electrons
+from spisim.measurement.sequence import LightSequence, frame_time_s, trace
 from spisim.scene import Scene
-from spisim.transport import GroundTruth, Transport, ground_truth, solve
+from spisim.transport import GroundTruth, Transport, ground_truth
+from spisim.transport.backend import activate
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,17 +35,23 @@ def simulate(
     instrument: Instrument,
     *,
     spp: int = 256,
+    transport_noise: float | None = None,
     seed: int = 0,
     noise: bool = True,
     frames: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> Simulation:
-    """Simulate `frames` recordings of a scene that stands still; only their noise differs.
+    """Simulate a recording of `frames` frames, one after the other.
+
+    Where something moves, the light is solved at key times and interpolated between exposures;
+    the truth is that of the middle of the first frame.
 
     Parameters
     ----------
     spp
         Light paths per virtual pixel and strategy.
+    transport_noise
+        Instead of `spp`: relative standard error of the bucket vector to be reached.
     seed
         Equal seeds give equal captures on the same machine and backend.
     noise
@@ -52,36 +62,55 @@ def simulate(
     Raises
     ------
     InputError
-        If a laser beam hits nothing, or no backend for the light transport works.
+        If a laser beam hits nothing, an object would pass through the instrument, or no backend
+        for the light transport works.
     """
-    truth = ground_truth(scene, instrument)
-    light = solve(scene, instrument, spp=spp, seed=seed, progress=progress)
-    capture = record(scene, instrument, light, truth, seed=seed, noise=noise, frames=frames)
-    return Simulation(capture, light, truth)
+    truth = ground_truth(scene.at(frame_time_s(instrument) / 2), instrument)
+    light = trace(
+        scene,
+        instrument,
+        frames=frames,
+        spp=spp,
+        noise=transport_noise,
+        seed=seed,
+        progress=progress,
+    )
+    effort = {"spp": spp} if transport_noise is None else {"transport_noise": transport_noise}
+    how = {**effort, "backend": activate()}
+    capture = record(
+        scene, instrument, light, truth, seed=seed, noise=noise, frames=frames, settings=how
+    )
+    return Simulation(capture, light.transports[0], truth)
 
 
 def record(
     scene: Scene,
     instrument: Instrument,
-    light: Transport,
+    light: LightSequence,
     truth: GroundTruth,
     *,
     seed: int,
     noise: bool = True,
     frames: int = 1,
+    settings: Mapping[str, Any] | None = None,
 ) -> Capture:
-    """Turn light into the capture that `instrument` would record."""
-    mean = mean_electrons(instrument, light)
+    """Turn light into the capture that `instrument` would record.
+
+    `settings` tells how the light was traced. With noise and frames it goes into the provenance,
+    so that the capture can be made again.
+    """
+    settings = {**(settings or {}), "noise": noise, "frames": frames}
+    mean = mean_electrons(instrument, light, frames)
     bucket, tof = instrument.detector, instrument.tof
     if noise:
         for_buckets, for_taps = (
             np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2)
         )
-        buckets = read_out(mean.buckets, bucket, instrument.exposure_time_s, frames, for_buckets)
-        taps = read_out(mean.taps, tof.detector, tof.tap_time_s, frames, for_taps)
+        buckets = read_out(mean.buckets, bucket, instrument.exposure_time_s, for_buckets)
+        taps = read_out(mean.taps, tof.detector, tof.tap_time_s, for_taps)
     else:
-        buckets = expected_readings(mean.buckets, bucket, frames)
-        taps = expected_readings(mean.taps, tof.detector, frames)
+        buckets = expected_readings(mean.buckets, bucket)
+        taps = expected_readings(mean.taps, tof.detector)
     return Capture(
         plan=instrument.pattern_plan,
         buckets=Buckets(
@@ -117,9 +146,11 @@ def record(
             instrument=instrument.text,
             scene=scene.text,
             seed=seed,
+            settings=yaml.safe_dump(settings, sort_keys=False),
         ),
         truth=Truth(
             image=mean.image.astype(np.float32),
+            image_error=mean.image_error.astype(np.float32),
             range_m=truth.range_m,
             depth_m=truth.depth_m,
             reflectance=truth.reflectance,

@@ -11,6 +11,9 @@ from spisim.instrument.parts import Detector
 
 Floats = NDArray[np.float64]
 
+LARGE_MEAN = 1e12
+"""Electrons above which the normal distribution stands for Poisson's, whose skewness is 1e-6."""
+
 
 class Readings(NamedTuple):
     """Counts (frames, ...) of one detector channel."""
@@ -24,17 +27,16 @@ def read_out(
     mean_electrons: Floats,
     detector: Detector,
     window_s: float,
-    frames: int,
     rng: np.random.Generator,
 ) -> Readings:
-    """Draw `frames` recordings of the mean charges.
+    """Draw one recording of the mean charges (frames, ...).
 
     Signal, daylight and dark current arrive as one Poisson process; the amplifier adds Gaussian
     charge noise, white over the window; the converter rounds and clips.
     """
-    shape = (frames, *mean_electrons.shape)
     amplifier = detector.amplifier_noise_electrons(window_s)
-    electrons = rng.poisson(mean_electrons, shape) + rng.normal(0, amplifier, shape)
+    electrons = _arrivals(mean_electrons, rng)
+    electrons += rng.normal(0, amplifier, electrons.shape)
     adc = detector.adc
     counts = np.rint(electrons / adc.electrons_per_count + adc.offset_counts)
     return Readings(
@@ -44,12 +46,19 @@ def read_out(
     )
 
 
-def expected_readings(mean_electrons: Floats, detector: Detector, frames: int) -> Readings:
+def _arrivals(mean: Floats, rng: np.random.Generator) -> Floats:
+    """Poisson numbers; NumPy has none of a mean near 2^63."""
+    large = mean > LARGE_MEAN
+    drawn = rng.poisson(np.where(large, 0, mean)).astype(np.float64)
+    drawn[large] = rng.normal(mean[large], np.sqrt(mean[large]))
+    return drawn
+
+
+def expected_readings(mean_electrons: Floats, detector: Detector) -> Readings:
     """What an ideal instrument would report: no noise, no steps, no end of range.
 
     Its noise is marked unknown, so that reconstruction takes every reading at its word.
     """
     adc = detector.adc
     counts = mean_electrons / adc.electrons_per_count + adc.offset_counts
-    repeated = np.repeat(counts[None], frames, axis=0)
-    return Readings(repeated, np.zeros(repeated.shape, dtype=np.bool_), np.nan)
+    return Readings(counts, np.zeros(counts.shape, dtype=np.bool_), np.nan)

@@ -11,6 +11,7 @@ from scipy.constants import c
 from reconstruction.patterns import expose
 from spisim.instrument import Instrument
 from spisim.instrument.parts import Detector
+from spisim.measurement.sequence import LightSequence, exposure_times_s
 from spisim.transport import Transport
 
 Floats = NDArray[np.float64]
@@ -18,33 +19,35 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class MeanElectrons:
-    """Mean electrons per reading of one frame, dark current and daylight included.
+    """Mean electrons per reading, dark current and daylight included.
 
-    `image` (H, W) is what each virtual pixel alone, fully on, adds to one exposure.
+    `image` (H, W) is what each virtual pixel alone, fully on, adds to one exposure, on average
+    over the first frame; `image_error` the standard error of the light transport in it.
     """
 
     image: Floats
-    buckets: Floats  # (M,)
-    taps: Floats  # (4, taps)
+    image_error: Floats
+    buckets: Floats  # (frames, M)
+    taps: Floats  # (frames, 4, taps)
 
 
-def mean_electrons(instrument: Instrument, light: Transport) -> MeanElectrons:
+def mean_electrons(instrument: Instrument, light: LightSequence, frames: int) -> MeanElectrons:
     """Electrons from the fractions of emitted power that the light transport found."""
-    image = light.image * (pixel_power_w(instrument) * bucket_gain(instrument))
-    steady = light.daylight_w * bucket_gain(instrument)
+    electrons = instrument.projector.pixel_powers_w * bucket_gain(instrument)
+    shares = light.weights(exposure_times_s(instrument, frames))  # (frames, M, keys)
+    images = np.array([key.image for key in light.transports]) * electrons
+    errors = np.array([key.image_error for key in light.transports]) * electrons
+    steady = np.array([key.daylight_w for key in light.transports]) * bucket_gain(instrument)
     steady += instrument.detector.dark_electrons(instrument.exposure_time_s)
+    readings = expose(instrument.pattern_plan, images) + steady[:, None]  # (keys, M)
+    taps = np.array([_taps(instrument, key) for key in light.transports])
+    in_frame = shares.mean(axis=1)  # (frames, keys)
     return MeanElectrons(
-        image=image,
-        buckets=expose(instrument.pattern_plan, image) + steady,
-        taps=_taps(instrument, light),
+        image=np.tensordot(in_frame[0], images, 1),
+        image_error=np.tensordot(in_frame[0], errors, 1),
+        buckets=np.einsum("fmk,km->fm", shares, readings),
+        taps=np.tensordot(in_frame, taps, 1),
     )
-
-
-def pixel_power_w(instrument: Instrument) -> float:
-    """In-band power of one virtual pixel, fully on."""
-    projector = instrument.projector
-    height, width = projector.shape
-    return projector.power_w * projector.in_band_fraction / (height * width)
 
 
 def bucket_gain(instrument: Instrument) -> float:
@@ -66,7 +69,8 @@ def _taps(instrument: Instrument, light: Transport) -> Floats:
     gain = _electrons_per_joule(instrument, tof.detector) * tof.tap_time_s
     laser = instrument.lasers.power_w * light.spot_histogram @ window.T
     dark = tof.detector.dark_electrons(tof.tap_time_s)
-    return np.asarray((laser + light.spot_daylight_w[:, None]) * gain + dark)
+    steady = light.spot_daylight_w + light.spot_crosstalk_w
+    return np.asarray((laser + steady[:, None]) * gain + dark)
 
 
 def _electrons_per_joule(instrument: Instrument, detector: Detector) -> float:

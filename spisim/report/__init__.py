@@ -49,6 +49,7 @@ def write_report(
             f"<header><h1>{escape(title)}</h1>"
             f"<p>{_kind(capture)}, {escape(provenance.created[:10])}</p></header>",
             sections.headline(capture, result, metrics),
+            sections.warnings(capture, result),
             sections.recording(capture, view),
             sections.image(capture, result, metrics),
             sections.depth(capture, result),

@@ -28,7 +28,7 @@ def write_overview(
     panels: list[tuple[str, ArrayLike, Scale]] = [
         ("scene", view, radiance_scale(view)),
         (
-            f"image from {100 * capture.plan.sampling_ratio:.2g} % of the patterns",
+            f"image from {100 * capture.plan.sampling_ratio:.3g} % of the patterns",
             result.image,
             intensity_scale(capture.truth.image, unit=""),
         ),

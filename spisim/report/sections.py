@@ -1,14 +1,15 @@
 """The parts of the report; each is empty where the capture does not hold what it shows."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction import Capture, Result
+from reconstruction import Capture, Result, capture_warnings
 
+from .markup import card, details, duration, length, number, section, table
 from .pictures import (
     colour_bar,
     depth_scale,
@@ -36,8 +37,8 @@ def headline(capture: Capture, result: Result, metrics: Metrics | None) -> str:
     """The figures that tell how good the reconstruction is."""
     plan = capture.plan
     cards = [
-        _card(
-            f"{100 * plan.sampling_ratio:.2g} %",
+        card(
+            f"{100 * plan.sampling_ratio:.3g} %",
             "sampling ratio",
             f"{plan.sampled} of {plan.pixels} patterns, {plan.exposures} exposures",
         ),
@@ -46,24 +47,24 @@ def headline(capture: Capture, result: Result, metrics: Metrics | None) -> str:
     reconstructed = f"{1e3 * sum(result.timings_s.values()):.0f} ms"
     if np.isfinite(frame_s):
         cards.append(
-            _card(f"{1 / frame_s:.3g} Hz", "frame rate", f"reconstructed in {reconstructed}")
+            card(f"{1 / frame_s:.3g} Hz", "frame rate", f"reconstructed in {reconstructed}")
         )
     else:
-        cards.append(_card(reconstructed, "to reconstruct", "frame rate not known"))
+        cards.append(card(reconstructed, "to reconstruct", "frame rate not known"))
     if metrics and "image" in metrics:
         image = metrics["image"]
         cards.append(
-            _card(
-                _number(image["correlation"], 3),
+            card(
+                number(image["correlation"], 3),
                 "image correlation",
-                f"zero-filled {_number(image['zero_filled']['correlation'], 3)}",
+                f"zero-filled {number(image['zero_filled']['correlation'], 3)}",
             )
         )
     if metrics and metrics.get("spots"):
         errors = [abs(s["error_m"]) for s in metrics["spots"] if s["error_m"] is not None]
         cards.append(
-            _card(
-                _length(max(errors, default=None)),
+            card(
+                length(max(errors, default=None)),
                 "largest range error",
                 f"of {len(errors)} measured spots",
             )
@@ -71,23 +72,29 @@ def headline(capture: Capture, result: Result, metrics: Metrics | None) -> str:
     if metrics and metrics.get("depth"):
         anchored, nearest = metrics["depth"]["anchored"], metrics["depth"]["nearest"]
         cards.append(
-            _card(
-                _length(anchored["mae_m"]),
+            card(
+                length(anchored["mae_m"]),
                 "mean depth error",
-                f"nearest anchor {_length(nearest['mae_m'])}",
+                f"nearest anchor {length(nearest['mae_m'])}",
             )
         )
     return f'<div class="cards">{"".join(cards)}</div>'
 
 
+def warnings(capture: Capture, result: Result) -> str:
+    """What its reader should know before believing the rest."""
+    items = "".join(f"<li>{escape(line)}</li>" for line in capture_warnings(capture, result.frame))
+    return f'<ul class="warnings">{items}</ul>' if items else ""
+
+
 def recording(capture: Capture, view: NDArray[np.floating] | None) -> str:
     """What a camera at the projector sees, and how it was recorded."""
-    facts = _table(["", ""], _facts(capture))
+    facts = table(["", ""], _facts(capture))
     if view is None:
-        return _section("Recording", "", facts)
+        return section("Recording", "", facts)
     scale = radiance_scale(view)
     picture = figure(view, scale, "Scene", "As a camera in the place of the projector sees it.")
-    return _section(
+    return section(
         "Recording",
         "",
         f'<div class="row recording"><div>{picture}{colour_bar(scale, "radiance")}</div>'
@@ -99,7 +106,8 @@ def image(capture: Capture, result: Result, metrics: Metrics | None) -> str:
     """True, reconstructed and zero-filled image."""
     true = None if capture.truth is None else capture.truth.image
     scale = intensity_scale(
-        *([result.image, result.image_zero_filled] if true is None else [true]), unit="electrons"
+        *([result.image, result.image_zero_filled] if true is None else [true]),
+        unit=f"{result.unit}s",
     )
     quality = (metrics or {}).get("image", {})
     pictures = [
@@ -113,10 +121,11 @@ def image(capture: Capture, result: Result, metrics: Metrics | None) -> str:
     ]
     if true is not None:
         pictures.insert(0, figure(true, scale, "True", "What each pixel alone would give."))
-    return _section(
+    return section(
         "Image",
         "Light of each virtual pixel on the single-pixel detector. The zero-filled inverse takes "
-        "every pattern that was not shown as zero.",
+        "every pattern that was not shown as zero. Both methods start from the same coefficients, "
+        "less the error that these share.",
         f'<div class="row">{"".join(pictures)}</div>{colour_bar(scale, "per exposure")}',
     )
 
@@ -146,7 +155,7 @@ def depth(capture: Capture, result: Result) -> str:
             f'<div class="row"><p class="aside">Reconstructed minus true depth: blue is too near, '
             f"red is too far.</p>{''.join(differences)}</div>{colour_bar(error, 'error')}"
         )
-    return _section(
+    return section(
         "Depth",
         "Four measured ranges spread over the image, beside the plain choice: each pixel "
         "takes the depth of the spot nearest to it. Hatched where nothing is hit.",
@@ -166,24 +175,25 @@ def spots(capture: Capture, result: Result, transport: SpotHistograms | None) ->
         rows.append(
             [
                 f'<span class="dot" style="--colour:var(--spot-{k})"></span>spot {k}',
-                _number(expected, 3),
-                _number(measured, 3),
-                _number(100 * (measured - expected), 1),
-                _number(100 * ranges.sigma_m[k], 1),
-                _number(ranges.amplitude_electrons[k], 0),
-                "yes" if ranges.valid[k] else "no",
+                number(expected, 3),
+                number(measured, 3),
+                number(100 * (measured - expected), 1),
+                number(100 * ranges.sigma_m[k], 1),
+                number(ranges.amplitude_electrons[k], 0),
+                escape(ranges.status[k]),
             ]
         )
-    heads = ["", "true, m", "measured, m", "error, cm", "sigma, cm", "amplitude, e⁻", "valid"]
+    heads = ["", "true, m", "measured, m", "error, cm", "sigma, cm", "amplitude, e⁻", ""]
     plot = ""
     if transport is not None:
         way = None if true is None else _path_lengths(capture, true)
         plot = spot_plot(transport, way)
-    return _section(
+    return section(
         "Laser spots",
-        "Range along each laser's ray. Below, the light that comes back over its whole way: what "
-        "stands before the dashed line of the true way is fog.",
-        _table(heads, rows) + plot,
+        "Range along each laser's ray. Sigma is its noise; the bias from light that came another "
+        "way is not in it. Below, the light that comes back over its whole way: what stands before "
+        "the dashed line of the true way is fog.",
+        table(heads, rows) + plot,
     )
 
 
@@ -197,21 +207,25 @@ def quality(metrics: Metrics | None) -> str:
         tables.append(_comparison("image", both))
     if metrics.get("depth"):
         tables.append(_comparison("depth", metrics["depth"]))
-    return _section("Against truth", "", "".join(tables))
+    return section("Against truth", _truth_noise(metrics), "".join(tables))
 
 
 def timings(seconds: Mapping[str, float]) -> str:
     """How long each step took."""
-    rows = [[escape(step.replace("_", " ")), _number(s, 3)] for step, s in seconds.items()]
-    return _section("Time", "", _table(["step", "s"], rows)) if rows else ""
+    rows = [[escape(step.replace("_", " ")), number(s, 3)] for step, s in seconds.items()]
+    return section("Time", "", table(["step", "s"], rows)) if rows else ""
 
 
 def parameters(capture: Capture) -> str:
     """Everything that is needed to make the capture again."""
     provenance = capture.provenance
-    texts = {"Instrument": provenance.instrument, "Scene": provenance.scene}
-    body = "".join(_yaml(title, text) for title, text in texts.items() if text)
-    return _section("Parameters", "", body) if body else ""
+    texts = {
+        "Instrument": provenance.instrument,
+        "Scene": provenance.scene,
+        "Settings of the simulator": provenance.settings,
+    }
+    body = "".join(details(title, text) for title, text in texts.items() if text)
+    return section("Parameters", "", body) if body else ""
 
 
 def _facts(capture: Capture) -> list[list[str]]:
@@ -226,8 +240,8 @@ def _facts(capture: Capture) -> list[list[str]]:
         "virtual pixels": f"{width} × {height}",
         "patterns": f"{plan.sampled} of {plan.pixels}, {plan.basis}, {plan.order}",
         "exposures": str(plan.exposures),
-        "exposure time": _seconds(buckets.exposure_time_s),
-        "duration": _seconds(plan.exposures * buckets.pattern_period_s),
+        "exposure time": duration(buckets.exposure_time_s),
+        "duration": duration(plan.exposures * buckets.pattern_period_s),
         "electronics noise": _electrons(buckets.noise_electrons),
         "saturated readings": str(int(np.count_nonzero(buckets.saturated))),
     }
@@ -245,23 +259,14 @@ def _path_lengths(capture: Capture, range_m: NDArray[np.float64]) -> NDArray[np.
     return range_m + back
 
 
-def _section(title: str, explanation: str, body: str) -> str:
-    paragraph = f"<p>{escape(explanation)}</p>" if explanation else ""
-    return f"<section><h2>{escape(title)}</h2>{paragraph}{body}</section>"
-
-
-def _card(value: str, label: str, note: str) -> str:
+def _truth_noise(metrics: Metrics) -> str:
+    noise = metrics.get("truth", {}).get("image_noise")
+    if noise is None:
+        return ""
     return (
-        f'<div class="card"><b>{escape(value)}</b><span>{escape(label)}</span>'
-        f"<small>{escape(note)}</small></div>"
+        f"The true image is a Monte Carlo estimate too: its standard error is {100 * noise:.2g} % "
+        "of its RMS."
     )
-
-
-def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table; cells are HTML."""
-    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
-    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    return f'<div class="tables"><table><tr>{head}</tr>{body}</table></div>'
 
 
 def _comparison(name: str, columns: Mapping[str, Mapping[str, Any]]) -> str:
@@ -269,44 +274,18 @@ def _comparison(name: str, columns: Mapping[str, Mapping[str, Any]]) -> str:
     first = next(iter(columns.values()))
     keys = [key for key, value in first.items() if not isinstance(value, Mapping)]
     rows = [
-        [METRICS.get(key, key.replace("_", " ")), *(_number(c[key], 3) for c in columns.values())]
+        [METRICS.get(key, key.replace("_", " ")), *(number(c[key], 3) for c in columns.values())]
         for key in keys
     ]
-    return _table([name, *columns], rows)
-
-
-def _yaml(title: str, text: str) -> str:
-    if not text:
-        return ""
-    return f"<details><summary>{escape(title)}</summary><pre>{escape(text)}</pre></details>"
+    return table([name, *columns], rows)
 
 
 def _quality(metrics: Mapping[str, Any]) -> str:
     if not metrics:
         return ""
-    correlation, nrmse = _number(metrics["correlation"], 3), _number(metrics["nrmse"], 3)
+    correlation, nrmse = number(metrics["correlation"], 3), number(metrics["nrmse"], 3)
     return f"correlation {correlation}, NRMSE {nrmse}"
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "–" if value is None or not np.isfinite(value) else f"{value:,.{digits}f}"
-
-
-def _length(metres: float | None) -> str:
-    if metres is None or not np.isfinite(metres):
-        return "–"
-    return f"{100 * metres:.1f} cm" if abs(metres) < 1 else f"{metres:.2f} m"
 
 
 def _electrons(noise: float) -> str:
     return f"{noise:,.0f} electrons rms per exposure" if np.isfinite(noise) else "not known"
-
-
-def _seconds(seconds: float) -> str:
-    """A time in the unit that suits it."""
-    if not np.isfinite(seconds):
-        return "not known"
-    for factor, unit in ((1.0, "s"), (1e3, "ms")):
-        if seconds * factor >= 1:
-            return f"{seconds * factor:.4g} {unit}"
-    return f"{seconds * 1e6:.4g} µs"

@@ -1,17 +1,23 @@
-"""What is out there: geometry, materials, atmosphere, daylight, and where the drone is."""
+"""What is out there: geometry, materials, media, daylight, the drone, and how it all moves."""
 
 from spisim.scene.load import list_scenes, load_scene, scenes_folder
 from spisim.scene.materials import Material, find_material, material_table
-from spisim.scene.model import Ambient, Scene, SceneObject
+from spisim.scene.model import Ambient, Scene, SceneObject, Volume
+from spisim.scene.motion import check_clear_of_sensor
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object, spot_ranges
+from spisim.scene.shapes import texture_coordinates
 from spisim.scene.sun import in_band_irradiance
+from spisim.scene.warning import SceneWarning
 
 __all__ = [
     "Ambient",
     "Material",
     "Scene",
     "SceneObject",
+    "SceneWarning",
+    "Volume",
+    "check_clear_of_sensor",
     "enclosing_object",
     "find_material",
     "in_band_irradiance",
@@ -22,4 +28,5 @@ __all__ = [
     "pose_matrix",
     "scenes_folder",
     "spot_ranges",
+    "texture_coordinates",
 ]

@@ -13,11 +13,16 @@ from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section
 
 
 class DroneDescription(Section):
-    """Where the instrument is and what it looks at, in world coordinates (z up)."""
+    """Where the instrument is and what it looks at, in world coordinates (z up), and its motion.
+
+    Angular velocities are about the world's axes, right-handed, through the drone.
+    """
 
     position_m: Vector
     look_at_m: Vector
     up: Vector = (0.0, 0.0, 1.0)
+    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    angular_velocity_deg_s: Vector = (0.0, 0.0, 0.0)
 
 
 class Pose(Section):
@@ -34,13 +39,16 @@ class ObjectDescription(Pose):
     """What objects of every shape have in common.
 
     The shape is scaled, then posed. With `instances` there is one copy per entry, posed once more
-    by it, and named name-1, name-2, ….
+    by it, and named name-1, name-2, …. Velocities are along and about the world's axes; every copy
+    turns about the centre of its own bounding box.
     """
 
     name: Name
     material: Name
     scale: Positive = 1.0
     instances: Annotated[tuple[Pose, ...], Field(min_length=1)] | None = None
+    velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    angular_velocity_deg_s: Vector = (0.0, 0.0, 0.0)
 
 
 class MeshObject(ObjectDescription):
@@ -107,10 +115,54 @@ AnyObject = Annotated[
 
 
 class MaterialDescription(Section):
-    """A material of this scene's own; `source` says where the value comes from."""
+    """A material of this scene's own; `source` says where its values come from.
 
-    reflectance: Fraction
+    Which of `roughness` to `specular` go with a `bsdf`, and their ranges, is up to the model.
+    """
+
+    reflectance: Fraction | None = None
     source: Name
+    bsdf: str = "diffuse"
+    roughness: Number | None = None
+    ior: Number | None = None
+    eta: Number | None = None
+    k: Number | None = None
+    metallic: Number | None = None
+    specular: Number | None = None
+    texture: Name | None = None
+    opacity: Fraction | Name | None = None
+
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the model, as far as given."""
+        names = ("roughness", "ior", "eta", "k", "metallic", "specular")
+        return {name: getattr(self, name) for name in names if name in self.model_fields_set}
+
+
+class PhaseDescription(Section):
+    """A phase function: `g` of Henyey-Greenstein, a `table` file, or a `blend` of several.
+
+    Beside a table, `g` is what its mean cosine should be, and `unit` whether its values are
+    absolute.
+    """
+
+    g: Annotated[Number, Field(gt=-1, lt=1)] | None = None
+    table: Name | None = None
+    unit: Literal["relative", "1/sr"] = "relative"
+    blend: Annotated[tuple[BlendPart, ...], Field(min_length=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> PhaseDescription:
+        given = self.model_fields_set - {"weight"}
+        allowed = {"table", "g", "unit"} if "table" in given else {"g"}
+        if given not in ({"blend"}, {"g"}) and not ("table" in given and given <= allowed):
+            raise PydanticCustomError("phase", "needs one of g, table (with unit and g), or blend")
+        return self
+
+
+class BlendPart(PhaseDescription):
+    """A phase function's share of a blend; the weights sum to 1."""
+
+    weight: Positive
 
 
 class FogDescription(Section):
@@ -122,23 +174,33 @@ class FogDescription(Section):
     extinction_per_m: NonNegative | None = None
     albedo: Fraction = 1.0
     g: Annotated[Number, Field(gt=-1, lt=1)] = 0.0
+    phase: PhaseDescription | None = None
 
     @model_validator(mode="after")
     def _one_way(self) -> FogDescription:
         given = self.model_fields_set
         if ("visibility_m" in given) == ("extinction_per_m" in given):
             raise PydanticCustomError("fog", "needs either visibility_m or extinction_per_m")
-        other = {"albedo", "g"} if "visibility_m" in given else {"kind", "definition"}
+        if {"g", "phase"} <= given:
+            raise PydanticCustomError("fog", "needs g or phase, not both")
+        way = "visibility_m" if "visibility_m" in given else "extinction_per_m"
+        other = {"albedo", "g", "phase"} if way == "visibility_m" else {"kind", "definition"}
         if stray := sorted(given & other):
             raise PydanticCustomError(
-                "fog",
-                "{field} does not go with {way}",
-                {
-                    "field": stray[0],
-                    "way": "visibility_m" if "visibility_m" in given else "extinction_per_m",
-                },
+                "fog", "{field} does not go with {way}", {"field": stray[0], "way": way}
             )
         return self
+
+
+class VolumeDescription(Pose, FogDescription):
+    """A box of fog or smoke with edges `size_m`, centred on the origin before its pose.
+
+    `density` is a file of relative densities (nz, ny, nx) that fills the box.
+    """
+
+    name: Name
+    size_m: tuple[Positive, Positive, Positive]
+    density: Name | None = None
 
 
 class AmbientDescription(Section):
@@ -158,4 +220,5 @@ class SceneDescription(Section):
     objects: Annotated[tuple[AnyObject, ...], Field(min_length=1)]
     materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
     fog: FogDescription | None = None
+    volumes: tuple[VolumeDescription, ...] = ()
     ambient: AmbientDescription = AmbientDescription()

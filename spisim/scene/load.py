@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,20 +13,26 @@ import trimesh
 
 from reconstruction.errors import InputError
 from spisim import atmosphere
-from spisim.atmosphere import CLEAR, Atmosphere
+from spisim.atmosphere import CLEAR, Atmosphere, Blend, Phase
 from spisim.config import find_named, parse_model, read_text
 from spisim.scene.description import (
     AmbientDescription,
     FogDescription,
+    MeshObject,
     ObjectDescription,
+    PhaseDescription,
     Pose,
     SceneDescription,
+    VolumeDescription,
 )
-from spisim.scene.materials import Material, find_material
-from spisim.scene.model import Ambient, Scene, SceneObject
+from spisim.scene.files import read_columns, read_density
+from spisim.scene.materials import Material, find_material, make_material
+from spisim.scene.model import Ambient, Scene, SceneObject, Vector3, Volume
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
-from spisim.scene.shapes import make_mesh
+from spisim.scene.shapes import make_mesh, texture_coordinates
+from spisim.scene.soundness import warn_of_unsound_meshes
+from spisim.scene.volumes import warn_of_overlap
 
 
 def scenes_folder() -> Path:
@@ -45,17 +53,20 @@ def load_scene(path: str | Path) -> Scene:
 
     Raises InputError, naming file, field and what is allowed, for a file that is missing or not
     YAML, fields that are unknown, missing or out of range, a mesh that is missing or unusable, an
-    unknown material, two objects of one name, and a drone inside an object.
+    unknown material or unfit pictures, densities and phase functions, two objects or volumes of one
+    name, and a drone inside an object. Warns with SceneWarning of meshes that are no sound surfaces
+    and of volumes that overlap.
     """
     file = find_named(str(path), scenes_folder(), "scene")
     text = read_text(file)
     described = parse_model(text, SceneDescription, file)
-    materials = {
-        name: Material(name, row.reflectance, row.source)
-        for name, row in described.materials.items()
-    }
+    folder = file.parent
+    materials: dict[str, Material] = {}
+    for name, own in described.materials.items():
+        with _problems_at(file, f"materials.{name}"):
+            materials[name] = make_material(name, own, folder)
     with _problems_at(file, "fog"):
-        air = _atmosphere(described.fog)
+        air = CLEAR if described.fog is None else _medium(described.fog, folder)
     with _problems_at(file, "ambient"):
         ambient = _ambient(described.ambient)
     with _problems_at(file, "drone"):
@@ -63,10 +74,27 @@ def load_scene(path: str | Path) -> Scene:
     objects: list[SceneObject] = []
     for i, row in enumerate(described.objects):
         with _problems_at(file, f"objects[{i}] ({row.name})"):
-            objects += _place(row, file.parent, materials)
-    scene = Scene(described.name, tuple(objects), air, ambient, pose, text)
-    _check_names(scene, file)
+            objects += _place(row, folder, materials)
+    volumes: list[Volume] = []
+    for i, box in enumerate(described.volumes):
+        with _problems_at(file, f"volumes[{i}] ({box.name})"):
+            volumes.append(_volume(box, folder))
+    scene = Scene(
+        described.name,
+        tuple(objects),
+        air,
+        ambient,
+        pose,
+        text,
+        tuple(volumes),
+        described.drone.velocity_m_s,
+        _radians(described.drone.angular_velocity_deg_s),
+    )
+    _check_names("objects", [thing.name for thing in objects], file)
+    _check_names("volumes", [volume.name for volume in volumes], file)
     _check_drone(scene, file)
+    warn_of_unsound_meshes(scene)
+    warn_of_overlap(volumes)
     return scene
 
 
@@ -79,13 +107,44 @@ def _problems_at(file: Path, field: str) -> Iterator[None]:
         raise InputError(f"{file}: {field}: {error}") from None
 
 
-def _atmosphere(described: FogDescription | None) -> Atmosphere:
-    if described is None:
-        return CLEAR
+def _medium(described: FogDescription, folder: Path) -> Atmosphere:
     if described.extinction_per_m is not None:
-        return atmosphere.explicit(described.extinction_per_m, described.albedo, described.g)
+        phase = _phase(described.phase, folder) if described.phase else None
+        return atmosphere.explicit(
+            described.extinction_per_m,
+            described.albedo,
+            phase or atmosphere.henyey_greenstein(described.g),
+        )
     assert described.visibility_m is not None  # the description demands one of the two
     return atmosphere.fog(described.visibility_m, described.kind, described.definition)
+
+
+def _phase(described: PhaseDescription, folder: Path) -> Phase:
+    if described.blend is not None:
+        return Blend(tuple((part.weight, _phase(part, folder)) for part in described.blend))
+    if described.table is not None:
+        return atmosphere.tabulate(
+            read_columns(folder / described.table),
+            per_steradian=described.unit == "1/sr",
+            declared_g=described.g,
+            name=described.table,
+        )
+    assert described.g is not None  # the description demands one of the three
+    return atmosphere.henyey_greenstein(described.g)
+
+
+def _volume(described: VolumeDescription, folder: Path) -> Volume:
+    medium = _medium(described, folder)
+    if medium.extinction_per_m == 0:
+        raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
+    centred = np.diag([*described.size_m, 1.0])
+    centred[:3, 3] = np.multiply(described.size_m, -0.5)
+    return Volume(
+        described.name,
+        medium,
+        pose_matrix(described.rotate_deg, described.translate_m) @ centred,
+        None if described.density is None else read_density(folder / described.density),
+    )
 
 
 def _ambient(described: AmbientDescription) -> Ambient:
@@ -103,13 +162,24 @@ def _place(
     """An object, or its instances, with meshes in world coordinates."""
     material = find_material(described.material, materials)
     mesh = make_mesh(described, folder)
+    if material.needs_texture_coordinates and texture_coordinates(mesh) is None:
+        what = f"mesh {described.mesh!r}" if isinstance(described, MeshObject) else "this shape"
+        raise InputError(
+            f"{what} has no texture coordinates, which material {material.name!r} needs for its "
+            "texture or opacity"
+        )
     mesh.apply_scale(described.scale)
     mesh.apply_transform(pose_matrix(described.rotate_deg, described.translate_m))
-    if described.instances is None:
-        return [SceneObject(described.name, mesh, material)]
+    instances = {described.name: mesh}
+    if described.instances is not None:
+        instances = {
+            f"{described.name}-{i}": _posed(mesh, instance)
+            for i, instance in enumerate(described.instances, start=1)
+        }
+    turning = _radians(described.angular_velocity_deg_s)
     return [
-        SceneObject(f"{described.name}-{i}", _posed(mesh, instance), material)
-        for i, instance in enumerate(described.instances, start=1)
+        SceneObject(name, posed, material, described.velocity_m_s, turning)
+        for name, posed in instances.items()
     ]
 
 
@@ -117,12 +187,15 @@ def _posed(mesh: trimesh.Trimesh, pose: Pose) -> trimesh.Trimesh:
     return mesh.copy().apply_transform(pose_matrix(pose.rotate_deg, pose.translate_m))
 
 
-def _check_names(scene: Scene, file: Path) -> None:
-    seen: set[str] = set()
-    for scene_object in scene.objects:
-        if scene_object.name in seen:
-            raise InputError(f"{file}: objects: two of them are named {scene_object.name!r}")
-        seen.add(scene_object.name)
+def _radians(degrees: Vector3) -> Vector3:
+    x, y, z = (math.radians(angle) for angle in degrees)
+    return x, y, z
+
+
+def _check_names(field: str, names: list[str], file: Path) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise InputError(f"{file}: {field}: two of them are named {name!r}")
 
 
 def _check_drone(scene: Scene, file: Path) -> None:

@@ -1,8 +1,9 @@
-"""A scene in memory: meshes in world coordinates, materials, atmosphere, daylight, drone pose."""
+"""A scene in memory: surfaces and media in world coordinates, daylight, drone, and their motion."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 import trimesh
@@ -10,15 +11,54 @@ from numpy.typing import NDArray
 
 from spisim.atmosphere import Atmosphere
 from spisim.scene.materials import Material
+from spisim.scene.pose import moved_pose
+
+Floats: TypeAlias = NDArray[np.float64]
+Vector3: TypeAlias = tuple[float, float, float]
+
+STILL: Vector3 = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class SceneObject:
-    """One named surface."""
+    """One named surface. Velocities are in world axes, about the centre of its bounds."""
 
     name: str
     mesh: trimesh.Trimesh  # world coordinates, metres
     material: Material
+    velocity_m_s: Vector3 = STILL
+    angular_velocity_rad_s: Vector3 = STILL
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has any velocity."""
+        return any(self.velocity_m_s) or any(self.angular_velocity_rad_s)
+
+    def motion(self, time_s: float) -> Floats:
+        """(4, 4) matrix that takes the object from where it is to where it is after `time_s`."""
+        centre = self.mesh.bounds.mean(axis=0)
+        return moved_pose(centre, self.velocity_m_s, self.angular_velocity_rad_s, time_s)
+
+    def at(self, time_s: float) -> SceneObject:
+        """The object after `time_s`; itself if it does not move."""
+        if not self.moves:
+            return self
+        return replace(self, mesh=self.mesh.copy().apply_transform(self.motion(time_s)))
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """A box filled with a medium, in addition to the atmosphere.
+
+    `to_world` (4, 4) places the unit cube [0, 1]³. `density` (nz, ny, nx) is relative to the
+    medium's extinction, sampled at the centres of the cells that divide the cube, linear between
+    and constant beyond them; None is 1 everywhere.
+    """
+
+    name: str
+    medium: Atmosphere
+    to_world: Floats
+    density: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True)
@@ -26,7 +66,7 @@ class Ambient:
     """Daylight outside the scene; what reaches a surface is up to the scene's openings."""
 
     sun_klx: float = 0.0  # illuminance of a surface normal to the sun
-    sun_direction: tuple[float, float, float] = (0.0, 0.0, -1.0)  # unit, from the sun, world
+    sun_direction: Vector3 = (0.0, 0.0, -1.0)  # unit, from the sun, world
     sky_klx: float = 0.0  # horizontal illuminance under a uniform sky
 
 
@@ -35,12 +75,46 @@ class Scene:
     """Everything that light meets, and where the instrument is.
 
     `drone_pose` (4, 4) takes points of the instrument's optical frame (x right, y down, z forward,
-    metres) to the world (z up). `text` is the YAML that the scene was made from, or "".
+    metres) to the world (z up). The drone's velocities are in world axes, about its position.
+    `text` is the YAML that the scene was made from, or "".
     """
 
     name: str
     objects: tuple[SceneObject, ...]
     atmosphere: Atmosphere
     ambient: Ambient
-    drone_pose: NDArray[np.float64]
+    drone_pose: Floats
     text: str = ""
+    volumes: tuple[Volume, ...] = ()
+    drone_velocity_m_s: Vector3 = STILL
+    drone_angular_velocity_rad_s: Vector3 = STILL
+
+    @property
+    def drone_moves(self) -> bool:
+        """Whether the drone has any velocity."""
+        return any(self.drone_velocity_m_s) or any(self.drone_angular_velocity_rad_s)
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything has any velocity."""
+        return self.drone_moves or any(thing.moves for thing in self.objects)
+
+    def drone_pose_at(self, time_s: float) -> Floats:
+        """The drone's pose (4, 4) after `time_s`."""
+        motion = moved_pose(
+            self.drone_pose[:3, 3],
+            self.drone_velocity_m_s,
+            self.drone_angular_velocity_rad_s,
+            time_s,
+        )
+        return motion @ self.drone_pose
+
+    def at(self, time_s: float) -> Scene:
+        """The scene after `time_s`, with everything moved rigidly; itself if nothing moves."""
+        if not self.moves:
+            return self
+        return replace(
+            self,
+            objects=tuple(thing.at(time_s) for thing in self.objects),
+            drone_pose=self.drone_pose_at(time_s),
+        )

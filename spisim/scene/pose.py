@@ -19,6 +19,20 @@ def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> NDArray[np.flo
     return matrix
 
 
+def moved_pose(
+    pivot_m: ArrayLike, velocity_m_s: ArrayLike, angular_velocity_rad_s: ArrayLike, time_s: float
+) -> NDArray[np.float64]:
+    """(4, 4) matrix of a rigid motion after `time_s`.
+
+    Turns about axes through `pivot_m`, which moves along; all in world axes.
+    """
+    pivot = np.asarray(pivot_m, float)
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_rotvec(np.multiply(angular_velocity_rad_s, time_s)).as_matrix()
+    matrix[:3, 3] = pivot + np.multiply(velocity_m_s, time_s) - matrix[:3, :3] @ pivot
+    return matrix
+
+
 def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:
     """(4, 4) world-from-optical pose at `position_m` that looks at `target_m`.
 

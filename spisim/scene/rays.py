@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from spisim.scene.model import Scene
-
-Floats = NDArray[np.float64]
+from spisim.scene.model import Floats, Scene
 
 
 def spot_ranges(scene: Scene, directions: ArrayLike) -> Floats:
@@ -20,12 +18,17 @@ def spot_ranges(scene: Scene, directions: ArrayLike) -> Floats:
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     rays = rays @ scene.drone_pose[:3, :3].T
     origin = scene.drone_pose[:3, 3]
-    ranges = [_hits(origin, rays, scene_object.mesh.triangles) for scene_object in scene.objects]
+    ranges = [
+        first_hits(origin, rays, scene_object.mesh.triangles) for scene_object in scene.objects
+    ]
     return np.min(ranges, axis=0)
 
 
-def _hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
-    """Nearest hit (n,) of each ray among triangles (t, 3, 3): Möller & Trumbore (1997)."""
+def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
+    """First hit (n,) of each ray (n, 3) among triangles (t, 3, 3), in ray lengths, else inf.
+
+    Möller & Trumbore (1997).
+    """
     corner = triangles[:, 0]
     edge1, edge2 = triangles[:, 1] - corner, triangles[:, 2] - corner
     nearest = np.full(len(rays), np.inf)

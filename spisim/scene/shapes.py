@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError
 from spisim.scene.description import (
     BoxObject,
     CylinderObject,
@@ -16,6 +17,7 @@ from spisim.scene.description import (
     RectangleObject,
     SphereObject,
 )
+from spisim.scene.files import check_is_there
 
 SPHERE_SUBDIVISIONS = 4  # 5120 triangles, radius true to 0.1 %
 CYLINDER_SECTIONS = 96  # radius true to 0.05 %
@@ -48,10 +50,7 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     Raises InputError where the file is missing or of an unknown format, or holds no triangles,
     triangles of missing vertices, or coordinates that are not finite.
     """
-    if not path.is_file():
-        others = sorted(other.name for other in path.parent.glob(f"*{path.suffix}"))
-        hint = f" in {path.parent}; {nearest(path.name, others)}" if others else f": {path}"
-        raise InputError(f"no mesh {path.name!r}{hint}")
+    check_is_there(path, "mesh")
     if path.suffix.lstrip(".").lower() not in trimesh.available_formats():
         formats = ", ".join(sorted(trimesh.available_formats()))
         raise InputError(f"mesh {path.name!r} has an unknown format; known: {formats}")
@@ -64,6 +63,14 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
         mesh = mesh.to_mesh()
     _check_mesh(mesh, path.name)
     return mesh
+
+
+def texture_coordinates(mesh: trimesh.Trimesh) -> NDArray[np.float64] | None:
+    """Texture coordinates (vertices, 2), u to the right and v up, or None where it lacks them."""
+    uv = getattr(mesh.visual, "uv", None)
+    if uv is None or len(uv) != len(mesh.vertices) or not np.isfinite(uv).all():
+        return None
+    return np.asarray(uv, dtype=np.float64)[:, :2]
 
 
 def _check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
@@ -80,4 +87,5 @@ def _check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
 def _rectangle(width_m: float, height_m: float) -> trimesh.Trimesh:
     x, y = width_m / 2, height_m / 2
     vertices = [[-x, -y, 0], [x, -y, 0], [x, y, 0], [-x, y, 0]]
-    return trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], process=False)
+    corners = trimesh.visual.TextureVisuals(uv=[[0, 0], [1, 0], [1, 1], [0, 1]])
+    return trimesh.Trimesh(vertices, [[0, 1, 2], [0, 2, 3]], process=False, visual=corners)

@@ -22,6 +22,11 @@ class Accumulator:
         self._sums = dr.zeros(mi.Int64, cells)
 
     def add(self, value: Any, cell: Any, active: Any) -> None:
+        """Add one contribution per active lane.
+
+        A connection of no length gives 0/0; it has no probability, and is left out.
+        """
+        active = active & dr.isfinite(value)
         quanta = mi.Int64(dr.round(mi.Float64(value) * (1.0 / QUANTUM_PER_M2)))
         dr.scatter_reduce(dr.ReduceOp.Add, self._sums, quanta, cell, active)
 

@@ -1,50 +1,96 @@
-"""Sun and sky: the steady in-band power on every detector."""
+"""Steady light on the detectors: sun and sky, and the projector on the ranging detectors.
+
+The sun is parallel light, the sky a uniform upper hemisphere; both come through the fog like all
+light.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene
+from spisim.transport.accumulator import Accumulator
 from spisim.transport.backend import with_backend
-from spisim.transport.reference import Renderer
-from spisim.transport.views import DetectorView, Floats
+from spisim.transport.effort import Paths, repeat
+from spisim.transport.ends import Detectors, Lamp, Sun
+from spisim.transport.estimator import MAX_VERTICES, alone, run
+from spisim.transport.views import DetectorView, Floats, ProjectorView
+from spisim.transport.walk import Contribution, Sink, Sky
+from spisim.transport.world import World
 
-_SKY_ROWS = 64
+
+def sun_of(scene: Scene, instrument: Instrument, world: World) -> Sun:
+    """The sun's in-band light."""
+    return Sun(
+        irradiance=dr.opaque(mi.Float, instrument.daylight_irradiance(scene.ambient.sun_klx)),
+        direction=dr.opaque(mi.Vector3f, list(scene.ambient.sun_direction)),
+        distance_m=dr.opaque(mi.Float, 3 * world.radius_m),
+    )
 
 
-def daylight_emitters(scene: Scene, instrument: Instrument) -> dict[str, Any]:
-    """Sun and uniform upper hemisphere as Mitsuba emitters, in-band W/m² and W m⁻² sr⁻¹."""
-    ambient = scene.ambient
-    emitters: dict[str, Any] = {}
-    if ambient.sun_klx > 0:
-        irradiance = instrument.daylight_irradiance(ambient.sun_klx)
-        emitters["sun"] = {
-            "type": "directional",
-            "direction": list(ambient.sun_direction),
-            "irradiance": {"type": "rgb", "value": [irradiance] * 3},
-        }
-    if ambient.sky_klx > 0:
-        # E = π L for a uniform hemisphere; the map's rows run from the zenith down.
-        sky = np.zeros((_SKY_ROWS, 2 * _SKY_ROWS, 1), dtype=np.float32)
-        sky[: _SKY_ROWS // 2] = instrument.daylight_irradiance(ambient.sky_klx) / np.pi
-        emitters["sky"] = {
-            "type": "envmap",
-            "bitmap": mi.Bitmap(sky),
-            "to_world": mi.ScalarTransform4f().rotate([1, 0, 0], 90),  # Mitsuba's maps are y-up
-        }
-    return emitters
+def sky_of(scene: Scene, instrument: Instrument) -> Sky:
+    """In-band radiance of the sky by direction: E = π L for a uniform hemisphere, none below."""
+    level = instrument.daylight_irradiance(scene.ambient.sky_klx) / np.pi
+    radiance = dr.opaque(mi.Float, level)
+    return lambda direction: dr.select(direction.z > 0, radiance, 0)
 
 
 @with_backend
 def daylight_power(
-    scene: Scene, instrument: Instrument, detectors: DetectorView, *, samples: int, seed: int
+    scene: Scene,
+    instrument: Instrument,
+    world: World,
+    detectors: DetectorView,
+    *,
+    paths: int,
+    seed: np.random.SeedSequence,
 ) -> Floats:
     """In-band power of sun and sky on each detector's aperture, W, (detectors,)."""
-    emitters = daylight_emitters(scene, instrument)
-    if not emitters:
+    if scene.ambient.sun_klx == 0 and scene.ambient.sky_klx == 0:
         return np.zeros(len(detectors.positions_m))
-    return Renderer(scene, emitters).power(detectors, samples=samples, seed=seed)
+    sun, sky = sun_of(scene, instrument, world), sky_of(scene, instrument)
+    return _received(world, detectors, sun, sky, paths, seed)
+
+
+@with_backend
+def projector_power(
+    world: World,
+    projector: ProjectorView,
+    power_w: Floats,
+    detectors: DetectorView,
+    *,
+    paths: int,
+    seed: np.random.SeedSequence,
+) -> Floats:
+    """Power that a projector which emits `power_w` (H, W) sends onto each detector, W."""
+    return _received(world, detectors, Lamp.of(projector, power_w), None, paths, seed)
+
+
+def _received(
+    world: World,
+    detectors: DetectorView,
+    source: Sink,
+    sky: Sky | None,
+    paths: int,
+    seed: np.random.SeedSequence,
+) -> Floats:
+    count = len(detectors.positions_m)
+
+    def launch(samples: int, seeds: Sequence[int]) -> Mapping[str, Floats]:
+        accumulator = Accumulator(count)
+        ends = Detectors.of(detectors, samples)
+
+        def deposit(light: Contribution) -> None:
+            lane: Any = dr.arange(mi.UInt32, ends.lanes)
+            accumulator.add(light.value, lane % count, light.active)
+
+        run(world, ends, source, seeds[0], MAX_VERTICES, "Radiance", alone, deposit, sky)
+        return {"power": accumulator.read() * detectors.area_m2}
+
+    return repeat(launch, Paths(paths), count, seed, None).mean["power"]

@@ -1,15 +1,15 @@
-"""The two ends of every path: the projector's pinhole and the detectors' apertures.
+"""The ends of every light path: projector, detectors, cameras and the sun.
 
 An end is described by its importance W(ω): a path p → x₁ → … → xₙ → y carries the fraction
 
     W_P(ω₀) · Π (scattering · transmittance / distance²) · W_D(ωₙ)
 
-of the emitted power onto unit detector area. Paths are launched from an end in proportion to its
-W, so that (number of paths) x (density of a direction) = κ W with one constant κ per end. Seen
-like this both ends are alike, and one walk serves either.
+of the emitted power onto unit detector area. Paths are launched with a number density (number of
+paths x density of the direction, 1/sr) that is proportional to W, or close to it. Seen like this
+all ends are alike, and one walk serves any pair of them.
 
-Every end offers `launch`, which starts paths; `density`, the number density κ W (1/sr) with which
-it did; and `connect`, where a path of the other side may end.
+An end offers `launch`, which starts paths, and `density`, the number density with which it did;
+`connect`, where a path of the other side may end; or both.
 """
 
 from __future__ import annotations
@@ -26,32 +26,35 @@ from spisim.transport.views import DetectorView, ProjectorView
 
 
 class Launch(NamedTuple):
-    """Paths that leave an end: where, whereto, and 1/κ."""
+    """Paths that leave an end: where, whereto, and W / density."""
 
     origin: Any
     direction: Any
     beta: Any
     length_m: Any  # optical path from the emitter to `origin`
+    scatterings: Any  # in fog, before `origin`
     state: Any  # what `density` needs to know
-    cell: Any  # accumulator cell of the emitter, None where this end is a detector
+    cell: Any  # accumulator cell, None where the other end tells it
 
 
 class Connection(NamedTuple):
-    """The end seen from a path vertex."""
+    """An end seen from a path vertex."""
 
     point: Any  # where the path ends
-    importance: Any  # W towards the vertex; 0 where the end does not look
-    density: Any  # κ W: how densely this end itself launches paths that way (1/sr)
+    importance: Any  # W / distance² towards the vertex; 0 where the end does not look
+    density: Any  # number density / distance² with which the end itself launches paths that way
     length_m: Any  # optical path from `point` on to the emitter
-    cell: Any  # accumulator cell of the emitter, None where this end is a detector
+    scatterings: Any  # in fog, from `point` on to the emitter
+    cell: Any  # accumulator cell, None where the other end tells it
 
 
 @dataclass(frozen=True, eq=False)
 class Projector:
-    """Pinhole whose virtual pixels emit unit power each, uniform over their image-plane area.
+    """Lens whose virtual pixels emit unit power each, uniform over their image-plane area.
 
-    W(ω) = 1 / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance.
-    A chunk launches `samples` paths per pixel, so κ = samples.
+    W(ω) = 1 / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance. The
+    lens is a point, or a disc that is focused at a distance: a pixel's light then leaves all over
+    the disc towards the pixel's place in the focal plane. `samples` paths per pixel and launch.
     """
 
     to_world: Any
@@ -59,17 +62,21 @@ class Projector:
     shape: tuple[int, int]
     half_width: Any
     half_height: Any
+    lens_radius_m: Any
+    focus_m: Any
     samples: int
 
     @classmethod
     def of(cls, view: ProjectorView, samples: int) -> Projector:
-        """`samples` paths per virtual pixel and launch."""
+        """Take a projector's place in the world from its numbers."""
         return cls(
-            to_world=_transform(view.pose),
-            to_optical=_transform(np.linalg.inv(view.pose)),
+            to_world=transform(view.pose),
+            to_optical=transform(np.linalg.inv(view.pose)),
             shape=view.shape,
             half_width=dr.opaque(mi.Float, view.tan_half_width),
             half_height=dr.opaque(mi.Float, view.tan_half_height),
+            lens_radius_m=dr.opaque(mi.Float, view.lens_radius_m),
+            focus_m=dr.opaque(mi.Float, view.focus_m),
             samples=samples,
         )
 
@@ -81,32 +88,82 @@ class Projector:
     def lanes(self) -> int:
         return self.pixels * self.samples
 
-    def launch(self, lane: Any, sampler: Any) -> Launch:
-        cell = lane % self.pixels
+    def cell(self, lane: Any) -> Any:
+        return lane % self.pixels
+
+    def pencil(self, lane: Any, sampler: Any) -> Any:
+        """A ray through the lane's pixel."""
+        cell = self.cell(lane)
         height, width = self.shape
-        jitter = _stratified(lane // self.pixels, self.samples, sampler)
+        jitter = stratified(lane // self.pixels, self.samples, sampler)
         x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
         y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
-        local = dr.normalize(mi.Vector3f(x, y, 1))
-        density = self.samples * self._importance(local.z)
-        beta = mi.Float(1 / self.samples)
-        return Launch(self._pinhole(), self.to_world @ local, beta, mi.Float(0), density, cell)
+        return self._ray(x, y, sampler)
+
+    def launch(self, lane: Any, sampler: Any) -> Launch:
+        ray = self.pencil(lane, sampler)
+        return Launch(
+            origin=ray.o,
+            direction=ray.d,
+            beta=mi.Float(1 / self.samples),
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            state=self.samples * self.importance_towards(ray.d, ray.o),
+            cell=self.cell(lane),
+        )
 
     def density(self, launch: Launch, first_vertex: Any) -> Any:
         return launch.state
 
     def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
-        local = self.to_optical @ vertex
+        lens = self._lens_point(sampler)
+        towards = mi.Vector3f((self.to_optical @ mi.Point3f(vertex)) - lens)
+        focal = (lens + towards * (self.focus_m / towards.z)) / self.focus_m
         height, width = self.shape
-        u = (local.x / (local.z * self.half_width) + 1) * (0.5 * width)
-        v = (local.y / (local.z * self.half_height) + 1) * (0.5 * height)
-        inside = (local.z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-        importance = dr.select(inside, self._importance(local.z * dr.rcp(dr.norm(local))), 0)
-        cell = dr.select(inside, mi.UInt32(v) * width + mi.UInt32(u), 0)
-        return Connection(self._pinhole(), importance, self.samples * importance, mi.Float(0), cell)
+        u = (focal.x / self.half_width + 1) * (0.5 * width)
+        v = (focal.y / self.half_height + 1) * (0.5 * height)
+        inside = (towards.z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        squared = dr.squared_norm(towards)
+        importance = dr.select(inside, self._importance(towards.z * dr.rsqrt(squared)) / squared, 0)
+        return Connection(
+            point=self.to_world @ lens,
+            importance=importance,
+            density=self.samples * importance,
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            cell=dr.select(inside, mi.UInt32(v) * width + mi.UInt32(u), 0),
+        )
 
-    def _pinhole(self) -> Any:
-        return self.to_world @ mi.Point3f(0, 0, 0)
+    def random_ray(self, sampler: Any) -> tuple[Any, Any]:
+        """A ray through a random point of the field, and its pixel."""
+        height, width = self.shape
+        place = sampler.next_2d()
+        x, y = 2 * place.x - 1, 2 * place.y - 1
+        cell = mi.UInt32(place.y * height) * width + mi.UInt32(place.x * width)
+        ray = self._ray(x * self.half_width, y * self.half_height, sampler)
+        return ray, dr.minimum(cell, self.pixels - 1)
+
+    def _ray(self, x: Any, y: Any, sampler: Any) -> Any:
+        """From a point of the lens towards (x, y) on the image plane at unit distance."""
+        lens = self._lens_point(sampler)
+        local = dr.normalize(mi.Vector3f(mi.Point3f(x, y, 1) * self.focus_m - lens))
+        return mi.Ray3f(self.to_world @ lens, self.to_world @ local)
+
+    def importance_towards(self, direction: Any, lens: Any) -> Any:
+        """W of the ray that leaves the lens at a place (world); 0 outside the field."""
+        local = self.to_optical @ mi.Vector3f(direction)
+        origin = self.to_optical @ mi.Point3f(lens)
+        focal = (origin + local * (self.focus_m / local.z)) / self.focus_m
+        inside = (
+            (local.z > 0)
+            & (dr.abs(focal.x) < self.half_width)
+            & (dr.abs(focal.y) < self.half_height)
+        )
+        return dr.select(inside, self._importance(local.z), 0)
+
+    def _lens_point(self, sampler: Any) -> Any:
+        disc = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * self.lens_radius_m
+        return mi.Point3f(disc.x, disc.y, 0)
 
     def _importance(self, cosine: Any) -> Any:
         pixel_area = 4 * self.half_width * self.half_height / self.pixels
@@ -115,22 +172,24 @@ class Projector:
 
 @dataclass(frozen=True, eq=False)
 class Detectors:
-    """Disc apertures with a hard conical field of view, one per accumulator row.
+    """Disc apertures with a conical field of view.
 
-    W(ω) = cosθ inside the field, per unit aperture area. Directions are launched in proportion
-    to cosθ: κ = samples / (π sin²(half angle)).
+    W(ω) = g(θ) cosθ inside the field, per unit aperture area, with g = cos^m θ: m = 0 is a hard
+    edge alone, larger m a vignetting lens. Directions are launched in proportion to cosθ,
+    `samples` per detector and launch.
     """
 
     positions: Any  # Point3f, one per detector, world
     frames: Any  # Frame3f whose n is the optical axis
     radius_m: Any
     sine2: Any  # sin² of the field's half angle
+    vignetting: Any  # m
     count: int
-    samples: int  # paths launched per detector and chunk
+    samples: int
 
     @classmethod
     def of(cls, view: DetectorView, samples: int) -> Detectors:
-        """`samples` paths per detector and launch."""
+        """Take detectors' places in the world from their numbers."""
         frames = mi.Frame3f(mi.Vector3f(view.axes.T.astype(np.float32)))
         positions = mi.Point3f(view.positions_m.T.astype(np.float32))
         dr.make_opaque(frames, positions)
@@ -139,6 +198,7 @@ class Detectors:
             frames=frames,
             radius_m=dr.opaque(mi.Float, np.sqrt(view.area_m2 / np.pi)),
             sine2=dr.opaque(mi.Float, np.sin(view.half_angle_rad) ** 2),
+            vignetting=dr.opaque(mi.Float, view.vignetting),
             count=len(view.positions_m),
             samples=samples,
         )
@@ -150,16 +210,17 @@ class Detectors:
     def launch(self, lane: Any, sampler: Any) -> Launch:
         frame = self._frame(lane)
         disc = mi.warp.square_to_uniform_disk_concentric(
-            _stratified(lane // self.count, self.samples, sampler)
+            stratified(lane // self.count, self.samples, sampler)
         ) * dr.sqrt(self.sine2)
-        z = dr.safe_sqrt(1 - dr.squared_norm(disc))
+        cosine = dr.safe_sqrt(1 - dr.squared_norm(disc))
         return Launch(
-            self._aperture_point(lane, frame, sampler),
-            frame.to_world(mi.Vector3f(disc.x, disc.y, z)),
-            mi.Float(dr.pi * self.sine2 / self.samples),
-            mi.Float(0),
-            self._density(z),
-            None,
+            origin=self._aperture_point(lane, frame, sampler),
+            direction=frame.to_world(mi.Vector3f(disc.x, disc.y, cosine)),
+            beta=dr.pi * self.sine2 / self.samples * self._response(cosine),
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            state=self._density(cosine),
+            cell=None,
         )
 
     def density(self, launch: Launch, first_vertex: Any) -> Any:
@@ -168,13 +229,19 @@ class Detectors:
     def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
         frame = self._frame(lane)
         point = self._aperture_point(lane, frame, sampler)
-        cosine = dr.dot(frame.n, dr.normalize(vertex - point))
+        towards = mi.Vector3f(vertex - point)
+        squared = dr.squared_norm(towards)
+        cosine = dr.dot(frame.n, towards) * dr.rsqrt(squared)
         inside = (cosine > 0) & (1 - cosine * cosine <= self.sine2)
-        importance = dr.select(inside, cosine, 0)
-        return Connection(point, importance, self._density(importance), mi.Float(0), None)
-
-    def _density(self, importance: Any) -> Any:
-        return importance * (self.samples * dr.inv_pi) / self.sine2
+        seen = dr.select(inside, cosine / squared, 0)
+        return Connection(
+            point=point,
+            importance=seen * self._response(cosine),
+            density=self._density(seen),
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            cell=None,
+        )
 
     def overlap(self, lane: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
         """Part (near, far) of a ray that may lie in the field of the lane's detector.
@@ -196,6 +263,12 @@ class Detectors:
         near = dr.select((a > 0) & (along > 0), dr.clip(entry, 0, reach), 0)
         return near, reach
 
+    def _density(self, cosine: Any) -> Any:
+        return cosine * (self.samples * dr.inv_pi) / self.sine2
+
+    def _response(self, cosine: Any) -> Any:
+        return dr.power(dr.maximum(cosine, 1e-6), self.vignetting)
+
     def _frame(self, lane: Any) -> Any:
         return dr.gather(mi.Frame3f, self.frames, lane % self.count)
 
@@ -205,16 +278,103 @@ class Detectors:
         return centre + frame.to_world(mi.Vector3f(disc.x, disc.y, 0))
 
 
-def _transform(matrix: NDArray[np.floating[Any]]) -> Any:
-    transform = mi.Transform4f(mi.Matrix4f(matrix.astype(np.float32)))
-    dr.make_opaque(transform)
-    return transform
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Pinhole whose pixels see radiance; launches paths only. `samples` per pixel and launch."""
+
+    to_world: Any
+    shape: tuple[int, int]
+    half_width: Any
+    half_height: Any
+    samples: int
+
+    @classmethod
+    def of(cls, view: ProjectorView, samples: int) -> Camera:
+        """A camera in the place of a projector, pixel for pixel."""
+        return cls(
+            to_world=transform(view.pose),
+            shape=view.shape,
+            half_width=dr.opaque(mi.Float, view.tan_half_width),
+            half_height=dr.opaque(mi.Float, view.tan_half_height),
+            samples=samples,
+        )
+
+    @property
+    def lanes(self) -> int:
+        return self.shape[0] * self.shape[1] * self.samples
+
+    def launch(self, lane: Any, sampler: Any) -> Launch:
+        height, width = self.shape
+        cell = lane % (height * width)
+        jitter = stratified(lane // (height * width), self.samples, sampler)
+        x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
+        y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
+        return Launch(
+            origin=self.to_world @ mi.Point3f(0, 0, 0),
+            direction=self.to_world @ dr.normalize(mi.Vector3f(x, y, 1)),
+            beta=mi.Float(1 / self.samples),
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            state=mi.Float(1),
+            cell=cell,
+        )
+
+    def density(self, launch: Launch, first_vertex: Any) -> Any:
+        return launch.state
 
 
-def _stratified(index: Any, count: int, sampler: Any) -> Any:
-    """Jittered point of the unit square in stratum `index` of the largest square grid ≤ count."""
-    side = int(np.sqrt(count))
-    grid = mi.Point2f(mi.Float(index % side), mi.Float((index // side) % side))
-    strata = index < side * side
+@dataclass(frozen=True, eq=False)
+class Lamp:
+    """A projector that shows one pattern; paths end in it, and are never launched from it."""
+
+    projector: Projector
+    power_w: Any  # of each virtual pixel
+
+    @classmethod
+    def of(cls, view: ProjectorView, power_w: NDArray[np.floating[Any]]) -> Lamp:
+        """`power_w` (H, W): what each virtual pixel emits."""
+        power = mi.Float(power_w.astype(np.float32).ravel())
+        dr.make_opaque(power)
+        return cls(Projector.of(view, 1), power)
+
+    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+        end = self.projector.connect(lane, vertex, sampler)
+        power = dr.gather(mi.Float, self.power_w, end.cell)
+        return end._replace(importance=end.importance * power, cell=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Sun:
+    """Parallel light; paths end in it, and are never launched from it."""
+
+    irradiance: Any  # W/m² on a surface that faces it
+    direction: Any  # from the sun, unit
+    distance_m: Any  # further than anything in the scene
+
+    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+        return Connection(
+            point=vertex - self.direction * self.distance_m,
+            importance=mi.Float(self.irradiance),
+            density=mi.Float(0),
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            cell=None,
+        )
+
+
+def transform(matrix: NDArray[np.floating[Any]]) -> Any:
+    """A pose (4, 4) as an opaque Mitsuba transform."""
+    result = mi.Transform4f(mi.Matrix4f(matrix.astype(np.float32)))
+    dr.make_opaque(result)
+    return result
+
+
+def stratified(index: Any, count: int, sampler: Any) -> Any:
+    """Jittered point of the unit square in stratum `index` of a grid of `count` strata."""
+    rows = next(side for side in range(int(np.sqrt(count)), 0, -1) if count % side == 0)
+    columns = count // rows
     jitter = sampler.next_2d()
-    return dr.select(strata, (grid + jitter) / side, jitter)
+    return mi.Point2f(
+        (mi.Float(index % columns) + jitter.x) / columns,
+        (mi.Float(index // columns % rows) + jitter.y) / rows,
+    )

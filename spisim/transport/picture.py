@@ -1,20 +1,23 @@
-"""What a camera at the projector would see."""
+"""What a camera at 1550 nm would see."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene
+from spisim.transport.accumulator import Accumulator
 from spisim.transport.backend import with_backend
-from spisim.transport.daylight import daylight_emitters
-from spisim.transport.reference import Renderer, pattern_emitter
-from spisim.transport.views import InstrumentView
+from spisim.transport.daylight import sky_of, sun_of
+from spisim.transport.effort import Paths, repeat
+from spisim.transport.ends import Camera, Lamp
+from spisim.transport.estimator import MAX_VERTICES, alone, run
+from spisim.transport.views import Floats, InstrumentView, ProjectorView
+from spisim.transport.walk import Contribution
+from spisim.transport.world import build_world
 
 #: The camera sits this far above the pinhole: light and camera in one point would see no shading.
 CAMERA_OFFSET_M = 0.05
@@ -28,31 +31,47 @@ def camera_view(
     width: int = 256,
     height: int = 256,
     fov_deg: float | None = None,
-    spp: int = 48,
+    pattern: NDArray[np.floating] | None = None,
+    position_m: tuple[float, float, float] = (0.0, -CAMERA_OFFSET_M, 0.0),
+    spp: int = 32,
     seed: int = 0,
 ) -> NDArray[np.float32]:
-    """In-band radiance (height, width), W m⁻² sr⁻¹, all pixels on, sun and sky included.
+    """In-band radiance (height, width), W m⁻² sr⁻¹: the lit pattern, sun and sky together.
 
-    `fov_deg` is the full angle across the width, by default the projector's.
+    Parameters
+    ----------
+    fov_deg
+        Full angle across the width, by default the projector's.
+    pattern
+        (H, W) share of each virtual pixel's power, by default all on.
+    position_m
+        Of the camera in the optical frame; it looks along the optical axis.
     """
-    placed = InstrumentView.of(instrument, scene.drone_pose)
-    power = instrument.projector.power_w * instrument.projector.in_band_fraction
-    emitters: dict[str, Any] = daylight_emitters(scene, instrument)
-    emitters["projector"] = pattern_emitter(placed.projector, power / placed.projector.pixels)
-    renderer = Renderer(scene, emitters)
-
-    half_width = placed.projector.tan_half_width
+    world = build_world(scene)
+    placed = InstrumentView.of(instrument, scene.drone_pose).projector
+    half_width = placed.tan_half_width
     if fov_deg is not None:
         half_width = float(np.tan(np.radians(fov_deg) / 2))
-    pixels = width * height
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(dr.opaque(mi.UInt32, seed), pixels * spp)
-    cell = dr.arange(mi.UInt32, pixels * spp) % pixels
-    jitter = sampler.next_2d()
-    x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * half_width
-    y = (2 * (mi.Float(cell // width) + jitter.y) - height) / width * half_width
-    to_world = mi.Transform4f(mi.Matrix4f(scene.drone_pose.astype(np.float32)))
-    origin = to_world @ mi.Point3f(0, -CAMERA_OFFSET_M, 0)
-    direction = to_world @ dr.normalize(mi.Vector3f(x, y, 1))
-    radiance = renderer.radiance(origin, direction, sampler).numpy()
-    return np.asarray(radiance.reshape(spp, height, width).mean(axis=0), dtype=np.float32)
+    pose = scene.drone_pose.copy()
+    pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
+    view = ProjectorView(pose, (height, width), half_width, half_width * height / width)
+    lit = np.ones(placed.shape) if pattern is None else np.asarray(pattern)
+    power_w = instrument.projector.pixel_powers_w * lit
+    sky = sky_of(scene, instrument)
+    sun = sun_of(scene, instrument, world)
+
+    def launch(samples: int, seeds: Sequence[int]) -> Mapping[str, Floats]:
+        accumulator = Accumulator(view.pixels)
+        camera = Camera.of(view, samples)
+        lamp = Lamp.of(placed, power_w)
+
+        def deposit(light: Contribution) -> None:
+            accumulator.add(light.value, light.cell, light.active)
+
+        run(world, camera, lamp, seeds[0], MAX_VERTICES, "Radiance", alone, deposit)
+        if scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0:
+            run(world, camera, sun, seeds[1], MAX_VERTICES, "Radiance", alone, deposit, sky)
+        return {"radiance": accumulator.read()}
+
+    radiance = repeat(launch, Paths(spp), view.pixels, np.random.SeedSequence(seed), None)
+    return radiance.mean["radiance"].reshape(height, width).astype(np.float32)

@@ -2,7 +2,6 @@
 
 Nothing here shares the two-ended estimator: `volpath` finds the light, Mitsuba's `projector`
 emits the patterns. That makes it the oracle of the tests and the baseline of the benchmarks.
-Daylight and pictures, which need no transport image, are rendered the same way.
 """
 
 from __future__ import annotations
@@ -15,11 +14,13 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.errors import InputError
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.ends import Detectors
+from spisim.transport.phase import phase_dict
 from spisim.transport.views import DetectorView, Floats, ProjectorView
-from spisim.transport.world import fog_ball, medium, shapes
+from spisim.transport.world import fog_ball, see_through, shapes
 
 #: Deep enough that what is cut off cannot be measured; roulette ends paths long before.
 MAX_DEPTH = 256
@@ -32,29 +33,25 @@ class Renderer:
 
     def __init__(self, scene: Scene, emitters: dict[str, Any]) -> None:
         description: dict[str, Any] = {"type": "scene", **shapes(scene.objects), **emitters}
-        self._medium = None
-        if scene.atmosphere.extinction_per_m > 0:
-            centre, radius = fog_ball(scene)
-            self._medium = mi.load_dict(medium(scene.atmosphere))
-            description["fog"] = {
-                "type": "sphere",
-                "center": centre.tolist(),
-                "radius": radius,
-                "bsdf": {"type": "null"},
-                "interior": self._medium,
-            }
-            for name, emitter in emitters.items():
-                if emitter["type"] == "projector":
-                    description[name] = {**emitter, "medium": self._medium}
+        fog, boundary = _medium(scene)
+        self._around = None  # the medium that the instrument is in
+        if boundary is not None:
+            description["fog"] = boundary
+            if scene.volumes == ():
+                self._around = fog
+                for name, emitter in emitters.items():
+                    description[name] = {**emitter, "medium": fog}
         self.scene = mi.load_dict(description)
         self.parameters = mi.traverse(self.scene)
-        kind = "path" if self._medium is None else "volpath"
+        # Only volpath connects a path to the emitter through panes and masks.
+        clear = fog is None and not see_through(scene)
+        kind = "path" if clear else "volpath"
         self._integrator = mi.load_dict({"type": kind, "max_depth": MAX_DEPTH})
 
     def radiance(self, origin: Any, direction: Any, sampler: Any) -> Any:
         """Radiance arriving at `origin` against `direction`, one sample per lane."""
         ray = mi.RayDifferential3f(mi.Ray3f(origin, direction))
-        spectrum, _, _ = self._integrator.sample(self.scene, sampler, ray, self._medium)
+        spectrum, _, _ = self._integrator.sample(self.scene, sampler, ray, self._around)
         return spectrum.x
 
     def power(self, detectors: DetectorView, *, samples: int, seed: int) -> Floats:
@@ -67,6 +64,50 @@ class Renderer:
         power = self.radiance(launch.origin, launch.direction, sampler) * launch.beta
         per_path = np.asarray(power.numpy(), dtype=np.float64).reshape(samples, count)
         return np.asarray(per_path.sum(axis=0) * detectors.area_m2)
+
+
+def _medium(scene: Scene) -> tuple[Any, dict[str, Any] | None]:
+    """The scene's medium and the surface around it, as Mitsuba has them.
+
+    Mitsuba knows one medium at a place: fog everywhere or one volume, with the instrument outside.
+    """
+    fogs = [scene.atmosphere] if scene.atmosphere.extinction_per_m > 0 else []
+    if len(fogs) + len(scene.volumes) > 1:
+        raise InputError("the reference engine takes one medium: fog or one volume, not more")
+    boundary: dict[str, Any]
+    if fogs:
+        centre, radius = fog_ball(scene)
+        boundary = {"type": "sphere", "center": centre.tolist(), "radius": radius}
+        extinction: Any = fogs[0].extinction_per_m
+        optics, kind = fogs[0], "homogeneous"
+    elif scene.volumes:
+        (volume,) = scene.volumes
+        optics, extinction = volume.medium, volume.medium.extinction_per_m
+        kind = "homogeneous" if volume.density is None else "heterogeneous"
+        # Mitsuba's cube spans [-1, 1]³, its grids [0, 1]³.
+        cube = volume.to_world @ np.diag([0.5, 0.5, 0.5, 1.0])
+        cube[:3, 3] += volume.to_world[:3, :3] @ [0.5, 0.5, 0.5]
+        boundary = {"type": "cube", "to_world": mi.ScalarTransform4f(cube.tolist())}
+        if volume.density is not None:
+            extinction = {
+                "type": "gridvolume",
+                "grid": mi.VolumeGrid(volume.density[..., None] * np.float32(extinction)),
+                "to_world": mi.ScalarTransform4f(volume.to_world.tolist()),
+                "wrap_mode": "clamp",
+                "raw": True,
+            }
+    else:
+        return None, None
+    medium = mi.load_dict(
+        {
+            "type": kind,
+            "sigma_t": extinction,
+            "albedo": optics.albedo,
+            "phase": phase_dict(optics.phase),
+            "has_spectral_extinction": False,
+        }
+    )
+    return medium, {**boundary, "bsdf": {"type": "null"}, "interior": medium}
 
 
 @with_backend

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from reconstruction.patterns import expose, mean_illumination
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.daylight import daylight_power
-from spisim.transport.estimator import spot_histogram, transport_image
+from spisim.transport.daylight import daylight_power, projector_power
+from spisim.transport.effort import Effort, Noise, Paths
+from spisim.transport.estimator import Wanted, spot_histogram, transport_image
+from spisim.transport.tally import PathLengthBins
 from spisim.transport.views import Floats, InstrumentView
 from spisim.transport.world import build_world
 
@@ -21,9 +26,9 @@ from spisim.transport.world import build_world
 BIN_WIDTH_M = 0.02
 LONGEST_PATH_M = 80.0
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
-SPOT_SAMPLES_PER_SPP = 64
-#: Daylight is smooth over the field; this many paths find it to about a percent.
-DAYLIGHT_SAMPLES = 2**16
+SPOT_PATHS_PER_SPP = 64
+#: Steady light is smooth over the field; this many paths find it to about a percent.
+STEADY_PATHS = 2**16
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +45,10 @@ class Transport:
     path_length_m: Floats  # (bins,): whole optical path, emitter to detector
     daylight_w: float  # in-band power of sun and sky on the bucket detector's aperture
     spot_daylight_w: Floats  # (4,)
+    spot_crosstalk_w: Floats  # (4,): mean power of the projector's patterns there
     paths: int
     seconds: float
+    extra: Mapping[str, NDArray[Any]]  # orders (3, H, W), phasors (F, H, W), cube (H, W, bins)
 
 
 @with_backend
@@ -50,55 +57,98 @@ def solve(
     instrument: Instrument,
     *,
     spp: int = 256,
+    noise: float | None = None,
     seed: int = 0,
+    wanted: Wanted = Wanted(),  # noqa: B008
     progress: Callable[[float], None] | None = None,
 ) -> Transport:
     """Trace the light of projector, lasers and sky through the scene, once for all patterns.
 
-    `spp` paths per virtual pixel from either end. The same seed gives the same bits on the same
-    machine and backend. `progress` is called with the fraction done.
+    Parameters
+    ----------
+    spp
+        Paths per virtual pixel from either end.
+    noise
+        Instead of `spp`: go on until the relative standard error of the bucket vector, ‖errors‖ /
+        ‖readings‖, is below this.
+    seed
+        The same seed gives the same bits on the same machine and backend.
+    wanted
+        What to keep besides the transport image.
+    progress
+        Called with the fraction done.
     """
     began = time.perf_counter()
-    streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(3)
+    streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
     placed = InstrumentView.of(instrument, scene.drone_pose)
     image = transport_image(
         world,
         placed.projector,
         placed.bucket,
-        spp=spp,
+        _effort(instrument, spp, noise),
         seed=streams[0],
+        wanted=wanted,
         progress=_part(progress, 0.0, 0.7),
     )
-    bins = round(LONGEST_PATH_M / BIN_WIDTH_M) + 1
+    bins = PathLengthBins(round(LONGEST_PATH_M / BIN_WIDTH_M) + 1, BIN_WIDTH_M)
     spots = spot_histogram(
         world,
         placed.beams,
         placed.tof,
-        bins=bins,
-        bin_width_m=BIN_WIDTH_M,
-        samples=spp * SPOT_SAMPLES_PER_SPP,
+        bins,
+        Paths(image.paths // (2 * placed.projector.pixels) * SPOT_PATHS_PER_SPP),
         seed=streams[1],
         progress=_part(progress, 0.7, 0.9),
     )
-    daylight_seeds = streams[2].generate_state(2)
     bucket_daylight, spot_daylight = (
-        daylight_power(scene, instrument, view, samples=DAYLIGHT_SAMPLES, seed=int(stream))
-        for view, stream in zip((placed.bucket, placed.tof), daylight_seeds, strict=True)
+        daylight_power(scene, instrument, world, view, paths=STEADY_PATHS, seed=stream)
+        for view, stream in zip((placed.bucket, placed.tof), streams[2:4], strict=True)
+    )
+    crosstalk = projector_power(
+        world,
+        placed.projector,
+        instrument.projector.pixel_powers_w * mean_illumination(instrument.pattern_plan),
+        placed.tof,
+        paths=STEADY_PATHS,
+        seed=streams[4],
     )
     if progress is not None:
         progress(1.0)
+    shape = placed.projector.shape
     return Transport(
-        image=image.mean,
-        image_error=image.error,
-        spot_histogram=spots.mean,
-        spot_histogram_error=spots.error,
-        path_length_m=np.arange(bins, dtype=np.float64) * BIN_WIDTH_M,
+        image=image.mean["image"].reshape(shape),
+        image_error=image.error["image"].reshape(shape),
+        spot_histogram=spots.mean["histogram"],
+        spot_histogram_error=spots.error["histogram"],
+        path_length_m=bins.centres_m,
         daylight_w=float(bucket_daylight[0]),
         spot_daylight_w=spot_daylight,
+        spot_crosstalk_w=crosstalk,
         paths=image.paths + spots.paths,
         seconds=time.perf_counter() - began,
+        extra=_extra(image.mean, shape),
     )
+
+
+def _effort(instrument: Instrument, spp: int, noise: float | None) -> Effort:
+    if noise is None:
+        return Paths(spp)
+    plan, power_w = instrument.pattern_plan, instrument.projector.pixel_powers_w
+    return Noise(noise, lambda sums: expose(plan, sums["image"].reshape(power_w.shape) * power_w))
+
+
+def _extra(means: Mapping[str, Floats], shape: tuple[int, int]) -> dict[str, NDArray[Any]]:
+    """Everything wanted besides the image, with pixels as rows and columns."""
+    extra: dict[str, NDArray[Any]] = {}
+    if "orders" in means:
+        extra["orders"] = means["orders"].reshape(-1, *shape)
+    if "phasors" in means:
+        real, imaginary = np.moveaxis(means["phasors"], 1, 0)
+        extra["phasors"] = (real + 1j * imaginary).reshape(-1, *shape)
+    if "histogram" in means:
+        extra["cube"] = means["histogram"].reshape(*shape, -1)
+    return extra
 
 
 def _part(

@@ -17,12 +17,17 @@ from spisim.transport.backend import with_backend
 from spisim.transport.views import Floats, InstrumentView
 from spisim.transport.world import build_world
 
+#: Rays per side of a virtual pixel, from which its coverage is counted.
+SUBPIXELS = 4
+
 
 @dataclass(frozen=True, eq=False)
 class GroundTruth:
     """Per virtual pixel, along the ray through its centre; nan (id -1) where nothing is hit.
 
-    `normal` is in the optical frame. Spots: the surface each laser meets in clear air.
+    `normal` is in the optical frame, towards the projector. `coverage` is the share of the pixel
+    that shows the same object as its centre: below 1 at edges and on thin things. Spots: the
+    surface each laser meets in clear air.
     """
 
     range_m: NDArray[np.float32]  # (H, W), from the pinhole along the ray
@@ -30,6 +35,7 @@ class GroundTruth:
     reflectance: NDArray[np.float32]  # (H, W)
     normal: NDArray[np.float32]  # (H, W, 3)
     object_id: NDArray[np.int32]  # (H, W), index into `object_names`
+    coverage: NDArray[np.float32]  # (H, W)
     object_names: tuple[str, ...]
     spot_range_m: Floats  # (4,)
     spot_object: tuple[str, ...]  # (4,)
@@ -37,53 +43,59 @@ class GroundTruth:
 
 @with_backend
 def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
-    """Trace the centre of every virtual pixel and the four laser beams.
+    """Trace the centre of every virtual pixel, the pixels' parts, and the four laser beams.
 
     Raises
     ------
     InputError
         If a laser beam hits nothing.
     """
-    world = build_world(scene)
+    geometry = build_world(scene).geometry.scene
     placed = InstrumentView.of(instrument, scene.drone_pose)
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
-
-    local = _pixel_rays(placed)
-    si = _trace(world.geometry, origin, local @ rotation.T)
     shape = placed.projector.shape
+
+    local = _pixel_rays(placed, 1)
+    si = _trace(geometry, origin, local @ rotation.T)
     hit = si.is_valid().numpy().reshape(shape)
+    identity = _object_ids(geometry, si).reshape(shape)
     ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
     normals = si.n.numpy().T.reshape(-1, 3) @ rotation
     normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
-    names = np.array([thing.name for thing in scene.objects])
-    reflectances = np.array([thing.material.reflectance for thing in scene.objects])
-    identity = np.where(hit, _object_ids(world.geometry, si).reshape(shape), -1)
 
-    spots = _trace(world.geometry, origin, placed.beams.directions)
-    spot_hit = spots.is_valid().numpy()
-    if not spot_hit.all():
-        missing = int(np.flatnonzero(~spot_hit)[0])
-        azimuth, elevation = instrument.lasers.directions_deg[missing]
-        raise InputError(
-            f"scene {scene.name!r}: laser spot {missing + 1} (lasers.directions_deg "
-            f"[{azimuth:g}, {elevation:g}]) hits nothing; every spot must meet a surface: turn "
-            "the drone, move the spot or put something behind it"
-        )
+    parts = _trace(geometry, origin, _pixel_rays(placed, SUBPIXELS) @ rotation.T)
+    seen = _object_ids(geometry, parts).reshape(shape[0], SUBPIXELS, shape[1], SUBPIXELS)
+    spots = _trace(geometry, origin, placed.beams.directions)
+    _check_spots(scene, instrument, spots.is_valid().numpy())
+    names = tuple(thing.name for thing in scene.objects)
     return GroundTruth(
         range_m=ranges.astype(np.float32),
         depth_m=(ranges * local[:, 2].reshape(shape)).astype(np.float32),
-        reflectance=np.where(hit, reflectances[identity], np.nan).astype(np.float32),
+        reflectance=_reflectance(scene, si, identity),
         normal=np.where(hit[..., None], normals.reshape(*shape, 3), np.nan).astype(np.float32),
         object_id=identity.astype(np.int32),
-        object_names=tuple(names.tolist()),
+        coverage=(seen == identity[:, None, :, None]).mean(axis=(1, 3)).astype(np.float32),
+        object_names=names,
         spot_range_m=np.asarray(spots.t.numpy(), dtype=np.float64),
-        spot_object=tuple(names[_object_ids(world.geometry, spots)].tolist()),
+        spot_object=tuple(names[number] for number in _object_ids(geometry, spots)),
     )
 
 
-def _pixel_rays(placed: InstrumentView) -> Floats:
-    """Unit vectors through the pixel centres, optical frame, (H·W, 3)."""
-    height, width = placed.projector.shape
+def _check_spots(scene: Scene, instrument: Instrument, hit: NDArray[np.bool_]) -> None:
+    if hit.all():
+        return
+    missing = int(np.flatnonzero(~hit)[0])
+    azimuth, elevation = instrument.lasers.directions_deg[missing]
+    raise InputError(
+        f"scene {scene.name!r}: laser spot {missing} (lasers.directions_deg "
+        f"[{azimuth:g}, {elevation:g}]) hits nothing; every spot must meet a surface: turn "
+        "the drone, move the spot or put something behind it"
+    )
+
+
+def _pixel_rays(placed: InstrumentView, parts: int) -> Floats:
+    """Unit vectors through the centres of each pixel's `parts`² parts, row by row, (n, 3)."""
+    height, width = (side * parts for side in placed.projector.shape)
     x = (2 * (np.arange(width) + 0.5) / width - 1) * placed.projector.tan_half_width
     y = (2 * (np.arange(height) + 0.5) / height - 1) * placed.projector.tan_half_height
     grid = np.stack([*np.meshgrid(x, y), np.ones((height, width))], axis=-1).reshape(-1, 3)
@@ -98,12 +110,25 @@ def _trace(geometry: Any, origin: Floats, directions: Floats) -> Any:
     return geometry.ray_intersect(ray)
 
 
+def _reflectance(scene: Scene, si: Any, identity: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Of each pixel's material, its picture included."""
+    plain = np.array([*(thing.material.reflectance for thing in scene.objects), np.nan])
+    values = plain[identity]
+    textured = [n for n, thing in enumerate(scene.objects) if thing.material.texture is not None]
+    if textured:
+        local: Any = si.bsdf().eval_diffuse_reflectance(si).x
+        pictured = np.isin(identity, textured)
+        values[pictured] = local.numpy().reshape(identity.shape)[pictured]
+    return values.astype(np.float32)
+
+
 def _object_ids(geometry: Any, si: Any) -> NDArray[np.int64]:
+    """Number of the object that each ray meets, -1 for none."""
     registry = {
         int(_registry_ids(mi.ShapePtr(shape))[0]): number
         for number, shape in enumerate(geometry.shapes())
     }
-    return np.array([registry.get(int(number), 0) for number in _registry_ids(si.shape)])
+    return np.array([registry.get(int(number), -1) for number in _registry_ids(si.shape)])
 
 
 def _registry_ids(shapes: Any) -> Any:

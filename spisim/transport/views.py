@@ -16,12 +16,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ProjectorView:
-    """Pinhole pose (4, 4) in the world, pattern shape (H, W), half extents at unit distance."""
+    """Pose (4, 4) in the world, pattern shape (H, W), half extents at unit distance.
+
+    A pinhole, unless its lens has a radius; then it is sharp at the focal distance.
+    """
 
     pose: Floats
     shape: tuple[int, int]
     tan_half_width: float
     tan_half_height: float
+    lens_radius_m: float = 0.0
+    focus_m: float = 1.0
 
     @property
     def pixels(self) -> int:
@@ -35,20 +40,29 @@ class ProjectorView:
 
 @dataclass(frozen=True, eq=False)
 class DetectorView:
-    """Disc apertures in the world: positions and optical axes (detectors, 3), area and field."""
+    """Disc apertures in the world: positions and optical axes (detectors, 3), area and field.
+
+    `vignetting` m: inside its hard edge the field falls off with cos^m of the angle to the axis.
+    """
 
     positions_m: Floats
     axes: Floats
     area_m2: float
     half_angle_rad: float
+    vignetting: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class BeamView:
-    """Laser pencils in the world: origins and unit directions (beams, 3)."""
+    """Laser beams in the world: origins and unit directions (beams, 3).
+
+    Gaussian in angle and in place, with standard deviations per axis; pencils without.
+    """
 
     origins_m: Floats
     directions: Floats
+    divergence_rad: float = 0.0
+    waist_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,18 +85,27 @@ class InstrumentView:
                 instrument.projector.shape,
                 instrument.projector.tan_half_width,
                 instrument.projector.tan_half_height,
+                instrument.projector.lens_radius_m,
+                instrument.projector.focus_m,
             ),
             bucket=DetectorView(
                 origin + np.atleast_2d(instrument.detector.position_m) @ rotation.T,
                 rotation[None, :, 2],
                 instrument.detector.aperture_area_m2,
                 np.radians(instrument.detector.field_of_view_deg) / 2,
+                instrument.detector.vignetting,
             ),
-            beams=BeamView(np.repeat(origin[None], len(headings), axis=0), headings),
+            beams=BeamView(
+                np.repeat(origin[None], len(headings), axis=0),
+                headings,
+                instrument.lasers.divergence_mrad * 1e-3,
+                instrument.lasers.waist_mm * 1e-3,
+            ),
             tof=DetectorView(
                 origin + np.asarray(instrument.tof.detector.positions_m) @ rotation.T,
                 headings,
                 instrument.tof.detector.aperture_area_m2,
                 np.radians(instrument.tof.detector.field_of_view_deg) / 2,
+                instrument.tof.detector.vignetting,
             ),
         )

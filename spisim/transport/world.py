@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
 from spisim.atmosphere import Atmosphere
-from spisim.scene import Material, Scene, SceneObject
+from spisim.scene import Scene, SceneObject, texture_coordinates
 from spisim.transport.backend import with_backend
-from spisim.transport.fog import Fog
+from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
+from spisim.transport.ends import transform
+from spisim.transport.geometry import Geometry
+from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
+from spisim.transport.phase import phase_dict
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
 FOG_MARGIN_M = 15.0
@@ -22,13 +27,17 @@ FOG_MARGIN_M = 15.0
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Surfaces and fog, ready to be traced."""
+    """Surfaces and media, ready to be traced."""
 
-    geometry: Any  # mi.Scene of surfaces alone
-    fog: Fog
-    centre_m: NDArray[np.float64]  # of the ball that the fog fills
+    geometry: Geometry
+    media: Media
+    centre_m: NDArray[np.float64]  # of a ball around everything, which the fog fills
     radius_m: float
-    names: tuple[str, ...]  # object names, in the order of geometry.shapes()
+
+    def first_surface(self, ray: Any) -> tuple[Any, Any]:
+        """What a ray meets, and how far it goes; out of the ball if it meets nothing."""
+        si = self.geometry.scene.ray_intersect(ray)
+        return si, dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.radius_m))
 
 
 @with_backend
@@ -36,12 +45,47 @@ def build_world(scene: Scene) -> World:
     """Hand a scene to Mitsuba."""
     centre, radius = fog_ball(scene)
     return World(
-        geometry=mi.load_dict({"type": "scene", **shapes(scene.objects)}),
-        fog=Fog.of(scene.atmosphere, centre.tolist(), radius),
+        geometry=Geometry(
+            scene=mi.load_dict({"type": "scene", **shapes(scene.objects)}),
+            see_through=see_through(scene),
+        ),
+        media=_media(scene, centre, radius),
         centre_m=centre,
         radius_m=radius,
-        names=tuple(thing.name for thing in scene.objects),
     )
+
+
+def _media(scene: Scene, centre: NDArray[np.float64], radius_m: float) -> Media:
+    """Fog everywhere, and the volumes besides."""
+    parts: list[Homogeneous | Grid] = []
+    if scene.atmosphere.extinction_per_m > 0:
+        ball = Ball(dr.opaque(mi.Point3f, centre.tolist()), dr.opaque(mi.Float, radius_m))
+        parts.append(Homogeneous(ball, *_optics(scene.atmosphere)))
+    for volume in scene.volumes:
+        box = Box(transform(np.linalg.inv(volume.to_world)))
+        if volume.density is None:
+            parts.append(Homogeneous(box, *_optics(volume.medium)))
+        else:
+            peak, texture = float(volume.density.max()), volume.density
+            thickest = replace(
+                volume.medium, extinction_per_m=volume.medium.extinction_per_m * peak
+            )
+            parts.append(Grid(box, density_texture(texture / peak), *_optics(thickest)))
+    return Media(tuple(parts))
+
+
+def _optics(medium: Atmosphere) -> tuple[Any, Any, Any]:
+    """Extinction, albedo and phase function as the tracer takes them."""
+    return (
+        dr.opaque(mi.Float, medium.extinction_per_m),
+        dr.opaque(mi.Float, medium.albedo),
+        mi.load_dict(phase_dict(medium.phase)),
+    )
+
+
+def see_through(scene: Scene) -> bool:
+    """Whether any surface lets light straight through."""
+    return any(is_null_transmitting(thing.material) for thing in scene.objects)
 
 
 def fog_ball(scene: Scene) -> tuple[NDArray[np.float64], float]:
@@ -57,35 +101,25 @@ def shapes(objects: Sequence[SceneObject]) -> dict[str, Any]:
     return {f"object_{i}": _mesh(thing) for i, thing in enumerate(objects)}
 
 
-def medium(atmosphere: Atmosphere) -> dict[str, Any]:
-    """The same fog as a Mitsuba medium, for Mitsuba's own integrators."""
-    return {
-        "type": "homogeneous",
-        "sigma_t": _spectrum(atmosphere.extinction_per_m),
-        "albedo": _spectrum(atmosphere.albedo),
-        "phase": {"type": "hg", "g": atmosphere.g},
-        "has_spectral_extinction": False,
-    }
-
-
 def _mesh(thing: SceneObject) -> Any:
     properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(_bsdf(thing.material))
+    properties["bsdf"] = mi.load_dict(bsdf_dict(thing.material))
     source: trimesh.Trimesh = thing.mesh
-    mesh = mi.Mesh(thing.name, len(source.vertices), len(source.faces), props=properties)
+    uv = texture_coordinates(source) if thing.material.needs_texture_coordinates else None
+    mesh = mi.Mesh(
+        thing.name,
+        len(source.vertices),
+        len(source.faces),
+        has_vertex_texcoords=uv is not None,
+        props=properties,
+    )
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = np.asarray(source.vertices, dtype=np.float32).ravel()
     parameters["faces"] = np.asarray(source.faces, dtype=np.uint32).ravel()
+    if uv is not None:  # a picture's rows run down, v up
+        parameters["vertex_texcoords"] = np.float32([0, 1] + uv * [1, -1]).ravel()
     parameters.update()
     return mesh
-
-
-def _bsdf(material: Material) -> dict[str, Any]:
-    """Lambertian on both sides: drone-scale meshes are often sheets without thickness."""
-    return {
-        "type": "twosided",
-        "bsdf": {"type": "diffuse", "reflectance": _spectrum(material.reflectance)},
-    }
 
 
 def _spectrum(value: float) -> dict[str, Any]:

@@ -9,7 +9,6 @@ import pytest
 from scipy.special import expn
 
 import worlds
-from spisim.transport.estimator import spot_histogram, transport_image
 from spisim.transport.world import build_world
 
 SEED = np.random.SeedSequence(1)
@@ -30,7 +29,7 @@ def test_uniform_intensity_cone_onto_a_plane(plane_world, half_angle_deg, factor
     # P_d = ρ P A / (π z²) · (1 - cos⁵α) / (5 (1 - cos α))
     alpha = np.radians(half_angle_deg)
     view = worlds.projector(2 * half_angle_deg, (64, 64))
-    image = transport_image(plane_world, view, worlds.detector(), spp=64, seed=SEED).mean
+    image = worlds.image(plane_world, view, worlds.detector(), 64, SEED)
 
     def intensity(x, y):
         cosine = 1 / np.sqrt(1 + x**2 + y**2)
@@ -47,7 +46,7 @@ def test_uniformly_lit_disc(plane_world, half_angle_deg):
     # P_d = ρ P A cos²α / (π z²)
     alpha = np.radians(half_angle_deg)
     view = worlds.projector(2 * half_angle_deg, (64, 64))
-    image = transport_image(plane_world, view, worlds.detector(), spp=64, seed=SEED).mean
+    image = worlds.image(plane_world, view, worlds.detector(), 64, SEED)
     disc = worlds.pixel_weights(view, lambda x, y: np.hypot(x, y) <= np.tan(alpha))
     power = np.sum(disc * image) / (np.pi * np.tan(alpha) ** 2)
     closed = REFLECTANCE * AREA * np.cos(alpha) ** 2 / (np.pi * DISTANCE**2)
@@ -60,14 +59,13 @@ def test_pencil_onto_a_plane_does_not_depend_on_incidence(tilt_deg):
     tilt = np.radians(tilt_deg)
     world = build_world(worlds.scene(worlds.plane(DISTANCE, REFLECTANCE, tilt)))
     position, axis = np.array([0.4, 0.1, 0.3]), np.array([0.1, -0.2, 1.0])
-    estimate = spot_histogram(
+    estimate = worlds.histogram(
         world,
         worlds.beams([0, 0, 1]),
         worlds.detector(position, axis),
-        bins=1000,
-        bin_width_m=0.02,
-        samples=512,
-        seed=SEED,
+        (1000, 0.02),
+        512,
+        SEED,
         max_vertices=1,
     )
     to_detector = position - np.array([0, 0, DISTANCE])
@@ -76,27 +74,26 @@ def test_pencil_onto_a_plane_does_not_depend_on_incidence(tilt_deg):
     cos_s = normal @ to_detector / r
     cos_d = -axis @ to_detector / r / np.linalg.norm(axis)
     closed = REFLECTANCE * AREA * cos_s * cos_d / (np.pi * r**2)
-    assert estimate.mean.sum() == pytest.approx(closed, rel=2e-5)
+    assert estimate.sum() == pytest.approx(closed, rel=2e-5)
 
 
 @pytest.mark.parametrize("tilt_deg", [0, 40])
 def test_path_length_to_a_plane_and_back(tilt_deg):
     world = build_world(worlds.scene(worlds.plane(DISTANCE, REFLECTANCE, np.radians(tilt_deg))))
     direction = np.array([0.2, 0.1, 1.0])
-    estimate = spot_histogram(
+    estimate = worlds.histogram(
         world,
         worlds.beams(direction),
         worlds.detector(area_m2=1e-10),
-        bins=1500,
-        bin_width_m=0.02,
-        samples=64,
-        seed=SEED,
+        (1500, 0.02),
+        64,
+        SEED,
         max_vertices=1,
     )
     unit = direction / np.linalg.norm(direction)
     normal = np.array([np.sin(np.radians(tilt_deg)), 0, np.cos(np.radians(tilt_deg))])
     distance = DISTANCE * normal[2] / (normal @ unit)
-    histogram = estimate.mean[0]
+    histogram = estimate[0]
     mean = histogram @ np.arange(1500) * 0.02 / histogram.sum()
     assert np.count_nonzero(histogram) <= 2
     assert mean == pytest.approx(2 * distance, abs=1e-4)
@@ -108,10 +105,7 @@ def test_lens_whose_field_is_filled(plane_world):
     aperture = photodiode_m2 / (4 * f_number**2 * np.sin(half_angle) ** 2)
     view = worlds.projector(30, (32, 32))
     lens = worlds.detector(area_m2=aperture, half_angle_deg=8)
-    runs = [
-        transport_image(plane_world, view, lens, spp=256, seed=s).mean.sum()
-        for s in worlds.seeds(8)
-    ]
+    runs = [worlds.image(plane_world, view, lens, 256, s).sum() for s in worlds.seeds(8)]
     irradiance = 1 / (view.pixel_area * DISTANCE**2)  # of every pixel at 1 W on its own patch
     closed = REFLECTANCE * irradiance * photodiode_m2 / (4 * f_number**2)
     assert np.mean(runs) == pytest.approx(closed, rel=1e-3)
@@ -132,10 +126,7 @@ def test_absorbing_fog_attenuates_both_ways(extinction):
 
     closed = worlds.pixel_weights(view, round_trip) / view.pixel_area
     closed *= REFLECTANCE * AREA / (np.pi * DISTANCE**2)
-    runs = [
-        transport_image(world, view, worlds.detector(), spp=512, seed=s).mean
-        for s in worlds.seeds(8)
-    ]
+    runs = [worlds.image(world, view, worlds.detector(), 512, s) for s in worlds.seeds(8)]
     z = worlds.z_score_exact(runs, closed)
     # 64 pixels with 7 degrees of freedom each: judge the ensemble, not its largest member.
     assert abs(z.mean()) * np.sqrt(z.size) < 4 * z.std()
@@ -153,16 +144,15 @@ def test_single_scattering_echo_of_a_pencil(g):
     width = 0.01
     runs = []
     for seed in worlds.seeds(8):
-        histogram = spot_histogram(
+        histogram = worlds.histogram(
             world,
             worlds.beams([0, 0, 1]),
             worlds.detector(area_m2=1e-12),
-            bins=2000,
-            bin_width_m=width,
-            samples=2**18,
-            seed=seed,
+            (2000, width),
+            2**18,
+            seed,
             max_vertices=1,
-        ).mean[0]
+        )[0]
         cumulative = np.cumsum(histogram) - histogram / 2  # up to the centre of each bin
         at = np.rint(2 * edges / width).astype(int)
         runs.append(np.diff(cumulative[at]))
@@ -181,19 +171,16 @@ def test_integrating_sphere(reflectance):
     wall = worlds.detector([0.0, 0.0, -1.995], [0.0, 0.0, 1.0])
     closed = AREA * reflectance / (4 * np.pi * radius**2 * (1 - reflectance))
     view = worlds.projector(60, (4, 4))
-    image = [
-        transport_image(world, view, wall, spp=1024, seed=s).mean.mean() for s in worlds.seeds(8)
-    ]
+    image = [worlds.image(world, view, wall, 1024, s).mean() for s in worlds.seeds(8)]
     spots = [
-        spot_histogram(
+        worlds.histogram(
             world,
             worlds.beams([0.1, 0.2, 1]),
             wall,
-            bins=20000,
-            bin_width_m=0.05,
-            samples=2**14,
-            seed=s,
-        ).mean.sum()
+            (20000, 0.05),
+            2**14,
+            s,
+        ).sum()
         for s in worlds.seeds(8)
     ]
     # The sphere has 82,000 flat faces: its area is 0.03 % smaller than a true one's.
@@ -215,17 +202,16 @@ def test_fog_in_a_closed_sphere_neither_makes_nor_loses_light(g):
         [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1
     )
     runs = []
-    for number, seed in enumerate(worlds.seeds(16)):
+    for number, seed in enumerate(worlds.seeds(12)):
         turned = lattice @ np.linalg.qr(np.random.default_rng(number).normal(size=(3, 3)))[0]
-        histogram = spot_histogram(
+        histogram = worlds.histogram(
             world,
             worlds.beams(*[[0.3, 0.1, 1.0]] * points),
             worlds.detector(turned * (radius * 0.995), -turned),
-            bins=1000,
-            bin_width_m=0.2,
-            samples=2**11,
-            seed=seed,
-        ).mean
+            (1000, 0.2),
+            2**11,
+            seed,
+        )
         irradiance = histogram.sum(axis=1).mean() / AREA
         absorbed = irradiance * 4 * np.pi * radius**2
         runs.append((1 - reflectance) * (absorbed + np.exp(-extinction * radius)))

@@ -11,7 +11,7 @@ from reconstruction.capture import Capture
 from reconstruction.patterns import expose, illumination, make_plan, signed_coefficients
 from reconstruction.ranging import measure_ranges
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import mean_electrons, record
+from spisim.measurement import LightSequence, mean_electrons, record
 from spisim.scene import Ambient
 from spisim.transport import GroundTruth, Transport, ground_truth, solve
 
@@ -29,6 +29,10 @@ def light(paper: Instrument) -> Transport:
     return solve(PLACE, paper, spp=64)
 
 
+def still(light: Transport) -> LightSequence:
+    return LightSequence(np.zeros(1), (light,))
+
+
 @pytest.fixture(scope="module")
 def truth(paper: Instrument) -> GroundTruth:
     return ground_truth(PLACE, paper)
@@ -36,7 +40,7 @@ def truth(paper: Instrument) -> GroundTruth:
 
 @pytest.fixture(scope="module")
 def noisy(paper: Instrument, light: Transport, truth: GroundTruth) -> Capture:
-    return record(PLACE, paper, light, truth, seed=5, frames=FRAMES)
+    return record(PLACE, paper, still(light), truth, seed=5, frames=FRAMES)
 
 
 def electrons(part):
@@ -45,17 +49,17 @@ def electrons(part):
 
 
 def test_mean_readings_are_the_expected_ones(paper, light, truth, noisy):
-    ideal = record(PLACE, paper, light, truth, seed=5, noise=False)
+    ideal = record(PLACE, paper, still(light), truth, seed=5, noise=False)
     for part, expected in ((noisy.buckets, ideal.buckets), (noisy.spots, ideal.spots)):
         z = worlds.z_score_exact(electrons(part), electrons(expected)[0])
         assert np.abs(z).max() < 5  # of up to 128 readings
 
 
 def test_variance_is_shot_noise_plus_electronics(paper, light, noisy):
-    mean = mean_electrons(paper, light)
+    mean = mean_electrons(paper, still(light), 1)
     for part, expected in ((noisy.buckets, mean.buckets), (noisy.spots, mean.taps)):
         variance = electrons(part).var(axis=0, ddof=1)
-        model = expected + part.noise_electrons**2
+        model = expected[0] + part.noise_electrons**2
         z = (variance / model - 1) / np.sqrt(2 / (FRAMES - 1))
         assert np.abs(z).max() < 5
         assert abs(z.mean()) * np.sqrt(z.size) < 4
@@ -72,10 +76,10 @@ def test_the_sun_adds_what_the_formula_says(paper, light):
 
 
 def test_daylight_and_dark_current_cancel_in_the_coefficients(paper, light):
-    mean = mean_electrons(paper, light)
+    mean = mean_electrons(paper, still(light), 1)
     plan = paper.pattern_plan
     bright = replace(light, daylight_w=10 * light.daylight_w)
-    shifted = mean_electrons(paper, bright).buckets
+    shifted = mean_electrons(paper, still(bright), 1).buckets
     assert np.all(shifted > mean.buckets)
     first = signed_coefficients(plan, mean.buckets)[1]
     second = signed_coefficients(plan, shifted)[1]
@@ -93,14 +97,14 @@ def test_bucket_readings_are_linear_in_the_pattern():
 
 
 def test_phase_of_the_taps_is_the_path_length(paper, light, truth):
-    capture = record(PLACE, paper, light, truth, seed=0, noise=False)
+    capture = record(PLACE, paper, still(light), truth, seed=0, noise=False)
     ranges = measure_ranges(capture.spots, frame=0)
     np.testing.assert_allclose(ranges.range_m, truth.spot_range_m, atol=1e-3)
     taps = electrons(capture.spots)[0]
     amplitude = np.hypot(taps[:, 0] - taps[:, 2], taps[:, 1] - taps[:, 3]) / 2
     mean = taps.mean(axis=1)
     steady = paper.tof.detector.dark_electrons(paper.tof.tap_time_s)
-    steady += light.spot_daylight_w * (
+    steady += (light.spot_daylight_w + light.spot_crosstalk_w) * (
         0.9 * paper.tof.detector.responsivity_a_per_w / elementary_charge * paper.tof.tap_time_s
     )
     np.testing.assert_allclose(
@@ -119,7 +123,7 @@ def test_ranges_scatter_as_their_sigma_says(noisy):
 
 def test_clipping_is_flagged(paper, light, truth):
     bright = replace(light, daylight_w=1e6 * light.daylight_w)
-    capture = record(PLACE, paper, bright, truth, seed=0)
+    capture = record(PLACE, paper, still(bright), truth, seed=0)
     assert capture.buckets.saturated.all()
     assert np.all(capture.buckets.counts == paper.detector.adc.max_count)
     assert not capture.spots.saturated.any()

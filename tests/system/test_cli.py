@@ -9,16 +9,19 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from reconstruction import Capture, read_capture, write_capture
 from spisim.cli import app
 from spisim.exr import read_exr
+from spisim.instrument.load import PRESETS
 
 COMMANDS = [
     "demo",
@@ -98,9 +101,15 @@ def test_unknown_instrument_names_the_nearest(tmp_path: Path) -> None:
         (["--visibility", "-1"], "visibility"),
         (["--patterns", "99999"], "patterns"),
         (["--order", "sequenzy"], "did you mean 'sequency'"),
-        (["--polarity", "sign"], "did you mean 'signed'"),
-        (["--spp", "0"], "--spp"),
-        (["--frames", "many"], "--frames"),
+        (["--polarity", "sign"], "'differential' or 'single-ended'; found 'sign'"),
+        (["--polarity", "signed"], "differences formed by a recorder; choose differential"),
+        (["--spp", "0"], "0 is not a whole number from 1 to 1048576"),
+        (["--spp", "9999999"], "9999999 is not a whole number from"),
+        (["--seed", "-1"], "-1 is not a whole number from"),
+        (["--seed", str(2**63)], "9223372036854775808 is not a whole number from"),
+        (["--frames", "1000000"], "1000000 is not a whole number from"),
+        (["--frames", "many"], "many is not a whole number from 1 to 10000"),
+        (["--frames", "1.5"], "1.5 is not a whole number"),
     ],
 )
 def test_bad_options_are_told(options: list[str], reason: str, tmp_path: Path) -> None:
@@ -128,7 +137,19 @@ def test_an_output_that_cannot_be_written_is_told_at_once(
         "reconstruct": [capture_file],
     }
     target = tmp_path / "file" / "below"
-    assert str(tmp_path / "file") in mistake(command, *inputs[command], "-o", target / "x")
+    message = mistake(command, *inputs[command], "-o", target / "x").replace("\n", "")
+    assert f"{tmp_path / 'file'} is not a folder" in message
+
+
+@pytest.mark.parametrize("command", ["simulate", "transport"])
+def test_a_device_is_no_output(command: str) -> None:
+    assert "/dev/full is not a regular file" in mistake(command, "warehouse", "-o", "/dev/full")
+
+
+@pytest.mark.parametrize("command", ["simulate", "transport", "reconstruct"])
+def test_a_command_that_fails_leaves_no_folder(command: str, tmp_path: Path) -> None:
+    mistake(command, tmp_path / "none.x", "-o", tmp_path / "new" / "folder" / "x")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_is_no_capture(tmp_path: Path) -> None:
@@ -153,11 +174,54 @@ def test_reconstruct_and_evaluate_agree(capture_file: Path, tmp_path: Path) -> N
     assert json.loads(anew.stdout)["image"]["correlation"] > 0.9
 
 
+def test_evaluate_refuses_the_result_of_another_recording(
+    capture: Capture, capture_file: Path, tmp_path: Path
+) -> None:
+    assert spisim("reconstruct", capture_file, "-o", tmp_path / "result").exit_code == 0
+    counts = capture.buckets.counts.copy()
+    counts[0, 5] += 1
+    other = tmp_path / "other.h5"
+    write_capture(replace(capture, buckets=replace(capture.buckets, counts=counts)), other)
+    message = mistake("evaluate", other, tmp_path / "result").replace("\n", "")
+    assert f"{tmp_path / 'result' / 'result.h5'} is the result of another recording" in message
+    assert str(other) in message
+
+
+def test_evaluate_takes_a_result_of_some_of_the_patterns(
+    capture_file: Path, tmp_path: Path
+) -> None:
+    few = spisim("reconstruct", capture_file, "-o", tmp_path / "few", "--patterns", "20")
+    assert few.exit_code == 0, few.stderr
+    stored = spisim("evaluate", capture_file, tmp_path / "few", "--json")
+    assert stored.exit_code == 0, stored.stderr
+    anew = spisim("evaluate", capture_file, "--json")
+    correlations = [json.loads(run.stdout)["image"]["correlation"] for run in (stored, anew)]
+    assert correlations[0] < correlations[1]
+
+
+def test_evaluate_tells_how_to_make_a_missing_result(capture_file: Path, tmp_path: Path) -> None:
+    message = mistake("evaluate", capture_file, tmp_path / "nowhere").replace("\n", " ")
+    assert "no result there; run spisim reconstruct CAPTURE -o DIR" in message
+
+
 def test_evaluate_for_people_is_a_table(capture_file: Path) -> None:
     run = spisim("evaluate", capture_file)
     assert run.exit_code == 0, run.stderr
     assert "correlation" in run.stdout
+    assert "noise of the true image, RMS: 1.0 %" in run.stdout
     assert run.stderr == ""
+
+
+def test_a_spot_without_a_range_says_why(capture: Capture, tmp_path: Path) -> None:
+    assert capture.spots is not None
+    saturated = capture.spots.saturated.copy()
+    saturated[0, 3] = True
+    path = tmp_path / "capture.h5"
+    write_capture(replace(capture, spots=replace(capture.spots, saturated=saturated)), path)
+    assert "saturated" in spisim("evaluate", path).stdout
+    run = spisim("reconstruct", path, "-o", tmp_path / "result")
+    assert "saturated" in run.stdout
+    assert "spot 3 is saturated" in (tmp_path / "result" / "report.html").read_text()
 
 
 def test_scenes_are_listed() -> None:
@@ -205,8 +269,27 @@ def test_simulate_keeps_what_makes_the_capture_again(tmp_path: Path) -> None:
     assert a.plan.sampled == 64
     assert "visibility_m: 30" in a.provenance.scene
     assert "patterns: 64" in a.provenance.instrument
+    settings = yaml.safe_load(a.provenance.settings)
+    assert settings | {"backend": ""} == {"spp": 8, "backend": "", "noise": True, "frames": 2}
+    assert settings["backend"]
     np.testing.assert_array_equal(a.buckets.counts, b.buckets.counts)
     assert (a.buckets.counts[0] != a.buckets.counts[1]).any()
+
+
+@pytest.mark.slow
+def test_too_much_light_is_warned_about(tmp_path: Path) -> None:
+    preset = (PRESETS / "paper.yaml").read_text(encoding="utf-8")
+    bright = tmp_path / "bright.yaml"
+    bright.write_text(preset.replace("power_w: 6.4 ", "power_w: 1.0e+20 "), encoding="utf-8")
+    options = ["--instrument", bright, "-o", tmp_path / "c.h5", *QUICK, "--json"]
+    run = spisim("simulate", "warehouse", *options)
+    assert run.exit_code == 0, run.stderr
+    (warning,) = json.loads(run.stdout)["warnings"]
+    assert "127 of 128 bucket readings (99.2 %) are marked saturated" in warning
+    assert f"warning: {warning}" in run.stderr
+    message = spisim("simulate", "warehouse", *options, "--report").stderr
+    assert f"{tmp_path / 'c.h5'}: frame 0: every pattern rests on a saturated reading" in message
+    assert "record again with less light" in message
 
 
 @pytest.mark.slow

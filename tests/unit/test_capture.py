@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+from damage import refusals
 from reconstruction.capture import (
     PARTS,
     Buckets,
@@ -57,9 +58,11 @@ def capture():
         ),
         optics=Optics(tan_half_width=0.2, tan_half_height=0.1),
         provenance=Provenance(
-            "simulation", "spisim 0", "2025-01-01T00:00:00+00:00", "λ: 1550", "s", 7
+            "simulation", "spisim 0", "2025-01-01T00:00:00+00:00", "λ: 1550", "s", 7, "spp: 1"
         ),
-        truth=Truth(image, image, np.where(image > 0.5, image, np.nan), image, rng.random(4)),
+        truth=Truth(
+            image, image / 9, image, np.where(image > 0.5, image, np.nan), image, rng.random(4)
+        ),
     )
 
 
@@ -109,7 +112,7 @@ def test_every_dataset_is_documented_with_its_units(path):
     with h5py.File(path) as file:
         file.visititems(
             lambda name, item: (
-                stored.update({name: item.attrs["units"]})
+                stored.update({name: item.attrs["units"].decode()})
                 if isinstance(item, h5py.Dataset)
                 else None
             )
@@ -152,8 +155,68 @@ def test_truncated_files_are_refused(path, length):
 def test_other_hdf5_is_refused(tmp_path):
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["data"] = 1
-    with pytest.raises(InputError, match=r"'format' .*is missing"):
+        file.attrs["version"] = "1.0"
+    with pytest.raises(InputError, match=r"but not a capture \(attribute 'format' is missing\)"):
         read_capture(tmp_path / "other.h5")
+    with h5py.File(tmp_path / "other.h5", "r+") as file:
+        file.attrs["format"] = "nexus"
+    with pytest.raises(InputError, match=r"not a capture \(attribute 'format' is 'nexus', not"):
+        read_capture(tmp_path / "other.h5")
+
+
+def test_damaged_files_are_read_or_refused_but_never_anything_else(path):
+    messages = refusals(path, read_capture, InputError)
+    assert len(messages) > 20
+    assert all(message.startswith(f"{path}: ") for message in messages)
+
+
+@pytest.mark.parametrize(
+    "error", [KeyError("x"), ValueError, TypeError, UnicodeDecodeError("utf-8", b"", 0, 1, "bad")]
+)
+def test_what_damage_raises_is_an_input_error(path, monkeypatch, error):
+    def broken(*_):
+        raise error
+
+    monkeypatch.setattr("reconstruction.capture.get", broken)
+    with pytest.raises(InputError, match=r"capture\.h5: .*damaged"):
+        read_capture(path)
+
+
+def test_a_text_that_is_not_utf_8_is_damage(path):
+    with h5py.File(path, "r+") as file:
+        del file["patterns/basis"]
+        file["patterns/basis"] = np.bytes_(b"\xff\xfe")
+        file["patterns/basis"].attrs["units"] = "1"
+    with pytest.raises(InputError, match=r"damaged .*utf-8"):
+        read_capture(path)
+
+
+def test_the_signal_is_in_electrons_or_in_counts_where_their_scale_is_unknown(capture):
+    buckets = capture.buckets
+    assert buckets.unit == "electron"
+    np.testing.assert_allclose(buckets.signal, 900.0 * (buckets.counts - 100.0))
+    unscaled = replace(buckets, electrons_per_count=np.nan)
+    assert unscaled.unit == "count"
+    np.testing.assert_allclose(unscaled.signal, buckets.counts - 100.0)
+
+
+def test_the_digest_follows_readings_and_patterns_and_nothing_else(capture, path):
+    assert read_capture(path).digest == capture.digest
+    as_numbers = replace(capture.buckets, counts=capture.buckets.counts.astype(float))
+    assert replace(capture, buckets=as_numbers, truth=None).digest == capture.digest
+    counts = capture.buckets.counts.copy()
+    counts[1, 3] += 1
+    taps = capture.spots.taps.copy()
+    taps[0, 0, 0] += 1
+    order = make_plan((4, 8), 10, order="natural")
+    others = [
+        replace(capture, buckets=replace(capture.buckets, counts=counts)),
+        replace(capture, spots=replace(capture.spots, taps=taps)),
+        replace(capture, spots=None),
+        replace(capture, plan=order),
+        replace(capture, plan=replace(capture.plan, shape=(8, 4)), truth=None),
+    ]
+    assert len({c.digest for c in [capture, *others]}) == 6
 
 
 @pytest.mark.parametrize("version", ["1.1", "2.0", "10.0"])

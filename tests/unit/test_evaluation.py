@@ -1,6 +1,7 @@
 """Metrics against truth: known values, gaps in the truth, and numbers that JSON can hold."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ IMAGE = np.arange(1.0, 9).reshape(2, 4)
 
 
 def make_truth(depth_m=IMAGE):
-    return Truth(IMAGE, IMAGE, depth_m, IMAGE, np.array([1.0, 2.0, 3.0, 4.0]))
+    return Truth(IMAGE, IMAGE / 50, IMAGE, depth_m, IMAGE, np.array([1.0, 2.0, 3.0, 4.0]))
 
 
 def make_result(**changes):
@@ -23,7 +24,7 @@ def make_result(**changes):
         sigma_m=np.array([0.1, 0.1, np.nan, 0.1]),
         amplitude_electrons=np.ones(4),
         offset_electrons=np.ones(4),
-        valid=np.array([True, True, False, True]),
+        status=("ok", "ok", "saturated", "ok"),
     )
     values = {
         "image": IMAGE,
@@ -33,6 +34,10 @@ def make_result(**changes):
         "depth_m": IMAGE * 1.1,
         "depth_nearest_m": IMAGE * 1.5,
         "timings_s": {},
+        "unit": "electron",
+        "recording": "",
+        "frame": 0,
+        "patterns": 8,
     }
     return Result(**(values | changes))
 
@@ -74,9 +79,17 @@ def test_evaluate_compares_both_images_and_both_maps():
     assert metrics["depth"]["anchored"]["median_relative"] == pytest.approx(0.1)
     assert metrics["depth"]["nearest"]["within_25_percent"] == 0
     assert metrics["spots"][0] == pytest.approx(
-        {"range_m": 1.5, "true_m": 1.0, "error_m": 0.5, "sigma_m": 0.1}
+        {"range_m": 1.5, "true_m": 1.0, "error_m": 0.5, "sigma_m": 0.1, "status": "ok"}
     )
-    assert metrics["spots"][2] == {"range_m": None, "true_m": 3, "error_m": None, "sigma_m": None}
+    nothing = dict.fromkeys(("range_m", "error_m", "sigma_m"))
+    assert metrics["spots"][2] == nothing | {"true_m": 3, "status": "saturated"}
+
+
+def test_the_noise_of_the_truth_is_relative_to_its_rms():
+    truth = make_truth()
+    assert evaluate(make_result(), truth)["truth"]["image_noise"] == pytest.approx(0.02)
+    dark = replace(truth, image=np.zeros_like(IMAGE))
+    assert evaluate(make_result(), dark)["truth"]["image_noise"] is None
 
 
 def test_evaluate_is_ready_for_json_with_or_without_depth():

@@ -59,9 +59,25 @@ def test_missing_files_foreign_types_and_texts_are_refused(tmp_path):
         load_array(tmp_path / "a.npy")
     with pytest.raises(InputError, match=r"a\.xlsx: unknown file type; allowed: \.mat, \.npy"):
         load_array(tmp_path / "a.xlsx")
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(InputError, match=r"empty\.csv: holds no numbers"):
+        load_array(tmp_path / "empty.csv")
     np.save(tmp_path / "text.npy", np.array(["a"]))
     with pytest.raises(InputError, match="not numbers"):
         load_array(tmp_path / "text.npy")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1,2\n3,nan\n", r"n\.csv: the value at \[1, 1\] is nan, must be finite"),
+        ("1\n2\n-inf\n", r"n\.csv: the value at \[2\] is -inf"),
+    ],
+)
+def test_a_value_that_is_not_finite_is_named_with_its_place(tmp_path, text, message):
+    (tmp_path / "n.csv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_array(tmp_path / "n.csv")
 
 
 @pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
@@ -103,6 +119,8 @@ def test_the_measured_car_becomes_a_capture(tmp_path):
     assert capture.provenance.source == "hardware"
     assert capture.buckets.counts.dtype == np.int32
     assert capture.spots is None
+    assert capture.buckets.unit == "count"
+    assert reconstruct(capture).unit == "count"
     image = reconstruct(capture).image
     inverse = (hadamard(1024) @ np.load(CAR)).reshape(32, 32) / 1024
     assert np.allclose(image - image.mean(), inverse - inverse.mean(), atol=1e-4)

@@ -196,7 +196,11 @@ def test_exposure_defaults_to_the_pattern_period_and_may_be_shorter(tmp_path: Pa
         (("patterns: 127", "patterns: 5000"), ["plan", "5000"]),
         (("patterns: 127", "patterns: 0"), ["plan.patterns", "greater than 0"]),
         (("order: sequency-2d", "order: sequency2d"), ["plan", "sequency-2d"]),
-        (("polarity: single-ended", "polarity: single"), ["plan", "single-ended"]),
+        (("polarity: single-ended", "polarity: single"), ["plan.polarity", "single-ended"]),
+        (
+            ("polarity: single-ended", "polarity: signed"),
+            ["plan.polarity", "formed by a recorder; choose differential or single-ended"],
+        ),
         (("[1544, 1556]", "[1556, 1544]"), ["filter.band_nm", "1500 to 1600"]),
         (("[1544, 1556]", "[1520, 1530]"), ["wavelength_nm", "band_nm"]),
         (("wavelength_nm: 1550", "wavelength_nm: 905"), ["wavelength_nm", "1500", "905"]),

@@ -6,6 +6,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
+from images import correlation, natural_image
 from reconstruction.image import WeightedPursuit, batch_omp, pursuit_for, zero_filled
 from reconstruction.image.weighted import fit_variance, natural_image_deviation
 from reconstruction.patterns import fwht, make_plan
@@ -21,21 +22,6 @@ def textbook_omp(dictionary, measured, atoms):
         values = np.linalg.lstsq(dictionary[:, chosen], measured, rcond=None)[0]
         residual = measured - dictionary[:, chosen] @ values
     return chosen, values
-
-
-def correlation(a, b):
-    return np.corrcoef(a.ravel(), b.ravel())[0, 1]
-
-
-def natural_image(side, seed):
-    """Overlapping discs of all sizes, random grey: edges and a 1/f^2 power spectrum."""
-    rng = np.random.default_rng(seed)
-    y, x = np.mgrid[:side, :side]
-    image = np.zeros((side, side))
-    for radius in np.sort(side * rng.uniform(0.02, 1, 150) ** 2)[::-1]:
-        row, column = rng.uniform(0, side, 2)
-        image[(y - row) ** 2 + (x - column) ** 2 < radius**2] = rng.uniform(0.1, 1)
-    return image
 
 
 def measure(image, patterns):

@@ -12,6 +12,7 @@ from reconstruction.patterns import (
     fwht,
     illumination,
     make_plan,
+    mean_illumination,
     ordered_rows,
     sequency,
     signed_coefficients,
@@ -156,3 +157,10 @@ def test_nearest_names_the_likely_and_the_allowed():
         nearest("natral", ["natural", "other"]) == "did you mean 'natural'? allowed: natural, other"
     )
     assert nearest("xyz", ["natural"]) == "allowed: natural"
+
+
+@pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
+def test_mean_illumination_is_the_mean_of_the_displayed_patterns(polarity):
+    plan = make_plan((8, 4), 9, polarity=polarity)
+    shown = [illumination(plan, k) for k in range(plan.exposures)]
+    np.testing.assert_allclose(mean_illumination(plan), np.mean(shown, axis=0), atol=1e-12)

@@ -109,6 +109,7 @@ def test_a_saturated_tap_spoils_its_spot_only():
     measured = spots(ideal(4), 4)
     measured.saturated[0, 2, 1] = True
     ranges = measure_ranges(measured)
+    assert ranges.status == ("ok", "ok", "saturated", "ok")
     assert ranges.valid.tolist() == [True, True, False, True]
     assert np.isnan(ranges.range_m[2])
     assert np.isnan(ranges.sigma_m[2])
@@ -118,7 +119,8 @@ def test_a_spot_without_signal_is_not_valid():
     electrons = ideal(4)
     electrons[1] = 5e4
     electrons[3] = 5e4 + 2 * np.sqrt(5e4) * np.array([1, 0, -1, 0]) * 0.7  # twice its own sigma
-    assert measure_ranges(spots(electrons, 4)).valid.tolist() == [True, False, True, False]
+    expected = ("ok", "no signal", "ok", "no signal")
+    assert measure_ranges(spots(electrons, 4)).status == expected
 
 
 def test_a_path_shorter_than_the_baseline_is_not_valid():
@@ -126,7 +128,13 @@ def test_a_path_shorter_than_the_baseline_is_not_valid():
     path = np.array([0.05, 0.05, 0.05, 0.05])  # the detectors are 10 cm away but the last
     phase = 2 * np.pi * FREQUENCY * path / c + 0.4
     electrons = 5e4 + 1e4 * np.cos(phase[:, None] - np.arange(4) * np.pi / 2)
-    assert measure_ranges(spots(electrons, 4)).valid.tolist() == [False, False, False, True]
+    assert measure_ranges(spots(electrons, 4)).status == (*["too close"] * 3, "ok")
+
+
+def test_the_first_reason_counts():
+    dark = spots(np.zeros((4, 4)), 4)
+    dark.saturated[0, 1] = True
+    assert measure_ranges(dark).status == ("no signal", "saturated", "no signal", "no signal")
 
 
 def test_frames_are_independent():

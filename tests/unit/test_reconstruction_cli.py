@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import matplotlib.image
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import scipy.io
 from scipy.constants import c
 from scipy.linalg import hadamard
 
+from damage import refusals
 from reconstruction import (
     Capture,
     InputError,
@@ -107,7 +109,10 @@ def test_saturated_readings_are_left_out(capture):
     image = reconstruct(spoilt).image
     assert np.corrcoef(image.ravel(), make_image().ravel())[0, 1] > 0.99
     saturated[:] = True
-    with pytest.raises(InputError, match="every pattern has a saturated reading"):
+    with pytest.raises(
+        InputError,
+        match="saturated reading, so there is no image; record again",
+    ):
         reconstruct(spoilt)
 
 
@@ -147,7 +152,10 @@ def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, cap
     assert np.array_equal(copy.image, result.image)
     assert np.array_equal(copy.depth_m, result.depth_m)
     assert np.array_equal(copy.ranges.valid, result.ranges.valid)
+    assert copy.ranges.status == result.ranges.status
     assert copy.timings_s.keys() == result.timings_s.keys()
+    for name in ("unit", "recording", "frame", "patterns"):
+        assert getattr(copy, name) == getattr(result, name)
     out = capsys.readouterr().out
     assert "307 patterns (60.0 %)" in out
     assert "3.000" in out
@@ -207,7 +215,8 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         ([str(path), "-o", out, "--frame", "2"], "frames 0..1"),
         ([str(path), "-o", out, "--patterns", "0"], "patterns = 0"),
         ([str(path), "-o", out, "--patterns", "9", "--order", "natral"], "did you mean 'natural'"),
-        ([str(path), "-o", str(tmp_path / "file" / "x")], "Not a directory"),
+        ([str(path), "-o", str(tmp_path / "file" / "x")], "file is not a folder"),
+        ([str(path), "-o", str(tmp_path / "file")], "file is not a folder"),
         (["import", str(path), "-o", out, "--shape", "8x8"], "unknown file type"),
     ]:
         assert main(arguments) == 2
@@ -233,14 +242,91 @@ def test_a_full_disk_leaves_nothing_half_written(capture, tmp_path, monkeypatch)
     monkeypatch.setattr("os.fsync", no_space)
     with pytest.raises(OSError, match="No space left"):
         write_outputs(result, capture, tmp_path / "out")
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_foreign_file_is_no_result(path, tmp_path):
-    with pytest.raises(InputError, match="not a result"):
+    with pytest.raises(InputError, match=r"not a result \(attribute 'format' is 'spisim-capture'"):
         read_result(path)
-    with pytest.raises(InputError, match="cannot be read as a result"):
+    with pytest.raises(InputError, match=r"none\.h5: no result there; run spisim reconstruct"):
         read_result(tmp_path / "none.h5")
+
+
+def test_a_damaged_result_is_told(capture, tmp_path):
+    file = write_outputs(reconstruct(capture), capture, tmp_path)["result.h5"]
+    messages = refusals(file, read_result, InputError)
+    assert len(messages) > 5
+    assert all(message.startswith(f"{file}: ") for message in messages)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("image", None, "dataset image is missing"),
+        ("ranges/status", None, "dataset ranges/status is missing"),
+        ("ranges/status", ["ok", "ok", "ok", "fine"], "'fine'"),
+        ("image_zero_filled", np.zeros((4, 4)), r"image_zero_filled has shape \(4, 4\)"),
+        ("ranges/range_m", np.zeros(3), r"ranges/range_m has shape \(3,\)"),
+    ],
+)
+def test_a_wrong_part_of_a_result_is_named(capture, tmp_path, name, value, message):
+    file = write_outputs(reconstruct(capture), capture, tmp_path)["result.h5"]
+    with h5py.File(file, "r+") as content:
+        units = content[name].attrs["units"]
+        del content[name]
+        if value is not None:
+            content[name] = value
+            content[name].attrs["units"] = units
+    with pytest.raises(InputError, match=message):
+        read_result(file)
+
+
+def test_a_result_of_some_patterns_is_still_one_of_the_recording(capture, path, tmp_path):
+    assert main([str(path), "-o", str(tmp_path / "out"), "--patterns", "50", "--frame", "1"]) == 0
+    result = read_result(tmp_path / "out" / "result.h5")
+    assert result.recording == capture.digest
+    assert (result.patterns, result.frame) == (50, 1)
+
+
+def test_warnings_go_to_stderr_and_into_the_json(capture, tmp_path, capsys):
+    capture.buckets.saturated[0, 41] = True
+    write_capture(capture, tmp_path / "capture.h5")
+    assert main([str(tmp_path / "capture.h5"), "-o", str(tmp_path / "out"), "--json"]) == 0
+    out, err = capsys.readouterr()
+    (warning,) = json.loads(out)["warnings"]
+    assert err == f"warning: {warning}\n"
+    assert "1 of 614 bucket readings (0.163 %) are marked saturated" in warning
+
+
+def test_a_capture_without_a_usable_pattern_is_named(capture, tmp_path, capsys):
+    capture.buckets.saturated[:] = True
+    write_capture(capture, tmp_path / "bright.h5")
+    assert main([str(tmp_path / "bright.h5"), "-o", str(tmp_path / "out")]) == 2
+    assert f"{tmp_path / 'bright.h5'}: frame 0: every pattern" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_pictures_of_unscaled_counts_do_not_speak_of_electrons(capture, tmp_path, monkeypatch):
+    labels = []
+    monkeypatch.setattr(
+        "matplotlib.figure.Figure.colorbar", lambda *_, label, **__: labels.append(label)
+    )
+    unscaled = replace(capture, buckets=replace(capture.buckets, electrons_per_count=np.nan))
+    write_outputs(reconstruct(unscaled), unscaled, tmp_path)
+    assert labels.count("counts per exposure") == 2
+    with h5py.File(tmp_path / "result.h5") as file:
+        assert file["image"].attrs["units"] == b"count"
+
+
+def test_the_depth_picture_tells_the_depth_of_the_spots(capture, tmp_path, monkeypatch):
+    texts = []
+    monkeypatch.setattr(
+        "matplotlib.axes.Axes.annotate", lambda _, text, *__, **___: texts.append(text)
+    )
+    capture.spots.saturated[0, 3] = True
+    write_outputs(reconstruct(capture), capture, tmp_path)
+    depth = SPOT_RANGES * capture.spots.directions[:, 2]
+    assert texts == [*(f" {metres:.2f} m" for metres in depth[:3]), " saturated"]
 
 
 def test_module_runs_without_the_simulator(path, tmp_path):

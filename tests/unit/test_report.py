@@ -5,11 +5,12 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from reconstruction import Capture, Result, evaluate, reconstruct
+from reconstruction import Capture, InputError, Result, evaluate, make_plan, reconstruct
 from spisim.report import write_overview, write_report
 from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
 from spisim.report.plots import spot_plot
@@ -94,7 +95,12 @@ def test_metrics_that_do_not_exist_are_shown_as_dashes(
 ) -> None:
     nothing = dict.fromkeys(("correlation", "nrmse", "psnr_db"))
     spots = [dict.fromkeys(("range_m", "true_m", "error_m", "sigma_m"))] * 4
-    metrics = {"image": nothing | {"zero_filled": nothing}, "spots": spots, "depth": None}
+    metrics = {
+        "truth": {"image_noise": None},
+        "image": nothing | {"zero_filled": nothing},
+        "spots": spots,
+        "depth": None,
+    }
     write_report(tmp_path / "report.html", capture, result, metrics=metrics)
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "nan" not in re.sub(r"base64,[^\"]*", "", text)
@@ -104,9 +110,62 @@ def test_metrics_that_do_not_exist_are_shown_as_dashes(
 def test_an_unwritable_report_leaves_nothing(
     capture: Capture, result: Result, tmp_path: Path
 ) -> None:
-    with pytest.raises(FileNotFoundError):
-        write_report(tmp_path / "missing" / "report.html", capture, result)
-    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="file is not a folder"):
+        write_report(tmp_path / "file" / "report.html", capture, result)
+    assert list(tmp_path.iterdir()) == [tmp_path / "file"]
+
+
+def report_of(capture: Capture, folder: Path, **options: Any) -> str:
+    write_report(folder / "report.html", capture, reconstruct(capture), **options)
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_warnings_stand_in_the_report(capture: Capture, tmp_path: Path) -> None:
+    assert 'class="warnings"' not in report_of(capture, tmp_path)
+    saturated = capture.buckets.saturated.copy()
+    saturated[0, 9] = True
+    bright = replace(capture, buckets=replace(capture.buckets, saturated=saturated))
+    text = report_of(bright, tmp_path)
+    assert "1 of 256 bucket readings (0.391 %) are marked saturated" in text
+
+
+def test_a_spot_without_a_range_says_why(capture: Capture, tmp_path: Path) -> None:
+    assert capture.spots is not None
+    taps = capture.spots.taps.copy()
+    taps[0, 1] = 2e5
+    dim = replace(capture, spots=replace(capture.spots, taps=taps))
+    assert "<td>no signal</td>" in report_of(dim, tmp_path)
+
+
+def test_the_report_has_settings_and_the_noise_of_the_truth(
+    capture: Capture, result: Result, tmp_path: Path
+) -> None:
+    assert capture.truth is not None
+    text = report_of(capture, tmp_path, metrics=evaluate(result, capture.truth))
+    assert "<pre>spp: 7</pre>" in text
+    assert "standard error is 1 % of its RMS" in text
+
+
+@pytest.mark.parametrize(("patterns", "share"), [(256, "100 %"), (3, "1.17 %")])
+def test_the_share_of_patterns_is_a_plain_number(
+    capture: Capture, tmp_path: Path, patterns: int, share: str
+) -> None:
+    plan = make_plan(capture.plan.shape, patterns)
+    buckets = replace(
+        capture.buckets,
+        counts=np.ones((1, plan.exposures)) * np.arange(1, plan.exposures + 1),
+        saturated=np.zeros((1, plan.exposures), bool),
+    )
+    text = report_of(replace(capture, plan=plan, buckets=buckets), tmp_path)
+    assert f"<b>{share}</b>" in text
+
+
+def test_counts_of_unknown_scale_are_no_electrons(capture: Capture, tmp_path: Path) -> None:
+    unscaled = replace(capture.buckets, electrons_per_count=np.nan, noise_electrons=np.nan)
+    text = report_of(replace(capture, buckets=unscaled, spots=None, truth=None), tmp_path)
+    assert "<span>counts</span>" in text
+    assert "electron" not in text.replace("electronics", "")
 
 
 def test_the_overview_is_a_picture_of_four_panels(

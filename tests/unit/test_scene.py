@@ -1,5 +1,6 @@
 """Scene files become scenes in the right place, and every mistake in one is told in a sentence."""
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import trimesh
 from reconstruction.errors import InputError
 from spisim.scene import (
     Scene,
+    SceneWarning,
     enclosing_object,
     in_band_irradiance,
     list_scenes,
@@ -218,6 +220,72 @@ def test_drone_inside_an_object(load: Load, mesh: str) -> None:
     with pytest.raises(InputError, match=r"drone\.position_m.*inside object 'rock'"):
         load(with_objects(f"name: rock, mesh: {mesh}, translate_m: [0.3, 0, 1], material: brick"))
     load(with_objects(f"name: rock, mesh: {mesh}, translate_m: [2, 0, 1], material: brick"))
+
+
+# Soundness
+
+
+def without_warning(load: Load, text: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load(text)
+
+
+def solid(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    trimesh.Trimesh(vertices, faces, process=False).export(path)
+
+
+@pytest.fixture
+def odd_meshes(tmp_path: Path) -> None:
+    """Meshes with one thing wrong each, next to sound ones that look suspicious."""
+    box = trimesh.creation.box((1, 1, 1))
+    vertices, faces = np.asarray(box.vertices), np.asarray(box.faces)
+    solid(tmp_path / "inverted.ply", vertices, faces[:, ::-1])
+    flipped = faces.copy()
+    flipped[0] = flipped[0, ::-1]
+    solid(tmp_path / "flipped.ply", vertices, flipped)
+    fin = np.vstack([faces, [faces[0, 0], faces[0, 1], len(vertices)]])
+    solid(tmp_path / "fin.ply", np.vstack([vertices, [2, 2, 2]]), fin)
+    solid(tmp_path / "open.ply", vertices, faces[1:])
+    solid(tmp_path / "soup.ply", vertices[faces].reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    away = np.vstack([vertices, vertices + np.array([1, 1, 0])])
+    solid(tmp_path / "touching.ply", away, np.vstack([faces, faces + len(vertices)]))
+    hollow = np.vstack([vertices, vertices / 2])
+    solid(tmp_path / "hollow.ply", hollow, np.vstack([faces, faces[:, ::-1] + len(vertices)]))
+
+
+@pytest.mark.usefixtures("odd_meshes")
+def test_unsound_meshes_are_named_in_one_warning(load: Load) -> None:
+    text = with_objects(
+        *(
+            f"name: {name}, mesh: {name}.ply, translate_m: [{3 * i}, 5, 0], material: brick"
+            for i, name in enumerate(["inverted", "flipped", "fin", "solid", "open"])
+        )
+    )
+    with pytest.warns(SceneWarning) as caught:
+        assert len(load(text).objects) == 6
+    (warning,) = caught
+    message = str(warning.message)
+    assert "scene 'test'" in message
+    assert "'inverted' (inside out)" in message
+    assert "'flipped' (triangles facing in and out)" in message
+    assert "'fin' (edges shared by more than two triangles)" in message
+    assert not any(name in message for name in ("wall", "solid", "open"))
+
+
+@pytest.mark.usefixtures("odd_meshes")
+@pytest.mark.parametrize("name", ["open", "soup", "touching", "hollow"])
+def test_sound_meshes_that_look_suspicious(load: Load, name: str) -> None:
+    without_warning(
+        load, with_objects(f"name: it, mesh: {name}.ply, translate_m: [3, 5, 0], material: brick")
+    )
+
+
+def test_room_is_sound_only_around_the_drone(load: Load) -> None:
+    without_warning(load, with_objects("name: room, mesh: room.ply, material: brick"))
+    elsewhere = "name: room, mesh: room.ply, translate_m: [50, 0, 0], material: brick"
+    with pytest.warns(SceneWarning, match=r"'room' \(inside out\)"):
+        load(with_objects(elsewhere))
 
 
 # Daylight

@@ -1,0 +1,45 @@
+"""Readings that enter many coefficients, and the error that they share.
+
+A single-ended plan decodes to 2 y - all - dark: the errors of the all-on and the dark reading are
+part of every coefficient, and the inverse transform gathers them into one false pixel in the
+corner. The covariance of the coefficients' errors is S V S^T + diag(own), with S the columns of the
+decoder that belong to shared readings, V = diag(v) the variance of these, and ``own`` the variance
+due to all other readings.
+
+Before they are measured, the coefficients of an image are taken for independent, of zero mean and
+variance ``prior``. With m = c + S n + (own errors), the shared errors n that are the most probable
+given m minimise
+
+    sum_k w_k (m - S n)_k^2 + sum_j n_j^2 / v_j,    w = 1 / (prior + own),
+
+so n = (S^T W S + V^-1)^-1 S^T W m. A single number e common to all has
+e = sum(w m) / (sum(w) + 1/v): rows that hardly any image excites tell it. What remains after
+m - S n are own errors and those of n, of covariance (S^T W S + V^-1)^-1.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+Floats = NDArray[np.float64]
+
+
+def without_shared_errors(
+    decoder: sparse.csr_array, coefficients: Floats, variance: Floats, prior: Floats
+) -> tuple[Floats, Floats]:
+    """Coefficients (K,) without the errors that they share, and the variance (K,) of the rest.
+
+    ``decoder`` (K, M) made them from readings of ``variance`` (M,). ``prior`` (K,) is the variance
+    of the coefficients before they are measured, infinite where nothing is known. Plans without
+    shared readings, such as differential ones, are left as they are.
+    """
+    shared = np.bincount(decoder.indices, minlength=decoder.shape[1]) > 1
+    own = decoder[:, ~shared] ** 2 @ variance[~shared]
+    columns, shared_variance = decoder[:, shared].toarray(), variance[shared]
+    weighted = columns / (prior + own)[:, None]
+    # Both sides times V: a reading without error, v = 0, is fine.
+    system = np.eye(shared_variance.size) + shared_variance[:, None] * (columns.T @ weighted)
+    errors = np.linalg.solve(system, shared_variance * (weighted.T @ coefficients))
+    covariance = np.linalg.solve(system, np.diag(shared_variance))
+    left = ((columns @ covariance) * columns).sum(axis=1)
+    return coefficients - columns @ errors, own + left

@@ -1,0 +1,90 @@
+"""Phase functions measured or computed elsewhere, as two columns of numbers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reconstruction.errors import InputError
+from spisim.atmosphere.phase import Floats, Tabulated
+
+#: Nodes of the resampled table. The forward lobe of large droplets needs them: with 1001, heavy
+#: advection fog would get g = 0.950 instead of 0.868.
+NODES = 100_001
+#: How far the integral of a table in 1/sr may be from 1.
+NORMALISATION_TOLERANCE = 0.01
+
+
+class _Columns(NamedTuple):
+    """A table that is linear between its rows, over the cosine or over the angle."""
+
+    x: Floats  # rising, over the full range: cosine, or angle in rad
+    values: Floats
+    in_angle: bool
+
+    def at(self, cos: Floats) -> Floats:
+        x = np.arccos(np.clip(cos, -1, 1)) if self.in_angle else cos
+        return np.asarray(np.interp(x, self.x, self.values))
+
+    def moments(self) -> tuple[float, float]:
+        """∫ p dΩ and the mean cosine of the table as it stands."""
+        nodes, weights = np.polynomial.legendre.leggauss(8)
+        half = np.diff(self.x)[:, None] / 2
+        x = self.x[:-1, None] + half * (1 + nodes)
+        cos, measure = (np.cos(x), np.sin(x)) if self.in_angle else (x, np.ones_like(x))
+        density = weights * half * measure * np.interp(x, self.x, self.values)
+        integral = density.sum()
+        return float(2 * np.pi * integral), float((density * cos).sum() / integral)
+
+
+def tabulate(
+    table: ArrayLike,
+    *,
+    per_steradian: bool = False,
+    declared_g: float | None = None,
+    name: str = "table",
+) -> Tabulated:
+    """Phase function from rows of (cosine, value) or (angle in degrees, value).
+
+    The first column rises or falls over the full range: -1 to 1 is a cosine, 0 to 180 an angle. The
+    steps may be uneven; between rows the value is linear over that column. The table is resampled
+    to `NODES` steps of the cosine and has to keep its asymmetry, which should be `declared_g` where
+    that is given. With `per_steradian` the values are absolute and have to integrate to 1.
+
+    Raises InputError for a table of another shape or range, one that is not normalised, and one
+    whose forward lobe is too narrow for it.
+    """
+    columns = _columns(np.asarray(table, dtype=np.float64), name)
+    integral, own_g = columns.moments()
+    if per_steradian and not abs(integral - 1) <= NORMALISATION_TOLERANCE:
+        raise InputError(
+            f"phase function {name!r} in 1/sr should integrate to 1 over the sphere, within "
+            f"{NORMALISATION_TOLERANCE:.0%}; its integral is {integral:.4g}"
+        )
+    values = columns.at(np.linspace(-1, 1, NODES))
+    return Tabulated(values, own_g if declared_g is None else declared_g, name)
+
+
+def _columns(table: Floats, name: str) -> _Columns:
+    if table.ndim != 2 or table.shape[1] != 2 or len(table) < 2:
+        raise InputError(
+            f"phase function {name!r} should have two columns, cosine or angle_deg and value, and "
+            f"two or more rows; found shape {table.shape}"
+        )
+    x, values = table[:: 1 if table[0, 0] < table[-1, 0] else -1].T
+    if not np.isfinite(table).all() or (values < 0).any() or not values.any():
+        raise InputError(
+            f"phase function {name!r} should have finite values of 0 or more, not all 0"
+        )
+    if not (np.diff(x) > 0).all():
+        raise InputError(f"phase function {name!r}: its first column should rise or fall steadily")
+    if np.allclose(x[[0, -1]], (-1, 1), atol=1e-6):
+        return _Columns(x, values, in_angle=False)
+    if np.allclose(x[[0, -1]], (0, 180), atol=1e-6):
+        return _Columns(np.radians(x), values, in_angle=True)
+    raise InputError(
+        f"phase function {name!r}: its first column should span -1 to 1 (cosine) or 0 to 180 "
+        f"(angle_deg); it spans {x[0]:g} to {x[-1]:g}"
+    )

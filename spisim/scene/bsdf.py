@@ -1,0 +1,242 @@
+"""How surfaces scatter light, as data; the transport turns it into what its renderer needs.
+
+`roughness` is, for every model, the width α of the GGX distribution of microfacet slopes (Walter et
+al. 2007). `ior` is the refractive index relative to air; `eta` and `k` are the real and imaginary
+part of a metal's. The reflectance of these models at normal incidence, where it follows from
+refraction, is `fresnel_reflectance`; elsewhere it is None and the material's own number counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from types import MappingProxyType
+from typing import Any, TypeAlias
+
+from reconstruction.errors import InputError, nearest
+
+#: Below this a microfacet lobe is as good as a mirror, and too narrow for single precision.
+MIN_ROUGHNESS = 0.01
+MAX_IOR = 5.0
+#: Of a clear coat; there are none denser.
+MAX_COAT_IOR = 3.0
+MIN_SPECULAR = 0.01
+
+
+@dataclass(frozen=True)
+class Diffuse:
+    """Lambertian."""
+
+    fresnel_reflectance = None
+
+
+DIFFUSE = Diffuse()
+
+
+@dataclass(frozen=True)
+class Plastic:
+    """A diffuse body under a smooth clear coat: gloss paint, glazed tiles."""
+
+    ior: float = 1.5
+    fresnel_reflectance = None
+
+    def __post_init__(self) -> None:
+        _check_ior(self.ior, MAX_COAT_IOR)
+
+
+@dataclass(frozen=True)
+class RoughPlastic:
+    """A diffuse body under a rough clear coat: most paints and plastics."""
+
+    roughness: float
+    ior: float = 1.5
+    fresnel_reflectance = None
+
+    def __post_init__(self) -> None:
+        _check_roughness(self.roughness)
+        _check_ior(self.ior, MAX_COAT_IOR)
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """Reflects the material's reflectance at every angle."""
+
+    fresnel_reflectance = None
+
+
+@dataclass(frozen=True)
+class Conductor:
+    """A smooth metal."""
+
+    eta: float
+    k: float
+
+    def __post_init__(self) -> None:
+        _check_metal(self.eta, self.k)
+
+    @property
+    def fresnel_reflectance(self) -> float:
+        """Reflectance at normal incidence."""
+        return _fresnel(complex(self.eta, self.k))
+
+
+@dataclass(frozen=True)
+class RoughConductor:
+    """A rough metal: blasted, brushed or weathered."""
+
+    roughness: float
+    eta: float
+    k: float
+
+    def __post_init__(self) -> None:
+        _check_roughness(self.roughness)
+        _check_metal(self.eta, self.k)
+
+    @property
+    def fresnel_reflectance(self) -> float:
+        """Reflectance at normal incidence of a smooth patch."""
+        return _fresnel(complex(self.eta, self.k))
+
+
+@dataclass(frozen=True)
+class Dielectric:
+    """The smooth surface of something clear that fills a closed mesh."""
+
+    ior: float = 1.5
+
+    def __post_init__(self) -> None:
+        _check_ior(self.ior)
+
+    @property
+    def fresnel_reflectance(self) -> float:
+        """Reflectance at normal incidence, from outside."""
+        return _fresnel(self.ior)
+
+
+@dataclass(frozen=True)
+class RoughDielectric:
+    """The rough surface of something clear that fills a closed mesh: frosted glass."""
+
+    roughness: float
+    ior: float = 1.5
+
+    def __post_init__(self) -> None:
+        _check_roughness(self.roughness)
+        _check_ior(self.ior)
+
+    @property
+    def fresnel_reflectance(self) -> float:
+        """Reflectance at normal incidence of a smooth patch, from outside."""
+        return _fresnel(self.ior)
+
+
+@dataclass(frozen=True)
+class ThinPane:
+    """A clear pane drawn as a sheet: light goes straight on or is mirrored."""
+
+    ior: float = 1.5
+
+    def __post_init__(self) -> None:
+        _check_ior(self.ior)
+
+    @property
+    def fresnel_reflectance(self) -> float:
+        """Reflectance at normal incidence of both faces, with all reflections between them."""
+        once = _fresnel(self.ior)
+        return 2 * once / (1 + once)
+
+
+@dataclass(frozen=True)
+class Principled:
+    """A rough plastic blended by `metallic` into a rough metal of the material's reflectance.
+
+    `specular` is the gloss of the plastic in the units of Burley (2012), 12.5 times what its coat
+    reflects at normal incidence: 0.5 is a refractive index of 1.5.
+    """
+
+    roughness: float = 0.25
+    metallic: float = 0.0
+    specular: float = 0.5
+    fresnel_reflectance = None
+
+    def __post_init__(self) -> None:
+        _check_roughness(self.roughness)
+        _check_range("metallic", self.metallic, 0, 1)
+        _check_range("specular", self.specular, MIN_SPECULAR, 1)
+
+
+Clear: TypeAlias = Dielectric | RoughDielectric | ThinPane
+Bsdf: TypeAlias = (
+    Diffuse
+    | Plastic
+    | RoughPlastic
+    | Mirror
+    | Conductor
+    | RoughConductor
+    | Principled
+    | Dielectric
+    | RoughDielectric
+    | ThinPane
+)
+
+#: What scene files call the models.
+BSDFS: Mapping[str, type[Any]] = MappingProxyType(
+    {
+        "diffuse": Diffuse,
+        "plastic": Plastic,
+        "rough-plastic": RoughPlastic,
+        "mirror": Mirror,
+        "conductor": Conductor,
+        "rough-conductor": RoughConductor,
+        "dielectric": Dielectric,
+        "rough-dielectric": RoughDielectric,
+        "thin-pane": ThinPane,
+        "principled": Principled,
+    }
+)
+
+
+def make_bsdf(name: str, parameters: Mapping[str, float]) -> Bsdf:
+    """Model of a name in `BSDFS` with its parameters.
+
+    Raises InputError for an unknown name, a parameter that is not the model's own, is missing or
+    out of range.
+    """
+    if name not in BSDFS:
+        raise InputError(f"unknown bsdf {name!r}: {nearest(name, BSDFS)}")
+    known = {field.name: field.default is MISSING for field in fields(BSDFS[name])}
+    if stray := sorted(parameters.keys() - known):
+        allowed = ", ".join(known) or "none"
+        raise InputError(f"{stray[0]} does not go with bsdf {name}; its parameters: {allowed}")
+    missing = [field for field, required in known.items() if required and field not in parameters]
+    if missing:
+        raise InputError(f"bsdf {name} needs {missing[0]}")
+    bsdf: Bsdf = BSDFS[name](**parameters)
+    return bsdf
+
+
+def _fresnel(index: complex) -> float:
+    """Reflectance at normal incidence of a half-space of complex refractive index."""
+    return abs((index - 1) / (index + 1)) ** 2
+
+
+def _check_roughness(roughness: float) -> None:
+    _check_range("roughness", roughness, MIN_ROUGHNESS, 1)
+
+
+def _check_ior(ior: float, largest: float = MAX_IOR) -> None:
+    if not 1 < ior <= largest:
+        raise InputError(
+            f"ior should be greater than 1 (air) and not above {largest:g}; found {ior}"
+        )
+
+
+def _check_metal(eta: float, k: float) -> None:
+    if not (0 < eta < math.inf and 0 < k < math.inf):
+        raise InputError(f"eta and k should be greater than 0 and finite; found {eta} and {k}")
+
+
+def _check_range(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise InputError(f"{name} should lie between {low:g} and {high:g}; found {value}")

@@ -1,0 +1,113 @@
+"""Files that a scene file refers to: pictures and tables of numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.errors import InputError, nearest
+
+
+def check_is_there(path: Path, kind: str) -> None:
+    """InputError, naming the nearest file of the same suffix, unless `path` is a file."""
+    if not path.is_file():
+        others = sorted(other.name for other in path.parent.glob(f"*{path.suffix}"))
+        hint = f" in {path.parent}; {nearest(path.name, others)}" if others else f": {path}"
+        raise InputError(f"no {kind} {path.name!r}{hint}")
+
+
+def read_picture(path: Path) -> NDArray[np.float32]:
+    """Grey picture (h, w) of values from 0 to 1, from a PNG or NPY file.
+
+    Grey levels are read as they stand, black 0 and white 1, with no gamma: they are quantities at
+    1550 nm. Raises InputError for a file that is missing, damaged, of another format, coloured, or
+    with values that are not numbers from 0 to 1.
+    """
+    check_is_there(path, "picture")
+    if path.suffix.lower() == ".npy":
+        picture = _read_npy(path, "picture")
+    elif path.suffix.lower() == ".png":
+        picture = _read_png(path)
+    else:
+        raise InputError(f"picture {path.name!r} should be a PNG or NPY file")
+    if picture.ndim != 2 or 0 in picture.shape:
+        raise InputError(
+            f"picture {path.name!r} should be grey, (height, width); found shape {picture.shape}: "
+            "colours mean nothing at 1550 nm"
+        )
+    if not ((picture >= 0) & (picture <= 1)).all():
+        raise InputError(f"picture {path.name!r} should hold values from 0 to 1")
+    return picture.astype(np.float32)
+
+
+def read_density(path: Path) -> NDArray[np.float32]:
+    """Relative density (nz, ny, nx) between 0 and 1, from an NPY file.
+
+    Raises InputError for a file that is missing, damaged or no array, and for an array that is not
+    3-D, is all zero, or holds values that are not numbers from 0 to 1.
+    """
+    check_is_there(path, "density")
+    density = _read_npy(path, "density")
+    if density.ndim != 3 or 0 in density.shape:
+        raise InputError(
+            f"density {path.name!r} should be 3-D, (nz, ny, nx); found shape {density.shape}"
+        )
+    if not np.isfinite(density).all():
+        raise InputError(f"density {path.name!r} has values that are not finite (NaN or infinite)")
+    if density.min() < 0 or density.max() > 1:
+        raise InputError(
+            f"density {path.name!r} should lie between 0 and 1, relative to the extinction given; "
+            f"it spans {density.min():g} to {density.max():g}"
+        )
+    if not density.any():
+        raise InputError(f"density {path.name!r} is zero everywhere")
+    return density.astype(np.float32)
+
+
+def read_columns(path: Path) -> NDArray[np.float64]:
+    """Table of numbers (rows, columns), from a CSV file, with or without a header, or an NPY file.
+
+    Raises InputError for a file that is missing, damaged or holds something else.
+    """
+    check_is_there(path, "table")
+    if path.suffix.lower() == ".npy":
+        return np.atleast_2d(_read_npy(path, "table").astype(np.float64))
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
+        rows = [line.split(",") for line in lines[has_header:] if line.strip()]
+        return np.array(rows, dtype=np.float64)
+    except (OSError, ValueError) as error:
+        raise InputError(f"table {path.name!r} cannot be read: {error}") from None
+
+
+def _read_npy(path: Path, kind: str) -> NDArray[Any]:
+    try:
+        with path.open("rb") as file:
+            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{kind} {path.name!r} cannot be read: {error}") from None
+    if array.dtype.kind not in "fiub":
+        raise InputError(f"{kind} {path.name!r} should hold real numbers; found {array.dtype}")
+    return array
+
+
+def _read_png(path: Path) -> NDArray[Any]:
+    import matplotlib.image
+
+    try:
+        return np.asarray(matplotlib.image.imread(path, format="png"))
+    # The decoder raises whatever a damaged file runs it into.
+    except Exception as error:
+        raise InputError(f"picture {path.name!r} cannot be read: {error}") from None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,75 @@
+"""Meshes that should be closed surfaces and are not, or face the wrong way.
+
+Every surface is lit and seen from both sides, so such a mesh still renders. But it has no inside:
+glass has no thickness there, and nobody can tell whether the drone is in it.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from spisim.scene.model import Scene
+from spisim.scene.rays import winding_number
+from spisim.scene.warning import SceneWarning
+
+
+def warn_of_unsound_meshes(scene: Scene) -> None:
+    """One SceneWarning that names every object with such a mesh, and what is wrong with it.
+
+    Sheets are fine, and so is a room: a closed mesh that faces in, with the drone inside.
+    """
+    faults = {thing.name: fault(thing.mesh) for thing in scene.objects}
+    for thing in scene.objects:
+        if faults[thing.name] == INVERTED:
+            wraps = winding_number(scene.drone_pose[:3, 3], thing.mesh.triangles)
+            faults[thing.name] = None if wraps < -0.5 else INVERTED
+    told = [f"{name!r} ({found})" for name, found in faults.items() if found]
+    if told:
+        warnings.warn(
+            f"scene {scene.name!r}: these meshes are no sound closed surfaces: {', '.join(told)}; "
+            "they are drawn from both sides, but have no inside",
+            SceneWarning,
+            stacklevel=2,
+        )
+
+
+NON_MANIFOLD = "edges shared by more than two triangles"
+INCONSISTENT = "triangles facing in and out"
+INVERTED = "inside out"
+
+
+def fault(mesh: trimesh.Trimesh) -> str | None:
+    """What is wrong with a mesh as a closed surface, or None; open sheets have nothing wrong.
+
+    Solids that touch along an edge share it among four triangles or more, but as many run along it
+    one way as the other: those are sound.
+    """
+    triangles, balance = _edge_counts(mesh)
+    paired = balance == 0
+    if ((triangles > 2) & ~paired).any():
+        return NON_MANIFOLD
+    if (triangles < 2).any():
+        return None
+    if not paired.all():
+        return INCONSISTENT
+    return INVERTED if mesh.volume < -1e-9 * mesh.area**1.5 else None
+
+
+def _edge_counts(mesh: trimesh.Trimesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Per edge: how many triangles share it, and how many more run along it one way.
+
+    Vertices in the same place are one: files repeat them where normals or textures change.
+    """
+    _, same = trimesh.grouping.unique_rows(mesh.vertices)
+    faces = same[mesh.faces]
+    directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    directed = directed[directed[:, 0] != directed[:, 1]]
+    forward = directed[:, 0] < directed[:, 1]
+    keys = directed.min(axis=1) * len(mesh.vertices) + directed.max(axis=1)
+    _, edge = np.unique(keys, return_inverse=True)
+    triangles = np.bincount(edge)
+    return triangles, 2 * np.bincount(edge[forward], minlength=len(triangles)) - triangles

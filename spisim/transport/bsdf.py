@@ -1,0 +1,121 @@
+"""Materials as Mitsuba describes them, at one wavelength."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from spisim.scene import Material
+from spisim.scene.bsdf import (
+    Bsdf,
+    Clear,
+    Conductor,
+    Dielectric,
+    Diffuse,
+    Mirror,
+    Plastic,
+    Principled,
+    RoughConductor,
+    RoughDielectric,
+    RoughPlastic,
+    ThinPane,
+)
+from spisim.transport.coat import body_scale, plastic
+
+Quantity = float | NDArray[np.float32]  # everywhere the same, or a picture
+
+
+def bsdf_dict(material: Material) -> dict[str, Any]:
+    """Mitsuba description of a material, pictures included; needs an active variant.
+
+    Surfaces that let no light in look alike from both sides: drone-scale meshes are often sheets
+    without thickness, or inside out.
+    """
+    described = _model(material.bsdf, material)
+    if not isinstance(material.bsdf, Clear):
+        described = {"type": "twosided", "bsdf": described}
+    if material.opacity is not None:
+        described = {"type": "mask", "opacity": _spectrum(material.opacity), "bsdf": described}
+    return described
+
+
+def is_null_transmitting(material: Material) -> bool:
+    """Whether light may pass the surface without a change of direction."""
+    return material.opacity is not None or isinstance(material.bsdf, ThinPane)
+
+
+def _model(bsdf: Bsdf, material: Material) -> dict[str, Any]:
+    match bsdf:
+        case Diffuse():
+            return {"type": "diffuse", "reflectance": _spectrum(_reflectance(material))}
+        case Plastic(ior):
+            return _plastic(material, ior, 0.0)
+        case RoughPlastic(roughness, ior):
+            return _plastic(material, ior, roughness)
+        case Mirror():
+            return {"type": "conductor", **_metal(_reflectance(material))}
+        case Conductor(eta, k):
+            return {"type": "conductor", **_metal(_texture(material), complex(eta, k))}
+        case RoughConductor(roughness, eta, k):
+            return _rough("conductor", roughness) | _metal(_texture(material), complex(eta, k))
+        case Principled():
+            return _principled(bsdf, material)
+        case Dielectric() | RoughDielectric() | ThinPane():
+            return _clear(bsdf)
+
+
+def _clear(bsdf: Clear) -> dict[str, Any]:
+    indices = {"int_ior": float(bsdf.ior), "ext_ior": 1.0}
+    match bsdf:
+        case Dielectric():
+            return {"type": "dielectric", **indices}
+        case RoughDielectric():
+            return _rough("dielectric", bsdf.roughness) | indices
+        case ThinPane():
+            return {"type": "thindielectric", **indices}
+
+
+def _principled(bsdf: Principled, material: Material) -> dict[str, Any]:
+    root = math.sqrt(0.08 * bsdf.specular)  # of the coat's reflectance at normal incidence
+    return {
+        "type": "blendbsdf",
+        "weight": _spectrum(bsdf.metallic),
+        "plastic": _plastic(material, (1 + root) / (1 - root), bsdf.roughness),
+        "metal": _rough("conductor", bsdf.roughness) | _metal(_reflectance(material)),
+    }
+
+
+def _plastic(material: Material, ior: float, roughness: float) -> dict[str, Any]:
+    scale = body_scale(ior, roughness)
+    return plastic(ior, roughness, _spectrum(_reflectance(material) * scale))
+
+
+def _metal(reflectance: Quantity, index: complex | None = None) -> dict[str, Any]:
+    """`reflectance` times that of a refractive index; without one, the same at every angle."""
+    described: dict[str, Any] = {"specular_reflectance": _spectrum(reflectance)}
+    if index is None:
+        return described | {"material": "none"}
+    return described | {"eta": _spectrum(index.real), "k": _spectrum(index.imag)}
+
+
+def _rough(plugin: str, roughness: float) -> dict[str, Any]:
+    return {"type": f"rough{plugin}", "distribution": "ggx", "alpha": float(roughness)}
+
+
+def _texture(material: Material) -> Quantity:
+    return 1.0 if material.texture is None else material.texture
+
+
+def _reflectance(material: Material) -> Quantity:
+    return material.reflectance * _texture(material)
+
+
+def _spectrum(value: Quantity) -> dict[str, Any]:
+    if isinstance(value, np.ndarray):
+        picture = np.ascontiguousarray(value[..., None], dtype=np.float32)
+        return {"type": "bitmap", "bitmap": mi.Bitmap(picture), "raw": True}
+    return {"type": "rgb", "value": [float(value)] * 3}

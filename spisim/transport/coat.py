@@ -1,0 +1,74 @@
+"""How much light a clear coat lets through to the diffuse body beneath it, and out again."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from spisim.transport.views import Floats
+
+_NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
+
+
+@cache
+def body_scale(ior: float, roughness: float) -> float:
+    """Factor on the reflectance of Mitsuba's plastics that makes their body lose no light.
+
+    Light that came through the coat, T(i), is to leave as T(i) T(o) cos(o) / π over the mean of T,
+    so that a body of reflectance 1 returns T(i), and both albedos add up to at most 1 (Shirley et
+    al. 1997). Mitsuba has the mean of what the coat reflects inwards instead, a fit where the coat
+    is smooth, which gives 0.1 % too much, and without multiple scattering where it is rough, which
+    at a roughness of 0.2 gives 20 % too little. `roughness` 0 is a smooth coat.
+    """
+    cosines = np.repeat(_NODES, _NODES.size), np.tile(_NODES, _NODES.size)
+    weights = 4 * np.outer(_NODES * _WEIGHTS, _NODES * _WEIGHTS).ravel()
+    body = _body_term(ior, roughness, *cosines)
+    return float(2 * _NODES * _WEIGHTS @ _transmittance(ior, roughness) / (weights @ body))
+
+
+def _transmittance(ior: float, roughness: float) -> Floats:
+    """T at `_NODES`, cosines of incidence: light that comes through in one go, by quadrature."""
+    count = _NODES.size
+    cosine, first, second = (axis.ravel() for axis in np.meshgrid(*[_NODES] * 3, indexing="ij"))
+    wi = _directions(cosine)
+    facets: Any = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, roughness, True)
+    normal, _ = facets.sample(wi, mi.Point2f(np.array([first, second], dtype=np.float32)))
+    index: Any = mi.Float(ior)
+    reflected, inner, _, ratio = mi.fresnel(dr.dot(wi, normal), index)
+    inside = mi.refract(wi, normal, inner, ratio)
+    through = np.asarray(((1 - reflected) * facets.smith_g1(inside, normal)).numpy(), np.float64)
+    through[inside.z.numpy() >= 0] = 0
+    return through.reshape(count, count * count) @ np.outer(_WEIGHTS, _WEIGHTS).ravel()
+
+
+def _body_term(ior: float, roughness: float, cos_in: Floats, cos_out: Floats) -> Floats:
+    """What Mitsuba's plugin has for π f(i, o) of a body of reflectance 1."""
+    bsdf: Any = mi.load_dict(plastic(ior, roughness, {"type": "rgb", "value": [1.0] * 3}))
+    context = mi.BSDFContext()
+    context.component = 1
+    si: Any = mi.SurfaceInteraction3f()
+    si.wi = _directions(cos_in)
+    value = bsdf.eval(context, si, _directions(cos_out)).x.numpy()
+    return np.pi * np.asarray(value, np.float64) / cos_out
+
+
+def plastic(ior: float, roughness: float, body: dict[str, Any]) -> dict[str, Any]:
+    """Mitsuba's plastic in air, over a body of this reflectance; smooth for a roughness of 0."""
+    described = {
+        "type": "plastic",
+        "int_ior": float(ior),
+        "ext_ior": 1.0,
+        "diffuse_reflectance": body,
+    }
+    if roughness > 0:
+        described |= {"type": "roughplastic", "distribution": "ggx", "alpha": float(roughness)}
+    return described
+
+
+def _directions(cosines: Floats) -> Any:
+    sines = np.sqrt(1 - cosines**2)
+    return mi.Vector3f(np.array([sines, np.zeros_like(sines), cosines], dtype=np.float32))

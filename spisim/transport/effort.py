@@ -1,0 +1,118 @@
+"""How long to go on: a number of paths, or a noise to reach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from spisim.transport.views import Floats
+
+#: Independent repetitions from which a standard error is taken, at least.
+MIN_LAUNCHES = 8
+#: Lanes of one launch, per strategy: bounds memory.
+MAX_LANES = 2**20
+#: Where no number of paths is given: per cell and launch, and launches before giving up.
+PATHS_PER_LAUNCH = 16
+MAX_LAUNCHES = 2**16
+
+
+@dataclass(frozen=True)
+class Paths:
+    """A fixed number of paths per cell (virtual pixel, beam) and strategy."""
+
+    per_cell: int
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Go on until the relative standard error of some readings is below `target`.
+
+    `readings` turns what was estimated into the numbers that matter, such as the bucket vector;
+    their relative error is ‖standard errors‖ / ‖means‖.
+    """
+
+    target: float
+    readings: Callable[[Mapping[str, Floats]], Floats]
+
+
+Effort = Paths | Noise
+Launch = Callable[[int, Sequence[int]], Mapping[str, Floats]]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Means over the launches, their standard errors, and what they cost."""
+
+    mean: Mapping[str, Floats]
+    error: Mapping[str, Floats]
+    launches: int
+    paths: int
+
+
+class _Running:
+    """Mean and standard error of arrays that arrive one by one (Welford)."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.mean: dict[str, Floats] = {}
+        self._squares: dict[str, Floats] = {}
+
+    def add(self, values: Mapping[str, Floats]) -> None:
+        self.count += 1
+        for name, value in values.items():
+            mean = self.mean.get(name, np.zeros(()))
+            step = value - mean
+            self.mean[name] = mean + step / self.count
+            before = self._squares.get(name, np.zeros(()))
+            self._squares[name] = before + step * (value - self.mean[name])
+
+    def error(self) -> dict[str, Floats]:
+        spread = max(self.count - 1, 1) * self.count
+        return {name: np.sqrt(squares / spread) for name, squares in self._squares.items()}
+
+
+def repeat(
+    launch: Launch,
+    effort: Effort,
+    cells: int,
+    seed: np.random.SeedSequence,
+    progress: Callable[[float], None] | None,
+) -> Estimate:
+    """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `effort` says."""
+    most = max(1, MAX_LANES // cells)
+    if isinstance(effort, Paths):
+        launches = max(MIN_LAUNCHES, -(-effort.per_cell // most))
+        samples = max(1, round(effort.per_cell / launches))
+    else:
+        launches, samples = MAX_LAUNCHES, min(PATHS_PER_LAUNCH, most)
+    running, readings = _Running(), _Running()
+    for step in range(launches):
+        values = launch(samples, _seeds(seed, step))
+        running.add(values)
+        done = (step + 1) / launches
+        if isinstance(effort, Noise):
+            readings.add({"readings": effort.readings(values)})
+            done = (effort.target / max(_relative(readings), effort.target)) ** 2
+            if step + 1 < MIN_LAUNCHES:
+                done = min(done, (step + 1) / MIN_LAUNCHES)
+        if progress is not None:
+            progress(done)
+        if done >= 1:
+            break
+    return Estimate(
+        running.mean, running.error(), running.count, 2 * running.count * samples * cells
+    )
+
+
+def _relative(readings: _Running) -> float:
+    norm = np.linalg.norm(readings.mean["readings"])
+    error = np.linalg.norm(readings.error()["readings"])
+    return float(error / norm) if norm > 0 and readings.count > 1 else np.inf
+
+
+def _seeds(seed: np.random.SeedSequence, step: int) -> list[int]:
+    child: Any = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, step))
+    return [int(word) for word in child.generate_state(3)]

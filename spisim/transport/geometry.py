@@ -1,0 +1,54 @@
+"""The surfaces of a scene, and what gets past them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Surfaces, and whether any of them lets light straight through."""
+
+    scene: Any  # mi.Scene
+    see_through: bool
+
+    def transmission(
+        self, si: Any, point: Any, direction: Any, gap: Any, in_fog: Any, active: Any
+    ) -> Any:
+        """Fraction of light that gets from a path vertex to a point `gap` away, fog apart.
+
+        The vertex is the surface interaction `si`, or `point` where it lies in fog.
+        """
+        ray = si.spawn_ray(direction)
+        ray.o = dr.select(in_fog, point, ray.o)
+        return self._along(ray, gap, active)
+
+    def between(self, point: Any, direction: Any, gap: Any, active: Any) -> Any:
+        """The same from a point in fog."""
+        return self._along(mi.Ray3f(point, direction), gap, active)
+
+    def _along(self, ray: Any, gap: Any, active: Any) -> Any:
+        ray.maxt = gap * (1 - 10 * mi.math.ShadowEpsilon)
+        if self.see_through:
+            return self._through_panes(ray, active)
+        return dr.select(active & ~self.scene.ray_test(ray, active), 1, 0)
+
+    @dr.syntax
+    def _through_panes(self, ray: Any, active: Any) -> Any:
+        through = mi.Float(1)
+        going = mi.Bool(active)
+        ray = mi.Ray3f(ray)
+        while dr.hint(going, exclude=[self]):
+            si = self.scene.ray_intersect(ray, going)
+            met = going & si.is_valid()
+            passed = si.bsdf().eval_null_transmission(si, met)
+            through *= dr.select(met, passed.x, 1)
+            rest = ray.maxt - si.t
+            ray = si.spawn_ray(ray.d)
+            ray.maxt = rest
+            going = met & (through > 0) & (rest > 0)
+        return through

@@ -1,0 +1,250 @@
+"""What scatters between the surfaces: any number of media, homogeneous or not, bounded or not.
+
+Media in the same place add up. Collisions with each are independent Poisson processes along a
+ray, so the first collision of all is the nearest of the first collisions of each, and the
+transmittance of all is the product of each one's. A homogeneous medium has both in closed form; a
+heterogeneous one is tracked: null-collision (delta) tracking for the flight, ratio tracking for
+the transmittance (Novák et al., Computer Graphics Forum 37, 551 (2018)). Distances are always
+those between points, so a null collision can neither add to nor take from an optical path length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Bounds(Protocol):
+    """A convex region."""
+
+    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+        """Distances (near, far) between which a ray of length `far` is inside, if near < far."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """Around the whole scene."""
+
+    centre: Any
+    radius_m: Any
+
+    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+        """See `Bounds`."""
+        offset = origin - self.centre
+        middle = -dr.dot(offset, direction)
+        squared = middle * middle + self.radius_m**2 - dr.squared_norm(offset)
+        half = dr.select(squared > 0, dr.sqrt(dr.maximum(squared, 0)), -dr.inf)
+        return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """The unit cube under an affine map."""
+
+    to_local: Any
+
+    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+        """See `Bounds`."""
+        start, step = self.to_local @ mi.Point3f(origin), self.to_local @ mi.Vector3f(direction)
+        step = dr.select(dr.abs(step) < 1e-20, 1e-20, step)
+        first, second = -start / step, (1 - start) / step
+        near = dr.maximum(dr.max(dr.minimum(first, second)), 0)
+        return near, dr.minimum(dr.min(dr.maximum(first, second)), far)
+
+
+@dataclass(frozen=True, eq=False)
+class Homogeneous:
+    """Constant extinction within bounds."""
+
+    bounds: Bounds
+    extinction_per_m: Any
+    albedo: Any
+    phase: Any
+    in_closed_form = True
+
+    def flight(self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any) -> Any:
+        """Distance to the first collision, infinite where there is none before `far`."""
+        near, far = self.bounds.interval(origin, direction, far)
+        distance = near - dr.log(1 - sampler.next_1d(active)) / self.extinction_per_m
+        return dr.select(distance < far, distance, dr.inf)
+
+    def transmittance(
+        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
+    ) -> Any:
+        """Fraction of light that gets `far` without a collision."""
+        near, far = self.bounds.interval(origin, direction, far)
+        return dr.exp(-self.extinction_per_m * dr.maximum(far - near, 0))
+
+    def extinction_at(self, point: Any) -> Any:
+        """Extinction, 1/m."""
+        near, far = self.bounds.interval(point, mi.Vector3f(0, 0, 1), mi.Float(dr.inf))
+        return dr.select((near == 0) & (far > 0), self.extinction_per_m, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Extinction σ · density, density between 0 and 1 interpolated on a grid that fills a box."""
+
+    bounds: Box
+    density: Any  # mi.Texture3f
+    extinction_per_m: Any
+    albedo: Any
+    phase: Any
+    in_closed_form = False
+
+    @dr.syntax
+    def flight(self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any) -> Any:
+        """Distance to the first real collision, by null-collision tracking."""
+        near, end = self.bounds.interval(origin, direction, far)
+        distance = mi.Float(near)
+        collision = mi.Float(dr.inf)
+        going = active & (near < end)
+        while dr.hint(going, exclude=[self, origin, direction, end]):
+            distance -= dr.log(1 - sampler.next_1d(going)) / self.extinction_per_m
+            going &= distance < end
+            real = going & (sampler.next_1d(going) < self._density(origin + distance * direction))
+            collision = dr.select(real, distance, collision)
+            going &= ~real
+        return collision
+
+    @dr.syntax
+    def transmittance(
+        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
+    ) -> Any:
+        """Unbiased estimate of the transmittance, by ratio tracking."""
+        near, end = self.bounds.interval(origin, direction, far)
+        distance = mi.Float(near)
+        through = mi.Float(1)
+        going = active & (near < end)
+        while dr.hint(going, exclude=[self, origin, direction, end]):
+            distance -= dr.log(1 - sampler.next_1d(going)) / self.extinction_per_m
+            going &= distance < end
+            free = 1 - self._density(origin + distance * direction)
+            through = dr.select(going, through * free, through)
+            going &= through > 0
+        return through
+
+    def extinction_at(self, point: Any) -> Any:
+        """Extinction, 1/m."""
+        local = self.bounds.to_local @ mi.Point3f(point)
+        inside = dr.all((local >= 0) & (local <= 1))
+        return dr.select(inside, self.extinction_per_m * self._density(point), 0)
+
+    def _density(self, point: Any) -> Any:
+        local = self.bounds.to_local @ mi.Point3f(point)
+        return self.density.eval(local)[0]
+
+
+class Collision(NamedTuple):
+    """Where light meets a medium, and which."""
+
+    distance: Any  # infinite where it meets none
+    medium: Any  # index
+
+
+@dataclass(frozen=True, eq=False)
+class Media:
+    """All media of a scene; empty for clear air."""
+
+    parts: tuple[Homogeneous | Grid, ...]
+
+    def flight(self, ray: Any, far: Any, sampler: Any, active: Any) -> Collision:
+        """First collision along the ray before `far`."""
+        nearest, which = mi.Float(dr.inf), mi.UInt32(0)
+        for number, part in enumerate(self.parts):
+            distance = part.flight(ray.o, ray.d, far, sampler, active)
+            which = dr.select(distance < nearest, number, which)
+            nearest = dr.minimum(distance, nearest)
+        return Collision(nearest, which)
+
+    def transmittance(
+        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
+    ) -> Any:
+        """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
+        through = mi.Float(1)
+        for part in self.parts:
+            through *= part.transmittance(origin, direction, far, sampler, active)
+        return through
+
+    def known_transmittance(self, origin: Any, direction: Any, far: Any) -> Any:
+        """The factors of the transmittance that have a closed form."""
+        through = mi.Float(1)
+        for part in self.parts:
+            if part.in_closed_form:
+                through *= part.transmittance(origin, direction, far, None, mi.Bool(True))
+        return through
+
+    def albedo(self, medium: Any) -> Any:
+        """Albedo of the medium with this index."""
+        value = mi.Float(1)
+        for number, part in enumerate(self.parts):
+            value = dr.select(medium == number, part.albedo, value)
+        return value
+
+    def phase(self, medium: Any, point: Any, incoming: Any, outgoing: Any, active: Any) -> Any:
+        """Phase function, 1/sr: value and, since it is symmetric, density either way."""
+        value = mi.Float(0)
+        interaction = _interaction(point, incoming)
+        for number, part in enumerate(self.parts):
+            chosen = active & (medium == number)
+            density, _ = part.phase.eval_pdf(
+                mi.PhaseFunctionContext(), interaction, outgoing, chosen
+            )
+            value = dr.select(chosen, density.x, value)
+        return value
+
+    def scatter(
+        self, medium: Any, point: Any, incoming: Any, choice: Any, square: Any, active: Any
+    ) -> tuple[Any, Any, Any]:
+        """New direction, its weight and its density (1/sr)."""
+        direction, weight, density = mi.Vector3f(incoming), mi.Float(0), mi.Float(1)
+        interaction = _interaction(point, incoming)
+        for number, part in enumerate(self.parts):
+            chosen = active & (medium == number)
+            scattered, scale, pdf = part.phase.sample(
+                mi.PhaseFunctionContext(), interaction, choice, square, chosen
+            )
+            direction = dr.select(chosen, scattered, direction)
+            weight = dr.select(chosen, scale.x, weight)
+            density = dr.select(chosen, pdf, density)
+        return direction, weight, density
+
+    def extinction_at(self, point: Any) -> Any:
+        """Extinction of all media together, 1/m."""
+        total: Any = mi.Float(0)
+        for part in self.parts:
+            total += part.extinction_at(point)
+        return total
+
+    def pick(self, point: Any, choice: Any) -> Any:
+        """Index of a medium, chosen in proportion to its extinction at a point."""
+        mark = choice * self.extinction_at(point)
+        medium, below = mi.UInt32(0), mi.Float(0)
+        for number, part in enumerate(self.parts[:-1]):
+            below += part.extinction_at(point)
+            medium = dr.select(mark >= below, number + 1, medium)
+        return medium
+
+
+def _interaction(point: Any, incoming: Any) -> Any:
+    interaction: Any = dr.zeros(mi.MediumInteraction3f)
+    interaction.p = point
+    interaction.wi = -incoming
+    interaction.sh_frame = mi.Frame3f(interaction.wi)
+    return interaction
+
+
+def density_texture(density: NDArray[np.float32]) -> Any:
+    """A grid (nz, ny, nx) of cell-centred values over the unit cube, linear between, clamped."""
+    texture: Any = mi.Texture3f
+    return texture(
+        mi.TensorXf(np.ascontiguousarray(density, dtype=np.float32)[..., None]),
+        wrap_mode=dr.WrapMode.Clamp,
+        filter_mode=dr.FilterMode.Linear,
+    )

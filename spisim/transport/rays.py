@@ -1,0 +1,66 @@
+"""The third strategy: a detector's walk, connected to a point of a ray from the projector.
+
+Both a first vertex close to the projector and a last one close to the detector are then found
+where they lie: the one on a ray that leaves the projector, the other on the walk. Points on the
+ray are drawn equi-angularly about the vertex that is connected, which cancels the 1/d² between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from spisim.transport.ends import Connection, Projector
+from spisim.transport.equiangular import EquiAngular
+from spisim.transport.walk import direction_to
+from spisim.transport.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class FogRays:
+    """Rays through random points of the projector's field."""
+
+    world: World
+    projector: Projector
+
+    def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
+        """A point in fog on a random ray, and the `density` of its place."""
+        media = self.world.media
+        ray, cell = self.projector.random_ray(sampler)
+        importance = self.projector.importance_towards(ray.d, ray.o)
+        angular = EquiAngular.about(vertex, ray, mi.Float(dr.inf))
+        distance = angular.sample(sampler.next_1d())
+        point = mi.Point3f(ray(distance))
+        extinction = media.extinction_at(point)
+        medium = media.pick(point, sampler.next_1d())
+        towards, gap = direction_to(point, vertex)
+        inside = active & (extinction > 0)
+        phase = media.phase(medium, point, ray.d, towards, inside)
+        clear = self.world.geometry.between(point, -ray.d, distance, inside & (phase > 0))
+        through = media.transmittance(ray.o, ray.d, distance, sampler, clear > 0)
+        known = media.known_transmittance(ray.o, ray.d, distance)
+        place = angular.density(distance)
+        pixels = self.projector.pixels
+        strength = clear * through * media.albedo(medium) * extinction * phase / (place * gap * gap)
+        end = Connection(
+            point=point,
+            importance=dr.select(inside, pixels * strength, 0),
+            density=self.projector.lanes * known * extinction * phase / (place * gap * gap),
+            length_m=distance,
+            scatterings=mi.UInt32(1),
+            cell=cell,
+        )
+        return end, importance / pixels * place / (distance * distance * extinction)
+
+    def density(self, lens: Any, first: Any, second: Any) -> Any:
+        """See `spisim.transport.walk.Rays`; 0 where no ray from `lens` leads to `first`."""
+        direction, distance = direction_to(lens, first)
+        angular = EquiAngular.about(second, mi.Ray3f(lens, direction), mi.Float(dr.inf))
+        importance = self.projector.importance_towards(direction, lens)
+        place = angular.density(distance) / (distance * distance)
+        extinction = self.world.media.extinction_at(first)
+        density = importance / self.projector.pixels * place / extinction
+        return dr.select(extinction > 0, density, 0)

@@ -1,0 +1,18 @@
+"""Images to reconstruct, and how alike two of them are."""
+
+import numpy as np
+
+
+def natural_image(side, seed):
+    """Overlapping discs of all sizes, random grey: edges and a 1/f^2 power spectrum."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:side, :side]
+    image = np.zeros((side, side))
+    for radius in np.sort(side * rng.uniform(0.02, 1, 150) ** 2)[::-1]:
+        row, column = rng.uniform(0, side, 2)
+        image[(y - row) ** 2 + (x - column) ** 2 < radius**2] = rng.uniform(0.1, 1)
+    return image
+
+
+def correlation(a, b):
+    return np.corrcoef(a.ravel(), b.ravel())[0, 1]

@@ -1,0 +1,106 @@
+"""Noise to order, and nothing compiled twice."""
+
+from dataclasses import replace
+
+import drjit as dr
+import numpy as np
+import pytest
+
+import spisim
+import worlds
+from spisim.atmosphere import HenyeyGreenstein, explicit
+from spisim.transport import solve
+from spisim.transport.backend import activate, has_cuda
+from spisim.transport.effort import Noise, Paths
+from spisim.transport.estimator import transport_image
+from spisim.transport.world import build_world
+
+END = worlds.detector([0.05, 0.0, 0.0], area_m2=2e-6, half_angle_deg=14)
+VIEW = worlds.projector()
+
+
+def room(extinction=0.1, albedo=0.98):
+    place = worlds.scene(*worlds.room())
+    return replace(place, atmosphere=explicit(extinction, albedo, HenyeyGreenstein(0.7)))
+
+
+def test_noise_is_what_was_asked_for():
+    target = 0.03
+    world = build_world(room())
+
+    def estimate(seed):
+        effort = Noise(target, lambda sums: sums["image"])
+        return transport_image(world, VIEW, END, effort, seed=seed)
+
+    estimates = [estimate(seed) for seed in worlds.seeds(12)]
+    images = np.array([e.mean["image"] for e in estimates])
+    spread = np.linalg.norm(images.std(axis=0, ddof=1)) / np.linalg.norm(images.mean(axis=0))
+    assert 0.7 * target < spread < 1.4 * target
+    claimed = [
+        np.linalg.norm(e.error["image"]) / np.linalg.norm(e.mean["image"]) for e in estimates
+    ]
+    assert max(claimed) < target
+
+
+def test_a_quarter_of_the_noise_takes_sixteen_times_the_paths():
+    world = build_world(room())
+    paths = [
+        transport_image(
+            world, VIEW, END, Noise(t, lambda s: s["image"]), seed=worlds.seeds(1)[0]
+        ).paths
+        for t in (0.06, 0.015)
+    ]
+    assert 8 < paths[1] / paths[0] < 28
+
+
+def test_the_standard_error_of_every_pixel_is_honest():
+    world = build_world(room(0.02))
+    estimates = [
+        transport_image(world, VIEW, END, Paths(128), seed=seed) for seed in worlds.seeds(24)
+    ]
+    spread = np.array([e.mean["image"] for e in estimates]).std(axis=0, ddof=1)
+    claimed = np.sqrt(np.mean([e.error["image"] ** 2 for e in estimates], axis=0))
+    assert np.median(spread / claimed) == pytest.approx(1, abs=0.08)
+
+
+def test_paths_are_split_into_launches_without_changing_the_mean():
+    world = build_world(room(0.0))
+    few = transport_image(world, VIEW, END, Paths(64), seed=worlds.seeds(1)[0])
+    many = transport_image(world, VIEW, END, Paths(256), seed=worlds.seeds(2)[1])
+    assert few.paths * 4 == many.paths
+    np.testing.assert_allclose(few.mean["image"].sum(), many.mean["image"].sum(), rtol=0.01)
+
+
+def test_progress_rises_to_one():
+    seen = []
+    solve(
+        worlds.scene(*worlds.room()), spisim.load_instrument("paper"), spp=8, progress=seen.append
+    )
+    assert np.all(np.diff(seen) >= 0)
+    assert seen[-1] == 1
+
+
+def test_poses_densities_and_seeds_compile_nothing_new():
+    activate()
+
+    def trace(extinction, albedo, position, seed):
+        world = build_world(room(extinction, albedo))
+        view = worlds.projector(pose=worlds.pose_at(position))
+        transport_image(world, view, END, Paths(64), seed=np.random.SeedSequence(seed))
+        beams = worlds.beams([0.05, 0.02 * seed, 1.0])
+        worlds.histogram(world, beams, END, (500, 0.1), 256, np.random.SeedSequence(seed))
+
+    trace(0.1, 0.98, (0, 0, 0), 1)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        dr.kernel_history_clear()
+        trace(0.2, 0.9, (0.1, 0, 0.2), 2)
+        history = dr.kernel_history([dr.KernelType.JIT])
+    assert len(history) > 0
+    assert [kernel for kernel in history if not kernel["cache_hit"]] == []
+
+
+@pytest.mark.gpu
+def test_cuda_and_llvm_agree():
+    if not has_cuda():
+        pytest.skip("no CUDA device: the light is traced with LLVM here")
+    assert activate() == "cuda_ad_mono"

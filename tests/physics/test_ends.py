@@ -1,0 +1,136 @@
+"""Lenses, vignetting, divergence, pattern shapes: extended ends against closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+import worlds
+from spisim.transport.estimator import Strategy
+from spisim.transport.world import build_world
+
+SEEDS = worlds.seeds(8)
+DISTANCE = 5.0
+
+
+@pytest.fixture(scope="module")
+def plane_world():
+    return build_world(worlds.scene(worlds.plane(DISTANCE, 0.5)))
+
+
+@pytest.fixture(scope="module")
+def edge_world():
+    """Black left of the axis, white right of it."""
+    right = worlds.plane(DISTANCE, 1.0, half_size_m=30)
+    right.mesh.apply_translation([30, 0, 0])
+    return build_world(worlds.scene(right))
+
+
+@pytest.mark.parametrize("exponent", [1.0, 4.0])
+@pytest.mark.parametrize("strategy", [Strategy.BOTH, Strategy.DETECTOR])
+def test_vignetting_is_a_power_of_the_cosine(plane_world, exponent, strategy):
+    view = worlds.projector(30, (8, 8))
+    plain = worlds.detector(half_angle_deg=30)
+    vignetted = replace(plain, vignetting=exponent)
+
+    def closed(power):
+        return worlds.pixel_weights(view, lambda x, y: (1 + x**2 + y**2) ** (-2 - power / 2)).sum()
+
+    runs = [
+        worlds.image(plane_world, view, vignetted, 1024, s, strategy=strategy).sum() for s in SEEDS
+    ]
+    expected = closed(exponent) / view.pixel_area * 0.5 * 1e-6 / (np.pi * DISTANCE**2)
+    assert np.mean(runs) == pytest.approx(expected, rel=1e-4 if strategy is Strategy.BOTH else 0.02)
+    if strategy is Strategy.DETECTOR:
+        assert abs(worlds.z_score_exact(runs, expected)) < 4
+
+
+def test_a_lens_is_sharp_at_its_focus_and_blurs_by_geometry_elsewhere(edge_world):
+    view = worlds.projector(4, (1, 64))
+    end = worlds.detector(half_angle_deg=10)
+
+    def edge_width(lens_radius, focus):
+        lens = replace(view, lens_radius_m=lens_radius, focus_m=focus)
+        image = np.mean([worlds.image(edge_world, lens, end, 512, s)[0] for s in SEEDS], axis=0)
+        centres = (2 * (np.arange(64) + 0.5) / 64 - 1) * view.tan_half_width
+        profile = image / (1 + centres**2) ** -2
+        # Second moment of the edge's derivative, in metres on the plane
+        x = (np.arange(1, 64) / 32 - 1) * view.tan_half_width * DISTANCE
+        slope = np.where(np.abs(x) < 0.08, np.diff(profile), 0)
+        slope /= slope.sum()
+        return np.sqrt(max(np.sum(slope * (x - np.sum(slope * x)) ** 2), 0))
+
+    sharp = edge_width(0.02, DISTANCE)
+    pixel = 2 * view.tan_half_width * DISTANCE / 64
+    assert sharp < pixel
+    # A disc of radius r |1 - z/f| has a standard deviation of half its radius along x.
+    blurred = edge_width(0.02, 2.5)
+    assert blurred == pytest.approx(np.hypot(0.02 * abs(1 - DISTANCE / 2.5) / 2, sharp), rel=0.1)
+
+
+@pytest.mark.parametrize("extinction", [0.0, 0.1])
+def test_a_lens_gives_the_same_light_from_either_end(extinction):
+    world = build_world(worlds.scene(*worlds.room(), extinction_per_m=extinction, g=0.6))
+    view = replace(worlds.projector(), lens_radius_m=0.03, focus_m=3.0)
+    end = worlds.detector([0.2, 0, 0], half_angle_deg=14)
+    totals = {
+        strategy: [
+            [
+                (image := worlds.image(world, view, end, spp, s, strategy=strategy)).sum(),
+                image[:, :8].sum(),
+            ]
+            for s in SEEDS
+        ]
+        for strategy, spp in zip(Strategy, (256, 1024, 1024), strict=True)
+    }
+    for other in (Strategy.PROJECTOR, Strategy.DETECTOR):
+        assert np.all(np.abs(worlds.z_score(totals[other], totals[Strategy.BOTH])) < 4)
+
+
+def test_divergence_spreads_a_beam_without_losing_light():
+    """On a target narrower than the footprint only its share of the beam returns."""
+    from scipy.special import erf
+
+    half = 0.02
+    target = worlds.surface("target", trimesh.creation.box((2 * half, 20, 0.001)), 0.8)
+    target.mesh.apply_translation([0, 0, DISTANCE + 0.0005])
+    world = build_world(worlds.scene(target))
+    divergence, waist = 3e-3, 0.01
+    beam = replace(worlds.beams([0, 0, 1]), divergence_rad=divergence, waist_m=waist)
+    end = worlds.detector(area_m2=1e-8, half_angle_deg=5)
+    runs = [
+        worlds.histogram(world, beam, end, (600, 0.02), 2**15, s, max_vertices=1).sum()
+        for s in SEEDS
+    ]
+    spread = np.hypot(divergence * DISTANCE, waist)
+    share = erf(half / spread / np.sqrt(2))
+    closed = share * 0.8 * 1e-8 / (np.pi * DISTANCE**2)
+    assert np.mean(runs) == pytest.approx(closed, rel=5e-3)
+    assert abs(worlds.z_score_exact(runs, closed)) < 5
+
+
+def test_a_wide_beam_gives_the_same_light_from_either_end():
+    world = build_world(worlds.scene(*worlds.room(), extinction_per_m=0.1, g=0.6))
+    beam = replace(worlds.beams([-0.12, -0.08, 1]), divergence_rad=0.02, waist_m=0.005)
+    end = worlds.detector([0.1, 0, 0], [-0.12, -0.08, 1], half_angle_deg=5)
+    totals = {
+        strategy: [
+            worlds.histogram(world, beam, end, (1000, 0.05), n, s, strategy=strategy).sum()
+            for s in SEEDS
+        ]
+        for strategy, n in zip(Strategy, (2**14, 2**17, 2**15), strict=True)
+    }
+    for other in (Strategy.PROJECTOR, Strategy.DETECTOR):
+        assert abs(worlds.z_score(totals[other], totals[Strategy.BOTH])) < 4
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (64, 16), (128, 16), (256, 16), (3, 7)])
+def test_any_pattern_shape(plane_world, shape):
+    view = worlds.projector(20, shape)
+    image = worlds.image(plane_world, view, worlds.detector(half_angle_deg=80), 16, SEEDS[0])
+    x = (2 * (np.arange(shape[1]) + 0.5) / shape[1] - 1) * view.tan_half_width
+    y = (2 * (np.arange(shape[0]) + 0.5) / shape[0] - 1) * view.tan_half_height
+    closed = (1 + x**2 + y[:, None] ** 2) ** -2 * 0.5 * 1e-6 / (np.pi * DISTANCE**2)
+    assert image.shape == shape
+    np.testing.assert_allclose(image, closed, rtol=0.06)

@@ -1,0 +1,195 @@
+"""Fog that is not the same everywhere: against homogeneous fog, closed forms and Mitsuba."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import worlds
+from reconstruction.patterns import expose, illumination, make_plan
+from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Tabulated, explicit
+from spisim.scene import Volume
+from spisim.transport.effort import Paths
+from spisim.transport.estimator import Wanted, transport_image
+from spisim.transport.reference import bucket_powers
+from spisim.transport.tally import PathLengthBins
+from spisim.transport.world import build_world
+
+SEEDS = worlds.seeds(10)
+BASELINE = worlds.detector([0.05, 0.0, 0.0], area_m2=2e-6, half_angle_deg=14)
+PLAN = make_plan((16, 16), 4, polarity="signed")
+ROOM = (worlds.box_pose((6.2, 6.2, 12.2), (0, 0, 2)), (6, 6, 12))
+HG = HenyeyGreenstein(0.7)
+
+
+def volume(pose, extinction=0.1, albedo=0.98, phase=HG, density=None, name="bank"):
+    return Volume(name, explicit(extinction, albedo, phase), pose, density)
+
+
+def bumps(seed=0, shape=(5, 4, 6)):
+    return np.random.default_rng(seed).uniform(0, 1, shape).astype(np.float32)
+
+
+def readings(place, spp=256):
+    world, view = build_world(place), worlds.projector()
+    return np.array([expose(PLAN, worlds.image(world, view, BASELINE, spp, s)) for s in SEEDS])
+
+
+def agree(first, second):
+    return np.all(np.abs(worlds.z_score(first, second)) < 4)
+
+
+def test_constant_grid_is_homogeneous_fog():
+    """Images, phasors and path lengths."""
+    pose = ROOM[0]
+    # The peak, and with it the rate of null collisions, lies in a corner outside the walls.
+    density = np.full((40, 40, 40), 0.25, dtype=np.float32)
+    density[0, 0, 0] = 1.0
+    grid = volume(worlds.box_pose((12, 12, 24), (0, 0, 2)), 0.4, density=density)
+    wanted = Wanted(frequencies_hz=(15e6,), bins=PathLengthBins(500, 0.1))
+    view = worlds.projector(shape=(4, 4))
+
+    def moments(place):
+        world, runs = build_world(place), []
+        for seed in SEEDS:
+            mean = transport_image(
+                world, view, BASELINE, Paths(4096), seed=seed, wanted=wanted
+            ).mean
+            cube = mean["histogram"].sum(axis=0)
+            length = cube @ np.arange(500) * 0.1 / cube.sum()
+            runs.append([mean["image"].sum(), *mean["phasors"].sum(axis=(0, 2)), length])
+        return np.array(runs)
+
+    homogeneous = worlds.scene(*worlds.room(), volumes=[volume(pose, 0.1)])
+    heterogeneous = worlds.scene(*worlds.room(), volumes=[grid])
+    everywhere = replace(worlds.scene(*worlds.room()), atmosphere=explicit(0.1, 0.98, HG))
+    first = moments(homogeneous)
+    assert agree(first, moments(heterogeneous))
+    assert agree(first, moments(everywhere))
+
+
+def test_absorbing_grid_attenuates_by_its_optical_depth():
+    """Ratio tracking against the integral along each ray, with all light straight."""
+    density = bumps(3)
+    pose = worlds.box_pose((4, 4, 2), (0, 0, 2.5))
+    place = worlds.scene(
+        worlds.plane(5.0, 0.5), volumes=[volume(pose, 0.5, albedo=0.0, density=density)]
+    )
+    narrow = worlds.projector(0.01, (1, 1))
+    runs = [
+        worlds.image(build_world(place), narrow, worlds.detector(), 2**14, s).item() for s in SEEDS
+    ]
+    z = np.linspace(0, 1, 20001)
+    cells = density.shape[0]
+    centres = (np.arange(cells) + 0.5) / cells
+    # On the axis x = y = 1/2 of the box: linear between the four middle columns
+    middle = (density[:, 1, 2] + density[:, 2, 2] + density[:, 1, 3] + density[:, 2, 3]) / 4
+    depth = 0.5 * 2 * np.trapezoid(np.interp(z, centres, middle), z)
+    closed = 0.5 * 1e-6 / (np.pi * 25) * np.exp(-2 * depth)
+    assert abs(worlds.z_score_exact(runs, closed)) < 4
+    assert np.mean(runs) == pytest.approx(closed, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("pose", "density"),
+    [
+        (worlds.box_pose((1.5, 2.0, 1.0), (0.1, 0.2, 3.0)), None),
+        (worlds.box_pose((1.5, 2.0, 1.0), (0.1, 0.2, 3.0)), bumps()),
+    ],
+    ids=["bank", "plume"],
+)
+def test_bounded_fog_against_mitsuba(pose, density):
+    place = worlds.scene(*worlds.room(), volumes=[volume(pose, 0.8, albedo=0.9, density=density)])
+    patterns = [illumination(make_plan((16, 16), 4, polarity="single-ended"), k) for k in range(4)]
+    reference = np.array(
+        [
+            list(
+                bucket_powers(
+                    place, worlds.projector(), BASELINE, patterns, samples=2**17, seed=31 * n
+                )
+            )
+            for n in range(len(SEEDS))
+        ]
+    )
+    ours = readings(place)
+    total = ours[:, :1]
+    assert agree((total + ours) / 2, reference)
+
+
+@pytest.mark.parametrize(
+    "phase",
+    [
+        Isotropic(),
+        HG,
+        Tabulated(HG.density(np.linspace(-1, 1, 4001))),
+        Blend(((0.6, HenyeyGreenstein(0.8)), (0.3, Isotropic()), (0.1, HenyeyGreenstein(-0.4)))),
+    ],
+    ids=["isotropic", "hg", "table", "blend"],
+)
+def test_single_scattering_echo_with_any_phase_function(phase):
+    """Backscatter of a pencil between two ranges: A σs p(π) ∫ e^{-2σr} / r² dr."""
+    from scipy.special import expn
+
+    extinction, albedo, width = 0.15, 0.9, 0.01
+    place = replace(
+        worlds.scene(worlds.plane(40, 0.0)), atmosphere=explicit(extinction, albedo, phase)
+    )
+    world = build_world(place)
+    runs = []
+    for seed in SEEDS:
+        histogram = worlds.histogram(
+            world,
+            worlds.beams([0, 0, 1]),
+            worlds.detector(area_m2=1e-12),
+            (2000, width),
+            2**17,
+            seed,
+            max_vertices=1,
+        )[0]
+        cumulative = np.cumsum(histogram) - histogram / 2
+        runs.append(cumulative[round(16 / width)] - cumulative[round(2 / width)])
+    echo = expn(2, 2 * extinction * 1.0) / 1.0 - expn(2, 2 * extinction * 8.0) / 8.0
+    closed = 1e-12 * albedo * extinction * float(phase.density(-1.0)) * echo
+    assert abs(worlds.z_score_exact(runs, closed)) < 4
+    assert np.mean(runs) == pytest.approx(closed, rel=0.02)
+
+
+def test_tabulated_phase_function_gives_the_same_light_as_its_formula():
+    table = Tabulated(HG.density(np.linspace(-1, 1, 4001)))
+    places = [
+        replace(worlds.scene(*worlds.room()), atmosphere=explicit(0.1, 0.98, phase))
+        for phase in (HG, table)
+    ]
+    assert agree(readings(places[0]), readings(places[1]))
+
+
+def test_two_media_in_one_place_add_up():
+    pose = ROOM[0]
+    half = volume(pose, 0.05)
+    apart = worlds.scene(*worlds.room(), volumes=[half, replace(half, name="other")])
+    together = worlds.scene(*worlds.room(), volumes=[volume(pose, 0.1)])
+    assert agree(readings(apart), readings(together))
+
+
+def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
+    place = replace(worlds.scene(worlds.plane(5.0, 0.5)), atmosphere=explicit(0.1, 0.98, HG))
+    view, wanted = worlds.projector(shape=(8, 8)), Wanted(orders=True)
+    runs = []
+    for seed in SEEDS:
+        mean = transport_image(
+            build_world(place), view, BASELINE, Paths(256), seed=seed, wanted=wanted
+        ).mean
+        np.testing.assert_allclose(mean["orders"].sum(axis=0), mean["image"], rtol=1e-9)
+        runs.append(mean["orders"].sum(axis=1))
+    unscattered = np.array(runs)[:, 0]
+
+    def round_trip(x, y):
+        point = np.stack([5 * x, 5 * y, np.full_like(x, 5.0)], axis=-1)
+        back = point - [0.05, 0, 0]
+        out, home = np.linalg.norm(point, axis=-1), np.linalg.norm(back, axis=-1)
+        seen = back[..., 2] / home > np.cos(np.radians(14))
+        return seen * (5.0 / home) ** 2 / home**2 * np.exp(-0.1 * (out + home))
+
+    closed = worlds.pixel_weights(view, round_trip, 32).sum() / view.pixel_area * 0.5 * 2e-6 / np.pi
+    assert abs(worlds.z_score_exact(unscattered, closed)) < 4
+    assert unscattered.mean() == pytest.approx(closed, rel=0.02)

@@ -1,0 +1,58 @@
+"""What a capture is warned about: clipped readings, spots without range or beyond ambiguity."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.constants import c
+
+from reconstruction import Capture, capture_warnings
+
+
+def test_a_good_capture_has_none(capture: Capture) -> None:
+    assert capture_warnings(capture) == []
+    assert capture_warnings(replace(capture, spots=None, truth=None)) == []
+
+
+def test_saturated_readings_are_counted_per_frame(capture: Capture) -> None:
+    saturated = np.zeros((2, capture.plan.exposures), bool)
+    saturated[1, :64] = True
+    buckets = replace(
+        capture.buckets, counts=np.tile(capture.buckets.counts, (2, 1)), saturated=saturated
+    )
+    two = replace(capture, buckets=buckets, spots=None)
+    assert capture_warnings(two, 0) == []
+    (warning,) = capture_warnings(two, 1)
+    assert "64 of 256 bucket readings (25 %) are marked saturated" in warning
+
+
+def test_a_spot_without_a_range_is_told_with_the_reason(capture: Capture) -> None:
+    assert capture.spots is not None
+    taps, saturated = capture.spots.taps.copy(), capture.spots.saturated.copy()
+    taps[0, 1] = 2e5
+    saturated[0, 2, 3] = True
+    spots = replace(capture.spots, taps=taps, saturated=saturated)
+    assert capture_warnings(replace(capture, spots=spots)) == [
+        "spot 1 shows no signal: it gives no range",
+        "spot 2 is saturated: it gives no range",
+    ]
+
+
+def test_a_spot_closer_than_the_baseline_is_told(capture: Capture) -> None:
+    assert capture.spots is not None
+    positions = np.zeros((4, 3))
+    positions[3, 0] = 20.0
+    spots = replace(capture.spots, detector_positions_m=positions)
+    (warning,) = capture_warnings(replace(capture, spots=spots))
+    assert warning.startswith("spot 3 is too close")
+
+
+def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
+    assert capture.truth is not None
+    assert capture.spots is not None
+    limit = c / (2 * capture.spots.modulation_frequency_hz)
+    for beyond in (False, True):
+        true = np.array([4.2, np.nan, limit + (0.01 if beyond else -0.01), 4.8])
+        truth = replace(capture.truth, spot_range_m=true)
+        warnings = capture_warnings(replace(capture, truth=truth))
+        assert len(warnings) == beyond
+        assert all("spot 2 lies at 15.00 m, beyond the 14.99 m" in line for line in warnings)
