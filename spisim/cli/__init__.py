@@ -5,7 +5,17 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from . import demo, doctor, evaluate, reconstruct, scenes, schema, simulate, transport
+from . import (
+    demo,
+    doctor,
+    evaluate,
+    picture,
+    reconstruct,
+    scenes,
+    schema,
+    simulate,
+    transport,
+)
 from .console import messages
 
 
@@ -44,7 +54,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for module in (demo, simulate, transport, reconstruct, evaluate, scenes, schema, doctor):
+for module in (demo, simulate, transport, picture, reconstruct, evaluate, scenes, schema, doctor):
     name = module.__name__.rpartition(".")[2]
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
 

@@ -32,6 +32,16 @@ Seed = Annotated[int, number_option(0, 2**63 - 1, "Seed of all randomness.")]
 Spp = Annotated[
     int, number_option(1, 2**20, "Light paths per virtual pixel; the noise falls as 1/√spp.")
 ]
+Noise = Annotated[
+    float | None,
+    typer.Option(
+        "--noise",
+        metavar="X",
+        min=1e-5,
+        max=1,
+        help="Instead of --spp: trace until the readings' relative standard error is below X.",
+    ),
+]
 Visibility = Annotated[
     float | None,
     typer.Option("--visibility", metavar="M", help="Fog of this visibility, in metres."),

@@ -12,6 +12,7 @@ from .options import (
     Clear,
     InstrumentOption,
     Json,
+    Noise,
     SceneArgument,
     Seed,
     Spp,
@@ -33,7 +34,8 @@ def command(
     polarity: Annotated[str | None, typer.Option(help="differential or single-ended.")] = None,
     seed: Seed = 0,
     spp: Spp = 256,
-    frames: Annotated[int, number_option(1, 10_000, "Frames; only their noise differs.")] = 1,
+    noise: Noise = None,
+    frames: Annotated[int, number_option(1, 10_000, "Frames, one after the other.")] = 1,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False,
     report: Annotated[
         bool, typer.Option("--report", help="Reconstruct too, into a page beside the capture.")
@@ -60,6 +62,7 @@ def command(
             place,
             carried,
             spp=spp,
+            transport_noise=noise,
             seed=seed,
             noise=not noise_free,
             frames=frames,

@@ -7,9 +7,19 @@ import typer
 
 from .console import messages, print_json, progress_bar
 from .inputs import instrument_with, scene_with
-from .options import Bar, Clear, InstrumentOption, Json, SceneArgument, Seed, Spp, Visibility
+from .options import (
+    Bar,
+    Clear,
+    InstrumentOption,
+    Json,
+    Noise,
+    SceneArgument,
+    Seed,
+    Spp,
+    Visibility,
+)
 
-EXAMPLE = "spisim transport warehouse -o warehouse.exr --clear"
+EXAMPLE = "spisim transport warehouse -o warehouse.exr --noise 0.002 --frequency 15e6"
 
 
 def command(
@@ -20,6 +30,14 @@ def command(
     clear: Clear = False,
     seed: Seed = 0,
     spp: Spp = 256,
+    noise: Noise = None,
+    frequency: Annotated[
+        list[float] | None,
+        typer.Option(min=0, metavar="HZ", help="Add the phasor image at this frequency."),
+    ] = None,
+    orders: Annotated[
+        bool, typer.Option("--orders", help="Add unscattered, single and multiple light apart.")
+    ] = False,
     json: Json = False,
     progress: Bar = None,
 ) -> None:
@@ -28,16 +46,23 @@ def command(
     The spots' light over path length goes into a NumPy file (.npz) beside it.
     """
     from reconstruction.files import require_file
-    from spisim.transport import ground_truth, solve
+    from spisim.transport import Wanted, ground_truth, solve
 
-    from .files import write_histogram, write_truth
+    from .files import light_channels, write_histogram, write_truth
 
     require_file(output)
     place, carried = scene_with(scene, visibility, clear), instrument_with(instrument)
     with progress_bar("Tracing light", progress) as advance:
-        light = solve(place, carried, spp=spp, seed=seed, progress=advance)
-    images = {"transport": light.image, "transport_error": light.image_error}
-    write_truth(output, ground_truth(place, carried), images)
+        light = solve(
+            place,
+            carried,
+            spp=spp,
+            noise=noise,
+            seed=seed,
+            wanted=Wanted(orders=orders, frequencies_hz=tuple(frequency or ())),
+            progress=advance,
+        )
+    write_truth(output, ground_truth(place, carried), light_channels(light, frequency or ()))
     histogram = output.with_suffix(".npz")
     write_histogram(histogram, light)
     if json:

@@ -28,11 +28,10 @@ class LightSequence:
     def weights(self, times_s: Floats) -> Floats:
         """Share of each key time in the light at other times: (..., K), rows sum to one."""
         keys = len(self.times_s)
-        if keys == 1:
-            return np.ones((*times_s.shape, 1))
-        place = np.interp(times_s, self.times_s, np.arange(keys))
-        apart = np.abs(place[..., None] - np.arange(keys))
-        return np.maximum(1 - apart, 0).astype(np.float64)
+        place = np.interp(times_s, self.times_s, np.arange(keys)) if keys > 1 else 0 * times_s
+        apart: Floats = np.abs(place[..., None] - np.arange(keys))
+        shares: Floats = np.maximum(1 - apart, 0)
+        return shares
 
 
 def frame_time_s(instrument: Instrument) -> float:
@@ -43,8 +42,8 @@ def frame_time_s(instrument: Instrument) -> float:
 def exposure_times_s(instrument: Instrument, frames: int) -> Floats:
     """Middle of every exposure, (frames, M)."""
     exposures = instrument.pattern_plan.exposures
-    number = np.arange(frames * exposures).reshape(frames, exposures)
-    return (number + 0.5) / instrument.projector.pattern_rate_hz
+    middles: Floats = np.arange(frames * exposures, dtype=np.float64) + 0.5
+    return middles.reshape(frames, exposures) / instrument.projector.pattern_rate_hz
 
 
 def trace(

@@ -4,6 +4,7 @@ import base64
 import io
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction import Capture
+from reconstruction.files import write_atomically
 
 Floats = NDArray[np.floating]
 
@@ -107,8 +109,17 @@ def _percentile(percent: float, *images: ArrayLike | None) -> float:
     return float(np.percentile(finite, percent)) if finite.size else 1.0
 
 
+def write_png(path: str | Path, rgba: NDArray[np.uint8]) -> None:
+    """Write colours (H, W, 4), whole or not at all; raises OSError."""
+    write_atomically(path, _png_bytes(rgba))
+
+
 def _png(rgba: NDArray[np.uint8]) -> str:
     """The picture as a data address."""
+    return "data:image/png;base64," + base64.b64encode(_png_bytes(rgba)).decode()
+
+
+def _png_bytes(rgba: NDArray[np.uint8]) -> bytes:
     buffer = io.BytesIO()
     imsave(buffer, rgba, format="png")
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return buffer.getvalue()

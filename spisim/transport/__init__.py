@@ -9,8 +9,17 @@ from spisim.transport.llvm import use_working_llvm
 with suppress(InputError):
     use_working_llvm()
 
-from spisim.transport.picture import camera_view
+from spisim.transport.estimator import Wanted
+from spisim.transport.picture import CAMERA_OFFSET_M, camera_view
 from spisim.transport.solve import Transport, solve
 from spisim.transport.truth import GroundTruth, ground_truth
 
-__all__ = ["GroundTruth", "Transport", "camera_view", "ground_truth", "solve"]
+__all__ = [
+    "CAMERA_OFFSET_M",
+    "GroundTruth",
+    "Transport",
+    "Wanted",
+    "camera_view",
+    "ground_truth",
+    "solve",
+]

@@ -69,7 +69,10 @@ def projector_power(
     seed: np.random.SeedSequence,
 ) -> Floats:
     """Power that a projector which emits `power_w` (H, W) sends onto each detector, W."""
-    return _received(world, detectors, Lamp.of(projector, power_w), None, paths, seed)
+    total = power_w.sum()
+    return total * _received(
+        world, detectors, Lamp.of(projector, power_w / total), None, paths, seed
+    )
 
 
 def _received(

@@ -16,7 +16,7 @@ from spisim.transport.effort import Paths, repeat
 from spisim.transport.ends import Camera, Lamp
 from spisim.transport.estimator import MAX_VERTICES, alone, run
 from spisim.transport.views import Floats, InstrumentView, ProjectorView
-from spisim.transport.walk import Contribution
+from spisim.transport.walk import Deposit
 from spisim.transport.world import build_world
 
 #: The camera sits this far above the pinhole: light and camera in one point would see no shading.
@@ -57,21 +57,23 @@ def camera_view(
     view = ProjectorView(pose, (height, width), half_width, half_width * height / width)
     lit = np.ones(placed.shape) if pattern is None else np.asarray(pattern)
     power_w = instrument.projector.pixel_powers_w * lit
+    total = max(float(power_w.sum()), np.finfo(float).tiny)
+    lamp = Lamp.of(placed, power_w / total)
     sky = sky_of(scene, instrument)
     sun = sun_of(scene, instrument, world)
 
     def launch(samples: int, seeds: Sequence[int]) -> Mapping[str, Floats]:
-        accumulator = Accumulator(view.pixels)
+        lit, daylight = Accumulator(view.pixels), Accumulator(view.pixels)
         camera = Camera.of(view, samples)
-        lamp = Lamp.of(placed, power_w)
-
-        def deposit(light: Contribution) -> None:
-            accumulator.add(light.value, light.cell, light.active)
-
-        run(world, camera, lamp, seeds[0], MAX_VERTICES, "Radiance", alone, deposit)
+        run(world, camera, lamp, seeds[0], MAX_VERTICES, "Radiance", alone, _into(lit))
         if scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0:
-            run(world, camera, sun, seeds[1], MAX_VERTICES, "Radiance", alone, deposit, sky)
-        return {"radiance": accumulator.read()}
+            to_sky = _into(daylight)
+            run(world, camera, sun, seeds[1], MAX_VERTICES, "Radiance", alone, to_sky, sky)
+        return {"radiance": total * lit.read() + daylight.read()}
 
     radiance = repeat(launch, Paths(spp), view.pixels, np.random.SeedSequence(seed), None)
     return radiance.mean["radiance"].reshape(height, width).astype(np.float32)
+
+
+def _into(accumulator: Accumulator) -> Deposit:
+    return lambda light: accumulator.add(light.value, light.cell, light.active)

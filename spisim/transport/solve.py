@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import c
 
+from reconstruction.errors import InputError
 from reconstruction.patterns import expose, mean_illumination
 from spisim.instrument import Instrument
 from spisim.scene import Scene
@@ -24,6 +26,8 @@ from spisim.transport.world import build_world
 #: Optical path per histogram bin, and the longest path told apart from longer ones: 40 m of range
 #: covers what four of the phase's ambiguity intervals hold, and fog tails beyond it are nothing.
 BIN_WIDTH_M = 0.02
+#: A bin shares light between its neighbours, which damps a modulation of so many bins by 1 %.
+BINS_PER_PERIOD = 20
 LONGEST_PATH_M = 80.0
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
@@ -79,6 +83,7 @@ def solve(
         Called with the fraction done.
     """
     began = time.perf_counter()
+    _check_frequency(instrument.tof.modulation_frequency_hz)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
     placed = InstrumentView.of(instrument, scene.drone_pose)
@@ -129,6 +134,16 @@ def solve(
         seconds=time.perf_counter() - began,
         extra=_extra(image.mean, shape),
     )
+
+
+def _check_frequency(frequency_hz: float) -> None:
+    """The spots' histograms must resolve a modulation period."""
+    highest = c / (BINS_PER_PERIOD * BIN_WIDTH_M)
+    if frequency_hz > highest:
+        raise InputError(
+            f"tof.modulation_frequency_hz {frequency_hz:g}: a period is shorter than "
+            f"{BINS_PER_PERIOD} bins of the path-length histogram; at most {highest:.4g}"
+        )
 
 
 def _effort(instrument: Instrument, spp: int, noise: float | None) -> Effort:

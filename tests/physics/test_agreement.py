@@ -16,7 +16,7 @@ from spisim.transport.world import build_world
 SEEDS = worlds.seeds(10)
 BASELINE = worlds.detector([0.05, 0.0, 0.0], area_m2=2e-6, half_angle_deg=14)
 PLAN = make_plan((16, 16), 4, polarity="single-ended")
-PATHS = {Strategy.BOTH: 512, Strategy.PROJECTOR: 4096, Strategy.DETECTOR: 2048}
+PATHS = {Strategy.BOTH: 512, Strategy.PROJECTOR: 2048, Strategy.DETECTOR: 1024}
 
 
 def fog(extinction):

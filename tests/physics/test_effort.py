@@ -8,6 +8,7 @@ import pytest
 
 import spisim
 import worlds
+from reconstruction.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.transport import solve
 from spisim.transport.backend import activate, has_cuda
@@ -97,6 +98,15 @@ def test_poses_densities_and_seeds_compile_nothing_new():
         history = dr.kernel_history([dr.KernelType.JIT])
     assert len(history) > 0
     assert [kernel for kernel in history if not kernel["cache_hit"]] == []
+
+
+def test_a_modulation_too_fast_for_the_histogram_is_refused():
+    paper = spisim.load_instrument("paper")
+    fast = paper.model_copy(
+        update={"tof": paper.tof.model_copy(update={"modulation_frequency_hz": 1e9})}
+    )
+    with pytest.raises(InputError, match=r"tof\.modulation_frequency_hz 1e\+09.*at most"):
+        solve(worlds.scene(*worlds.room()), fast, spp=8)
 
 
 @pytest.mark.gpu

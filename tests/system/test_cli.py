@@ -284,7 +284,8 @@ def test_too_much_light_is_warned_about(tmp_path: Path) -> None:
     options = ["--instrument", bright, "-o", tmp_path / "c.h5", *QUICK, "--json"]
     run = spisim("simulate", "warehouse", *options)
     assert run.exit_code == 0, run.stderr
-    (warning,) = json.loads(run.stdout)["warnings"]
+    warnings = json.loads(run.stdout)["warnings"]
+    (warning,) = [text for text in warnings if "bucket readings" in text]
     assert "127 of 128 bucket readings (99.2 %) are marked saturated" in warning
     assert f"warning: {warning}" in run.stderr
     message = spisim("simulate", "warehouse", *options, "--report").stderr
@@ -304,6 +305,35 @@ def test_transport_writes_named_channels_with_units(tmp_path: Path) -> None:
     with np.load(tmp_path / "w.npz") as light:
         assert light["spot_histogram"].shape == (4, light["path_length_m"].size)
     assert json.loads(run.stdout)["paths"] > 0
+
+
+@pytest.mark.slow
+def test_transport_to_order_with_phasors_and_orders(tmp_path: Path) -> None:
+    options = ["--noise", "0.05", "--frequency", "15e6", "--orders", "--json"]
+    run = spisim("transport", "warehouse", "-o", tmp_path / "w.exr", *options)
+    assert run.exit_code == 0, run.stderr
+    channels, _ = read_exr(tmp_path / "w.exr")
+    parts = sum(channels[f"transport.{part}"] for part in ("unscattered", "single", "multiple"))
+    np.testing.assert_allclose(parts, channels["transport"], rtol=1e-4)
+    phasor = np.hypot(channels["phasor_15MHz.real"], channels["phasor_15MHz.imag"])
+    assert (phasor <= channels["transport"] * (1 + 1e-4)).all()
+    assert 0 <= channels["coverage"].min() < channels["coverage"].max() == 1
+
+
+@pytest.mark.slow
+def test_picture_in_radiance_and_for_the_eye(tmp_path: Path) -> None:
+    options = ["--width", "48", "--height", "32", "--spp", "4", "--from", "detector", "--json"]
+    run = spisim("picture", "warehouse", "-o", tmp_path / "w.exr", "--pattern", "3", *options)
+    assert run.exit_code == 0, run.stderr
+    channels, attributes = read_exr(tmp_path / "w.exr")
+    assert channels["radiance"].shape == (32, 48)
+    assert attributes["units.radiance"] == "W m^-2 sr^-1"
+    assert (tmp_path / "w.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads(run.stdout)["radiance_mean"] > 0
+    message = spisim("picture", "warehouse", "-o", tmp_path / "n.exr", "--pattern", "128")
+    assert message.exit_code == 2
+    assert "--pattern 128: the plan has exposures 0..127" in message.stderr
+    assert not (tmp_path / "n.exr").exists()
 
 
 @pytest.mark.slow

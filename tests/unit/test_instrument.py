@@ -117,7 +117,10 @@ def test_bright_spot_at_1_m_in_full_sun_fits_the_tap_s_range(paper: Instrument) 
     spot = paper.lasers.power_w * detector.aperture_area_m2 / np.pi * efficiency
     half_angle = np.radians(detector.field_of_view_deg / 2)
     sun = paper.daylight_irradiance(100) * detector.aperture_area_m2 * np.sin(half_angle) ** 2
-    highest = spot * (1 + tof.demodulation_contrast) + sun * efficiency
+    # The patterns, half on, light the field's share of the projector's square.
+    lit = np.pi * np.tan(half_angle) ** 2 / (4 * paper.projector.tan_half_width**2)
+    patterns = paper.projector.power_w / 2 * lit / paper.lasers.power_w * spot
+    highest = spot * (1 + tof.demodulation_contrast) + patterns + sun * efficiency
     highest += detector.dark_electrons(tof.tap_time_s)
     headroom = detector.adc.full_scale_electrons - (
         detector.adc.offset_counts * detector.adc.electrons_per_count

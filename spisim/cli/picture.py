@@ -1,0 +1,85 @@
+"""`spisim picture`: what a camera at 1550 nm would see."""
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import messages, print_json
+from .inputs import instrument_with, scene_with
+from .options import (
+    Clear,
+    InstrumentOption,
+    Json,
+    SceneArgument,
+    Seed,
+    Visibility,
+    number_option,
+)
+
+EXAMPLE = "spisim picture warehouse -o warehouse.exr --fov 50 --clear"
+
+
+class Place(Enum):
+    """Where the camera is."""
+
+    PROJECTOR = "projector"
+    DETECTOR = "detector"
+
+
+def command(
+    scene: SceneArgument,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
+    instrument: InstrumentOption = "paper",
+    visibility: Visibility = None,
+    clear: Clear = False,
+    place: Annotated[Place, typer.Option("--from", help="Where the camera is.")] = Place.PROJECTOR,
+    width: Annotated[int, number_option(1, 8192, "Pixels across.")] = 512,
+    height: Annotated[int, number_option(1, 8192, "Pixels down.")] = 512,
+    fov: Annotated[
+        float | None,
+        typer.Option(min=0.1, max=170, help="Full angle across, degrees; the projector's."),
+    ] = None,
+    pattern: Annotated[
+        int | None, typer.Option(min=0, help="Exposure whose pattern is lit; all on without.")
+    ] = None,
+    spp: Annotated[int, number_option(1, 2**20, "Light paths per pixel.")] = 64,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Render radiance, W m⁻² sr⁻¹ in the filter's band: projector, sun and sky, through the fog.
+
+    Writes an OpenEXR file, and a tone-mapped PNG beside it.
+    """
+    from reconstruction import InputError
+    from reconstruction.files import require_file
+    from reconstruction.patterns import illumination
+    from spisim.exr import write_exr
+    from spisim.report.pictures import radiance_scale, write_png
+    from spisim.transport import CAMERA_OFFSET_M, camera_view
+
+    require_file(output)
+    there, carried = scene_with(scene, visibility, clear), instrument_with(instrument)
+    plan = carried.pattern_plan
+    if pattern is not None and pattern >= plan.exposures:
+        raise InputError(f"--pattern {pattern}: the plan has exposures 0..{plan.exposures - 1}")
+    above = (0.0, -CAMERA_OFFSET_M, 0.0)
+    view = camera_view(
+        there,
+        carried,
+        width=width,
+        height=height,
+        fov_deg=fov,
+        pattern=None if pattern is None else illumination(plan, pattern),
+        position_m=above if place is Place.PROJECTOR else carried.detector.position_m,
+        spp=spp,
+        seed=seed,
+    )
+    write_exr(output, {"radiance": view}, {"units.radiance": "W m^-2 sr^-1", "scene": there.name})
+    picture = output.with_suffix(".png")
+    write_png(picture, radiance_scale(view).rgba(view))
+    if json:
+        print_json({"written": [output, picture], "radiance_mean": float(view.mean())})
+    else:
+        messages.print(f"Wrote {output} and {picture}.", soft_wrap=True)
