@@ -1,4 +1,4 @@
-"""The ends of every light path: projector, detectors, cameras and the sun.
+"""The ends of every light path: projector, detectors and the sun.
 
 An end is described by its importance W(ω): a path p → x₁ → … → xₙ → y carries the fraction
 
@@ -276,51 +276,6 @@ class Detectors:
         disc = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * self.radius_m
         centre = dr.gather(mi.Point3f, self.positions, lane % self.count)
         return centre + frame.to_world(mi.Vector3f(disc.x, disc.y, 0))
-
-
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """Pinhole whose pixels see radiance; launches paths only. `samples` per pixel and launch."""
-
-    to_world: Any
-    shape: tuple[int, int]
-    half_width: Any
-    half_height: Any
-    samples: int
-
-    @classmethod
-    def of(cls, view: ProjectorView, samples: int) -> Camera:
-        """A camera in the place of a projector, pixel for pixel."""
-        return cls(
-            to_world=transform(view.pose),
-            shape=view.shape,
-            half_width=dr.opaque(mi.Float, view.tan_half_width),
-            half_height=dr.opaque(mi.Float, view.tan_half_height),
-            samples=samples,
-        )
-
-    @property
-    def lanes(self) -> int:
-        return self.shape[0] * self.shape[1] * self.samples
-
-    def launch(self, lane: Any, sampler: Any) -> Launch:
-        height, width = self.shape
-        cell = lane % (height * width)
-        jitter = stratified(lane // (height * width), self.samples, sampler)
-        x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
-        y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
-        return Launch(
-            origin=self.to_world @ mi.Point3f(0, 0, 0),
-            direction=self.to_world @ dr.normalize(mi.Vector3f(x, y, 1)),
-            beta=mi.Float(1 / self.samples),
-            length_m=mi.Float(0),
-            scatterings=mi.UInt32(0),
-            state=mi.Float(1),
-            cell=cell,
-        )
-
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
-        return launch.state
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from spisim.transport.accumulator import Accumulator
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import sky_of, sun_of
 from spisim.transport.effort import Paths, repeat
-from spisim.transport.ends import Camera, Lamp
+from spisim.transport.ends import Lamp, Projector
 from spisim.transport.estimator import MAX_VERTICES, alone, run
 from spisim.transport.views import Floats, InstrumentView, ProjectorView
 from spisim.transport.walk import Deposit
@@ -64,7 +64,7 @@ def camera_view(
 
     def launch(samples: int, seeds: Sequence[int]) -> Mapping[str, Floats]:
         lit, daylight = Accumulator(view.pixels), Accumulator(view.pixels)
-        camera = Camera.of(view, samples)
+        camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
         run(world, camera, lamp, seeds[0], MAX_VERTICES, "Radiance", alone, _into(lit))
         if scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0:
             to_sky = _into(daylight)

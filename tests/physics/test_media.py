@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.constants import c
 
 import worlds
 from reconstruction.patterns import expose, illumination, make_plan
@@ -193,3 +194,18 @@ def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
     closed = worlds.pixel_weights(view, round_trip, 32).sum() / view.pixel_area * 0.5 * 2e-6 / np.pi
     assert abs(worlds.z_score_exact(unscattered, closed)) < 4
     assert unscattered.mean() == pytest.approx(closed, rel=0.02)
+
+
+def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
+    place = replace(worlds.scene(*worlds.room()), atmosphere=explicit(0.1, 0.98, HG))
+    frequency, bins = 15e6, PathLengthBins(4001, 0.02)
+    wanted = Wanted(frequencies_hz=(frequency,), bins=bins)
+    view = worlds.projector(shape=(4, 4))
+    mean = transport_image(
+        build_world(place), view, BASELINE, Paths(256), seed=SEEDS[0], wanted=wanted
+    ).mean
+    np.testing.assert_allclose(mean["histogram"].sum(axis=1), mean["image"], rtol=1e-6)
+    spectrum = mean["histogram"] @ np.exp(2j * np.pi * frequency / c * bins.centres_m)
+    phasor = mean["phasors"][0, 0] + 1j * mean["phasors"][0, 1]
+    # Sharing light between bins damps a modulation of 1000 bins by 3e-6.
+    np.testing.assert_allclose(spectrum, phasor, rtol=0, atol=1e-4 * np.abs(phasor).max())

@@ -1,0 +1,130 @@
+"""What every benchmark needs: tables, checks, the machine it ran on, results pasted into docs."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Table:
+    """Named columns and rows of text, with a sentence that says what they show."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+
+    def text(self) -> str:
+        """For a terminal."""
+        lines = [self.columns, *self.rows]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
+        cells = ("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+        return "\n".join([self.title, "", *cells, ""])
+
+    def markdown(self) -> str:
+        """For the docs."""
+        lines = [self.columns, ("---",) * len(self.columns), *self.rows]
+        cells = (f"| {' | '.join(line)} |" for line in lines)
+        return "\n".join([self.title, "", *cells, ""])
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready."""
+        rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        return {"title": self.title, "rows": rows}
+
+
+@dataclass(frozen=True)
+class Check:
+    """A figure that the project promises: at least, or at most, a limit."""
+
+    name: str
+    value: float
+    limit: float
+    at_least: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether the promise is kept."""
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {"name": self.name, "value": self.value, "limit": self.limit, "holds": self.holds}
+
+
+def checks_table(checks: Sequence[Check]) -> Table:
+    """The promises and whether they are kept."""
+    rows = [
+        (
+            check.name,
+            f"{check.value:.3g}",
+            f"{'≥' if check.at_least else '≤'} {check.limit:g}",
+            "holds" if check.holds else "FAILS",
+        )
+        for check in checks
+    ]
+    return Table("What is promised:", ("figure", "measured", "limit", ""), rows)
+
+
+def surroundings(packages: Sequence[str]) -> dict[str, Any]:
+    """Date, machine and versions that a figure depends on."""
+    return {
+        "date": datetime.date.today().isoformat(),
+        "machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()}",
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version(name) for name in packages},
+        },
+    }
+
+
+def surroundings_line(around: dict[str, Any]) -> str:
+    """The same in one sentence."""
+    versions = ", ".join(f"{name} {number}" for name, number in around["versions"].items())
+    return f"Measured on {around['date']}: {around['machine']}; {versions}."
+
+
+def report(
+    around: dict[str, Any], tables: Sequence[Table], checks: Sequence[Check], *, as_json: bool
+) -> None:
+    """Print everything; with `as_json` the last line is one JSON object."""
+    print(surroundings_line(around), end="\n\n")
+    for table in tables:
+        print(table.text())
+    if as_json:
+        summary = {
+            **around,
+            "tables": [table.summary() for table in tables],
+            "checks": [check.summary() for check in checks],
+        }
+        print(json.dumps(summary))
+
+
+def paste(path: Path, name: str, around: dict[str, Any], tables: Sequence[Table]) -> None:
+    """Replace what stands between `<!-- name -->` and `<!-- /name -->` in a Markdown file.
+
+    Raises ValueError where the two marks are missing.
+    """
+    opening, closing = f"<!-- {name} -->", f"<!-- /{name} -->"
+    before, found, rest = path.read_text().partition(opening)
+    _, ended, after = rest.partition(closing)
+    if not (found and ended):
+        raise ValueError(f"{path} lacks the marks {opening} and {closing}")
+    body = "\n".join([surroundings_line(around), "", *(table.markdown() for table in tables)])
+    path.write_text(f"{before}{opening}\n\n{body}\n{closing}{after}")
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

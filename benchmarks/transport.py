@@ -1,0 +1,346 @@
+"""Light transport once for all patterns, against one render per pattern and one dual render.
+
+    python benchmarks/transport.py [--quick] [--json] [--markdown]
+
+The scene is a closed room with a box and a ball; the instrument is the paper's, with a detector
+that sees 12° around its axis. `--markdown` pastes the tables into docs/transport.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import resource
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from alternatives import DualVolpath, TransientSpots
+from common import Check, Table, checks_table, paste, report, surroundings
+from efficiency import Floats, Method, Series, measure, ratio, z_score
+from scipy.constants import c
+
+import spisim
+from reconstruction.patterns import expose, illumination, make_plan
+from spisim.atmosphere import CLEAR, Atmosphere, fog
+from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
+from spisim.transport import solve
+from spisim.transport.effort import Paths
+from spisim.transport.estimator import Wanted, spot_histogram, transport_image
+from spisim.transport.reference import bucket_powers
+from spisim.transport.tally import PathLengthBins
+from spisim.transport.views import InstrumentView
+from spisim.transport.world import build_world
+
+DOCS = Path(__file__).parents[1] / "docs" / "transport.md"
+VISIBILITIES_M = (None, 200, 50, 20, 10)
+PROMISED_VISIBILITY_M = 50
+FOG_KIND = "moderate-radiation"
+
+INSTRUMENT = spisim.load_instrument("paper")
+PLAN = INSTRUMENT.pattern_plan
+LIT = PLAN.exposures - 1  # the last exposure is dark
+PLACED = InstrumentView.of(INSTRUMENT, np.eye(4))
+PROJECTOR = PLACED.projector
+DETECTOR = replace(PLACED.bucket, half_angle_rad=np.radians(12))
+
+
+@dataclass(frozen=True)
+class Amounts:
+    """How much work each part does."""
+
+    repetitions: int
+    paths_per_pixel: int  # of the dual render, and of the two-ended one from either end
+    paths_per_pattern: int
+    patterns: int  # of the per-pattern render, spread over all
+    spot_repetitions: int
+    spot_paths: int  # of mitransient; two-ended a sixteenth from either end
+    path_counts: tuple[int, ...]
+    memory_spp: int
+
+
+FULL = Amounts(24, 128, 2**17, 8, 12, 2**17, (64, 256, 1024), 1000)
+QUICK = Amounts(5, 32, 2**15, 4, 4, 2**15, (16, 64), 128)
+
+Section = tuple[Table, list[Check]]
+
+
+def main() -> int:
+    """Measure, print, and tell by the exit status whether every promise is kept."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="rougher, in under a minute")
+    parser.add_argument("--json", action="store_true", help="end with one JSON object")
+    parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{DOCS.name}")
+    options = parser.parse_args()
+    amounts = QUICK if options.quick else FULL
+
+    around = surroundings(("spisim", "mitsuba", "drjit", "numpy"))
+    tables: list[Table] = []
+    checks: list[Check] = []
+    # Memory comes first: a process starts with the peak of the one that starts it.
+    sections: tuple[Callable[[Amounts], Section], ...] = (
+        peak_memory,
+        patterns,
+        spots,
+        cost_of_paths,
+        cost_of_patterns,
+    )
+    for section in sections:
+        began = time.perf_counter()
+        table, promises = section(amounts)
+        tables.append(table)
+        checks.extend(promises)
+        print(f"{section.__name__}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
+    tables = [*tables[1:], tables[0], checks_table(checks)]
+    report(around, tables, checks, as_json=options.json)
+    if options.markdown:
+        paste(DOCS, "benchmark", around, tables)
+    return 0 if all(check.holds for check in checks) else 1
+
+
+def patterns(amounts: Amounts) -> Section:
+    """Noise² × time of the bucket vector."""
+    chosen = np.linspace(1, LIT - 1, amounts.patterns).astype(int)
+    rows: list[tuple[str, ...]] = []
+    checks: list[Check] = []
+    largest_z = 0.0
+    for visibility_m in VISIBILITIES_M:
+        name = "clear" if visibility_m is None else f"{visibility_m} m"
+        methods = bucket_methods(room(air(visibility_m)), amounts, chosen)
+        ours, dual, per_pattern = measure(methods, amounts.repetitions)
+        rows.append((name, *described(methods[0], ours), "", ""))
+        for method, series, shown in (
+            (methods[1], dual, np.arange(PLAN.exposures)),
+            (methods[2], per_pattern, chosen),
+        ):
+            z = z_score(ours.readings[:, shown], series.readings)
+            largest_z = max(largest_z, z)
+            rows.append((name, *described(method, series), gain(ours, series), f"{z:.1f}"))
+        if visibility_m == PROMISED_VISIBILITY_M:
+            checks = [
+                Check("ratio_per_pattern", ratio(ours, per_pattern)[0], 3000, at_least=True),
+                Check("ratio_dual", ratio(ours, dual)[0], 50, at_least=True),
+            ]
+    title = (
+        f"Readings of {LIT} patterns of {PLAN.shape[0]} × {PLAN.shape[1]} pixels (one render per "
+        f"pattern: {amounts.patterns} of them, time scaled to all); fog: {FOG_KIND}; "
+        f"{amounts.repetitions} runs of each method, in turns."
+    )
+    columns = ("visibility", "method", "paths", *_EFFICIENCY, "two-ended gains", "z")
+    return Table(title, columns, rows), [*checks, Check("largest_z", largest_z, 4)]
+
+
+def bucket_methods(
+    scene: Scene, amounts: Amounts, chosen: np.ndarray
+) -> tuple[Method, Method, Method]:
+    """Two-ended, dual and per pattern; the last renders the `chosen` patterns only."""
+    world, dual = build_world(scene), DualVolpath(scene, PROJECTOR, DETECTOR)
+    pixel, pattern = amounts.paths_per_pixel, amounts.paths_per_pattern
+    shown = [illumination(PLAN, k) for k in chosen]
+    powers = bucket_powers(
+        scene, PROJECTOR, DETECTOR, cycle(shown), samples=pattern, seed=1_000_000
+    )
+
+    def two_ended(seed: int) -> Floats:
+        entropy = np.random.SeedSequence(seed)
+        estimate = transport_image(world, PROJECTOR, DETECTOR, Paths(pixel), seed=entropy)
+        return expose(PLAN, estimate.mean["image"].reshape(PLAN.shape))
+
+    return (
+        Method("two-ended", f"2 × {pixel} per pixel", two_ended),
+        Method(
+            "dual `volpath`",
+            f"{pixel} per pixel",
+            lambda seed: expose(PLAN, dual.image(pixel, seed)),
+        ),
+        Method(
+            "`volpath` per pattern",
+            f"{pattern} per pattern",
+            lambda seed: np.array([next(powers) for _ in shown]),
+            share=len(shown) / LIT,
+        ),
+    )
+
+
+def spots(amounts: Amounts) -> Section:
+    """Noise² × time of the four laser spots, where mitransient is right about them."""
+    bank = Volume("bank", air(20), _box_pose((5.8, 5.8, 5.5), (0, 0, 5)))
+    rows: list[tuple[str, ...]] = []
+    largest_z = 0.0
+    title = (
+        "Power and phasor at the modulation frequency of four spots; mitransient's "
+        "`transient_prbvolpath` renders each dual, from the laser with a lamp at the detector. "
+        "The fog bank (visibility 20 m) begins 2 m ahead of the instrument: mitransient starts "
+        "every path in clear air, so fog around the instrument cannot be compared."
+    )
+    columns = ("air", "method", "paths", *_EFFICIENCY, "two-ended gains", "z")
+    for name, scene in (
+        ("clear", room(CLEAR)),
+        ("fog bank", replace(room(CLEAR), volumes=(bank,))),
+    ):
+        try:
+            methods = spot_methods(scene, amounts.spot_paths)
+        except ImportError as error:
+            reason = f"Spots are not compared: {error} (`pip install mitransient`)."
+            return Table(reason, columns, []), []
+        ours, theirs = measure(methods, amounts.spot_repetitions)
+        z = z_score(ours.readings, theirs.readings)
+        largest_z = max(largest_z, z)
+        rows.append((name, *described(methods[0], ours), "", ""))
+        rows.append((name, *described(methods[1], theirs), gain(ours, theirs), f"{z:.1f}"))
+    return Table(title, columns, rows), [Check("largest_z_spots", largest_z, 4)]
+
+
+def spot_methods(scene: Scene, paths: int) -> tuple[Method, Method]:
+    """Two-ended and mitransient; raises ImportError where there is no mitransient."""
+    frequency_hz = INSTRUMENT.tof.modulation_frequency_hz
+    # mitransient's lamp is a point, so the apertures have to be small too.
+    tof = replace(PLACED.tof, area_m2=DETECTOR.area_m2)
+    theirs = TransientSpots(scene, PLACED.beams, tof, frequency_hz)
+    world, few = build_world(scene), paths // 16
+    bins = PathLengthBins(4001, 0.02)
+    wave = np.exp(2j * np.pi * frequency_hz / c * bins.centres_m)
+
+    def two_ended(seed: int) -> Floats:
+        entropy = np.random.SeedSequence(seed)
+        estimate = spot_histogram(world, PLACED.beams, tof, bins, Paths(few), seed=entropy)
+        histogram = estimate.mean["histogram"]
+        phasor = histogram @ wave
+        return np.stack([histogram.sum(axis=1), phasor.real, phasor.imag], axis=1)
+
+    return (
+        Method("two-ended", f"2 × {few} per spot", two_ended),
+        Method("mitransient", f"{paths} per spot", lambda seed: theirs.readings(paths, seed)),
+    )
+
+
+def cost_of_paths(amounts: Amounts) -> Section:
+    """Time against the number of paths."""
+    trace = tracer()
+    seconds = [fastest(trace, count) for count in amounts.path_counts]
+    rows = []
+    for count, taken in zip(amounts.path_counts, seconds, strict=True):
+        millions = 2e-6 * count * PLAN.pixels
+        rows.append((f"2 × {count}", f"{millions:.2f}", f"{taken:.2f}", f"{taken / millions:.2f}"))
+    growth = (seconds[-1] / seconds[-2]) / (amounts.path_counts[-1] / amounts.path_counts[-2])
+    title = f"Time against paths, at {PROMISED_VISIBILITY_M} m visibility, fastest of three."
+    columns = ("paths per pixel", "million paths", "time (s)", "time per million (s)")
+    return Table(title, columns, rows), [Check("time_over_paths_growth", growth, 1.25)]
+
+
+def cost_of_patterns(amounts: Amounts) -> Section:
+    """Time against the number of patterns."""
+    trace = tracer()
+    image, paths = trace(amounts.path_counts[0]), amounts.path_counts[0]
+    tracing = fastest(trace, paths)
+    rows, together = [], []
+    for count in (1, 16, 128, 1024, 4096):
+        exposing = fastest(expose, make_plan(PLAN.shape, count, polarity="signed"), image)
+        together.append(tracing + exposing)
+        rows.append((str(count), f"{tracing:.3f}", f"{1e3 * exposing:.2f}", f"{together[-1]:.3f}"))
+    title = f"Time against patterns, with 2 × {paths} paths per pixel, fastest of three."
+    columns = ("patterns", "transport (s)", "exposures (ms)", "together (s)")
+    growth = together[-1] / together[0]
+    return Table(title, columns, rows), [Check("time_4096_patterns_over_1", growth, 1.1)]
+
+
+def peak_memory(amounts: Amounts) -> Section:
+    """Peak of a process that solves for 256 × 256 pixels, phasors and spots."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawn) as pool:
+        peak_gb, seconds = pool.submit(solve_large, amounts.memory_spp).result()
+    row = (str(amounts.memory_spp), f"{peak_gb:.2f}", f"{seconds:.0f}")
+    title = (
+        "Peak memory (resident) of a process for 256 × 256 pixels, phasors at one frequency and "
+        f"four spots, at {PROMISED_VISIBILITY_M} m visibility."
+    )
+    columns = ("spp", "peak (GB)", "time (s)")
+    return Table(title, columns, [row]), [Check("peak_memory_gb", peak_gb, 2)]
+
+
+def solve_large(spp: int) -> tuple[float, float]:
+    """Peak memory of this process in GB and wall-clock seconds."""
+    projector = INSTRUMENT.projector.model_copy(update={"shape": (256, 256)})
+    instrument = INSTRUMENT.model_copy(update={"projector": projector})
+    wanted = Wanted(frequencies_hz=(instrument.tof.modulation_frequency_hz,))
+    light = solve(room(air(PROMISED_VISIBILITY_M)), instrument, spp=spp, wanted=wanted)
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e9, light.seconds
+
+
+def tracer() -> Callable[[int], Floats]:
+    """Transport image (H, W) at the promised visibility, from so many paths per pixel."""
+    world = build_world(room(air(PROMISED_VISIBILITY_M)))
+    entropy = np.random.SeedSequence(0)
+
+    def trace(paths: int) -> Floats:
+        estimate = transport_image(world, PROJECTOR, DETECTOR, Paths(paths), seed=entropy)
+        return estimate.mean["image"].reshape(PLAN.shape)
+
+    trace(8)
+    return trace
+
+
+def fastest(work: Callable[..., object], *arguments: object) -> float:
+    """Seconds of the fastest of three runs: the one that was disturbed least."""
+    seconds = []
+    for _ in range(3):
+        began = time.perf_counter()
+        work(*arguments)
+        seconds.append(time.perf_counter() - began)
+    return min(seconds)
+
+
+_EFFICIENCY = ("noise", "time (s)", "1/(noise²·time)")
+
+
+def described(method: Method, series: Series) -> tuple[str, ...]:
+    """Cells of a method's row."""
+    return (
+        method.name,
+        method.paths,
+        f"{100 * series.noise:.2g} %",
+        f"{series.time_s:.2f}",
+        f"{series.efficiency:.2g} ± {100 * series.efficiency_error:.0f} %",
+    )
+
+
+def gain(ours: Series, theirs: Series) -> str:
+    """How much more efficient ours is."""
+    value, error = ratio(ours, theirs)
+    return f"{value:.2g} × (± {100 * error / value:.0f} %)"
+
+
+def air(visibility_m: float | None) -> Atmosphere:
+    """Fog of this visibility; clear air for None."""
+    return CLEAR if visibility_m is None else fog(visibility_m, FOG_KIND)
+
+
+def room(atmosphere: Atmosphere) -> Scene:
+    """Walls all round, 8 m ahead, 4 m behind, 3 m to the sides; a box at 5 m, a ball at 4 m."""
+    walls = trimesh.creation.box((6, 6, 12)).apply_translation((0, 0, 2))
+    block = trimesh.creation.box((1, 1, 1)).apply_translation((0.6, 0.3, 5))
+    ball = trimesh.creation.icosphere(3, 0.5).apply_translation((-0.5, -0.3, 4))
+    surfaces = (("walls", walls, 0.5), ("block", block, 0.8), ("ball", ball, 0.3))
+    objects = tuple(
+        SceneObject(name, mesh, Material(name, reflectance, "chosen"))
+        for name, mesh, reflectance in surfaces
+    )
+    return Scene("room", objects, atmosphere, Ambient(), np.eye(4))
+
+
+def _box_pose(size_m: tuple[float, ...], centre_m: tuple[float, ...]) -> Floats:
+    """Matrix (4, 4) that takes the unit cube [0, 1]³ to a box."""
+    pose = np.diag([*size_m, 1.0])
+    pose[:3, 3] = np.subtract(centre_m, np.divide(size_m, 2))
+    return pose
+
+
+if __name__ == "__main__":
+    sys.exit(main())
