@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings, simplefilter
 
 import yaml
+
+from .console import warn
 
 if TYPE_CHECKING:
     from spisim.instrument import Instrument
@@ -19,22 +22,25 @@ def scene_with(name: str, visibility_m: float | None, clear: bool) -> Scene:
     """
     from reconstruction.errors import InputError
     from spisim.atmosphere import CLEAR, fog
-    from spisim.scene import load_scene
+    from spisim.scene import SceneWarning, load_scene
 
     if clear and visibility_m is not None:
         raise InputError("--clear and --visibility exclude each other")
-    scene = load_scene(name)
+    with catch_warnings(record=True) as odd:
+        simplefilter("always", SceneWarning)
+        scene = load_scene(name)
+    warn(str(warning.message) for warning in odd)
     description = yaml.safe_load(scene.text)
     if clear:
-        description.pop("fog", None)
-        atmosphere = CLEAR
-    elif visibility_m is None:
+        description = {k: v for k, v in description.items() if k not in ("fog", "volumes")}
+        text = yaml.safe_dump(description, sort_keys=False)
+        return replace(scene, atmosphere=CLEAR, volumes=(), text=text)
+    if visibility_m is None:
         return scene
-    else:
-        old = description.get("fog") or {}
-        new = {key: old[key] for key in ("kind", "definition") if key in old}
-        description["fog"] = {"visibility_m": visibility_m} | new
-        atmosphere = fog(visibility_m, **new)
+    old = description.get("fog") or {}
+    new = {key: old[key] for key in ("kind", "definition") if key in old}
+    description["fog"] = {"visibility_m": visibility_m} | new
+    atmosphere = fog(visibility_m, **new)
     return replace(scene, atmosphere=atmosphere, text=yaml.safe_dump(description, sort_keys=False))
 
 

@@ -22,6 +22,7 @@ from reconstruction import Capture, read_capture, write_capture
 from spisim.cli import app
 from spisim.exr import read_exr
 from spisim.instrument.load import PRESETS
+from spisim.scene import scenes_folder
 
 COMMANDS = [
     "demo",
@@ -33,6 +34,7 @@ COMMANDS = [
     "schema",
     "doctor",
 ]
+SCENES = scenes_folder()
 QUICK = ["--spp", "8", "--seed", "3"]
 
 
@@ -318,6 +320,22 @@ def test_transport_to_order_with_phasors_and_orders(tmp_path: Path) -> None:
     phasor = np.hypot(channels["phasor_15MHz.real"], channels["phasor_15MHz.imag"])
     assert (phasor <= channels["transport"] * (1 + 1e-4)).all()
     assert 0 <= channels["coverage"].min() < channels["coverage"].max() == 1
+
+
+@pytest.mark.slow
+def test_what_is_odd_about_a_scene_is_told_and_clear_means_clear(tmp_path: Path) -> None:
+    scene = tmp_path / "banks.yaml"
+    bank = "{name: %s, size_m: [2, 2, 2], translate_m: [4, 0, 1], extinction_per_m: 0.2}"
+    text = (SCENES / "warehouse.yaml").read_text(encoding="utf-8")
+    text = text.replace("meshes/", f"{SCENES}/meshes/")
+    volumes = f"volumes:\n  - {bank % 'one'}\n  - {bank % 'two'}\n"
+    scene.write_text(text + volumes, encoding="utf-8")
+    run = spisim("simulate", scene, "-o", tmp_path / "c.h5", *QUICK, "--clear")
+    assert run.exit_code == 0, run.stderr
+    assert "warning:" in run.stderr
+    assert "'one'" in run.stderr
+    assert "'two'" in run.stderr
+    assert "volumes" not in read_capture(tmp_path / "c.h5").provenance.scene
 
 
 @pytest.mark.slow
