@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from spisim.scene import Scene
-from spisim.transport.ends import Camera
+from spisim.transport.ends import Projector
 from spisim.transport.estimator import lanes
 from spisim.transport.reference import MAX_DEPTH, Renderer
 from spisim.transport.tally import ImageTally, PhasorTally
@@ -43,10 +43,10 @@ class DualVolpath:
 
     def image(self, samples: int, seed: int) -> Floats:
         """Transport image (H, W) from `samples` paths per pixel."""
-        camera = Camera.of(self._projector, samples)
+        camera = Projector.of(self._projector, samples)
         lane, sampler = lanes(camera.lanes, seed)
-        launch = camera.launch(lane, sampler)
-        radiance = self._renderer.radiance(launch.origin, launch.direction, sampler).numpy()
+        ray = camera.pencil(lane, sampler)
+        radiance = self._renderer.radiance(ray.o, ray.d, sampler).numpy()
         per_path = np.asarray(radiance, np.float64).reshape(samples, *self._projector.shape)
         return np.asarray(per_path.mean(axis=0) * self._area_m2)
 

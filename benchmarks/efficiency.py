@@ -5,14 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+#: Mean or median.
+Average = Callable[[Floats], Any]
 
 #: Relative difference of readings that single precision and path-length bins explain.
 ROUNDING = 1e-5
+#: Drawings of the repetitions from which the error of a noise is told.
+BOOTSTRAPS = 300
 
 
 @dataclass(frozen=True)
@@ -27,33 +33,51 @@ class Method:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Independent repetitions: readings (repetitions, M) and seconds (repetitions,)."""
+    """Independent repetitions: readings (repetitions, M) and seconds (repetitions,).
+
+    Noise comes from the differences of all pairs of repetitions. Their mean gives the standard
+    deviations. Their median tells what is typical where there is no finite variance, as with paths
+    that may scatter next to an end that they are connected to: the standard deviation then grows
+    with the number of repetitions, for the rare bright paths among them.
+    """
 
     readings: Floats
     seconds: Floats
 
-    @property
-    def noise(self) -> float:
-        """‖standard deviations‖ / ‖means‖ of the readings of one repetition."""
-        return float(_noise(self.readings))
+    def noise(self, average: Average) -> float:
+        """‖errors‖ / ‖means‖ of the readings of one repetition.
+
+        With `np.mean` as the average it is ‖standard deviations‖ / ‖means‖.
+        """
+        return float(np.sqrt(self._noise2(np.arange(len(self.seconds)), average)))
 
     @property
     def time_s(self) -> float:
         """Wall-clock time of one repetition."""
         return float(self.seconds.mean())
 
-    @property
-    def efficiency(self) -> float:
-        """1 / (noise² · time), 1/s: repeating the work changes nothing."""
-        return 1 / (self.noise**2 * self.time_s)
+    def efficiency(self, average: Average) -> float:
+        """1 / (noise² · time), 1/s: with Gaussian errors, more paths leave it as it is."""
+        return 1 / (self.noise(average) ** 2 * self.time_s)
 
-    @property
-    def efficiency_error(self) -> float:
-        """Relative standard error of `efficiency`, by leaving out one repetition at a time."""
+    def efficiency_error(self, average: Average) -> float:
+        """Relative standard error of `efficiency`, by drawing repetitions with replacement."""
         count = len(self.seconds)
-        others = [np.arange(count) != left_out for left_out in range(count)]
-        logs = np.log([_noise(self.readings[i]) ** 2 * self.seconds[i].mean() for i in others])
-        return float(np.sqrt((count - 1) * logs.var()))
+        draws = np.random.default_rng(0).integers(count, size=(BOOTSTRAPS, count))
+        differing = draws[np.ptp(draws, axis=1) > 0]
+        costs = [self._noise2(draw, average) * self.seconds[draw].mean() for draw in differing]
+        return float(np.std(np.log(costs)))
+
+    @cached_property
+    def _differences(self) -> Floats:
+        """Half the squared difference of each pair of repetitions, relative to the means."""
+        norm = np.linalg.norm(self.readings.mean(axis=0))
+        offsets = (self.readings[:, None] - self.readings[None]) / norm
+        return np.asarray(np.sum(offsets**2, axis=-1) / 2)
+
+    def _noise2(self, chosen: NDArray[np.integer[Any]], average: Average) -> float:
+        pairs = self._differences[np.ix_(chosen, chosen)]
+        return float(average(pairs[chosen[:, None] != chosen]))
 
 
 def measure(methods: Sequence[Method], repetitions: int) -> list[Series]:
@@ -72,25 +96,21 @@ def measure(methods: Sequence[Method], repetitions: int) -> list[Series]:
     ]
 
 
-def ratio(first: Series, second: Series) -> tuple[float, float]:
-    """How much more efficient the first is, and the standard error of that."""
-    value = first.efficiency / second.efficiency
-    return value, value * float(np.hypot(first.efficiency_error, second.efficiency_error))
+def ratio(first: Series, second: Series, average: Average) -> tuple[float, float]:
+    """How much more efficient the first is, and the relative standard error of that."""
+    value = first.efficiency(average) / second.efficiency(average)
+    errors = first.efficiency_error(average), second.efficiency_error(average)
+    return value, float(np.hypot(*errors))
 
 
 def z_score(first: Floats, second: Floats) -> float:
     """Of the difference of the mean readings: ‖difference‖ / ‖standard error‖.
 
-    One number for all readings (repetitions, M), about 1 where only chance differs: paths that
-    scatter next to an end give single readings too long a tail for many separate tests.
+    One number for all readings (repetitions, M), about 1 where only chance differs: single
+    readings have tails too long for many separate tests.
     """
     errors = [runs.var(axis=0, ddof=1) / len(runs) for runs in (first, second)]
     means = first.mean(axis=0), second.mean(axis=0)
     rounding = ROUNDING * np.linalg.norm(means[0])
     allowed = np.sqrt(np.sum(errors) + rounding**2)
     return float(np.linalg.norm(means[0] - means[1]) / allowed)
-
-
-def _noise(readings: Floats) -> Floats:
-    spread = np.linalg.norm(readings.std(axis=0, ddof=1))
-    return np.asarray(spread / np.linalg.norm(readings.mean(axis=0)))
