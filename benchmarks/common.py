@@ -9,20 +9,26 @@ import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 
 @dataclass(frozen=True)
 class Table:
-    """Named columns and rows of text, with a sentence that says what they show."""
+    """Named columns and rows of text, with a sentence that says what they show.
+
+    Or the sentence alone, where there are none.
+    """
 
     title: str
-    columns: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
+    columns: tuple[str, ...] = ()
+    rows: Sequence[tuple[str, ...]] = ()
 
     def text(self) -> str:
         """For a terminal."""
+        if not self.columns:
+            return f"{self.title}\n"
         lines = [self.columns, *self.rows]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
         cells = ("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
@@ -30,6 +36,8 @@ class Table:
 
     def markdown(self) -> str:
         """For the docs."""
+        if not self.columns:
+            return f"{self.title}\n"
         lines = [self.columns, ("---",) * len(self.columns), *self.rows]
         cells = (f"| {' | '.join(line)} |" for line in lines)
         return "\n".join([self.title, "", *cells, ""])
@@ -74,13 +82,13 @@ def checks_table(checks: Sequence[Check]) -> Table:
 
 
 def surroundings(packages: Sequence[str]) -> dict[str, Any]:
-    """Date, machine and versions that a figure depends on."""
+    """Date, machine and versions that a figure depends on, of the packages that are there."""
     return {
         "date": datetime.date.today().isoformat(),
         "machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()}",
         "versions": {
             "python": platform.python_version(),
-            **{name: version(name) for name in packages},
+            **{name: version(name) for name in packages if find_spec(name) is not None},
         },
     }
 

@@ -81,7 +81,7 @@ def main() -> int:
     options = parser.parse_args()
     amounts = QUICK if options.quick else FULL
 
-    around = surroundings(("spisim", "mitsuba", "drjit", "numpy"))
+    around = surroundings(("spisim", "mitsuba", "drjit", "mitransient", "numpy"))
     tables: list[Table] = []
     checks: list[Check] = []
     # Memory comes first: a process starts with the peak of the one that starts it.
@@ -191,8 +191,7 @@ def spots(amounts: Amounts) -> Section:
         try:
             methods = spot_methods(scene, amounts.spot_paths)
         except ImportError as error:
-            reason = f"Spots are not compared: {error} (`pip install mitransient`)."
-            return Table(reason, columns, []), []
+            return Table(f"Spots are not compared: {error} (`pip install mitransient`)."), []
         ours, theirs = measure(methods, amounts.spot_repetitions)
         z = z_score(ours.readings, theirs.readings)
         largest_z = max(largest_z, z)
