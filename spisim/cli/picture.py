@@ -72,7 +72,7 @@ def command(
         height=height,
         fov_deg=fov,
         pattern=None if pattern is None else illumination(plan, pattern),
-        position_m=above if place is Place.PROJECTOR else carried.detector.position_m,
+        position_m=above if place is Place.PROJECTOR else carried.detector.positions_m[0],
         spp=spp,
         seed=seed,
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
+import numpy as np
 import yaml
 from pydantic import Field, model_validator
 from scipy.constants import c, elementary_charge, h
@@ -11,8 +12,23 @@ from scipy.constants import c, elementary_charge, h
 from reconstruction.errors import InputError
 from reconstruction.patterns import PatternPlan, make_plan
 from spisim.config import Number, Positive, Section
-from spisim.instrument.parts import BucketDetector, Filter, Lasers, Plan, Projector, Tof
-from spisim.scene.sun import in_band_irradiance
+from spisim.instrument.detector import BucketDetector, Detector
+from spisim.instrument.parts import Filter, Floats, Lasers, Plan, Projector
+from spisim.instrument.sensor import Spad, quantum_efficiency
+from spisim.instrument.tof import Tof
+from spisim.scene.sun import daylight_spectrum, in_band_irradiance
+
+Source = Literal["projector", "laser", "daylight"]
+
+#: Wavelengths at which a spectrum within the filter's band is weighted.
+BAND_POINTS = 49
+
+
+class EyeSafety(Section):
+    """The classes that the maker declares; `spisim budget` computes and compares them."""
+
+    laser_class: Literal["1", "3R", "3B", "4"] | None = None  # IEC 60825-1
+    risk_group: Literal["exempt", "1", "2", "3"] | None = None  # IEC 62471, of the projector
 
 
 def _pattern_period(fields: dict[str, Any]) -> float:
@@ -23,7 +39,8 @@ class Instrument(Section):
     """An instrument: projector and bucket detector, lasers and time-of-flight detectors.
 
     Materials, fog and sun are tabulated around 1550 nm, so the wavelength is bound to 1500 to
-    1600 nm. `exposure_time_s` is the part of a pattern's period in which the bucket collects.
+    1600 nm. `exposure_time_s` is the part of a pattern's period, its end, in which the bucket
+    collects.
     """
 
     wavelength_nm: Annotated[Number, Field(ge=1500, le=1600)]
@@ -33,12 +50,14 @@ class Instrument(Section):
     detector: BucketDetector
     lasers: Lasers
     tof: Tof
+    eye_safety: EyeSafety = EyeSafety()
     exposure_time_s: Positive = Field(default_factory=_pattern_period)
 
     @property
     def text(self) -> str:
         """YAML that loads as this very instrument."""
-        return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False)
+        fields = self.model_dump(mode="json", exclude_none=True)
+        return yaml.safe_dump(fields, sort_keys=False)
 
     @property
     def pattern_plan(self) -> PatternPlan:
@@ -48,14 +67,47 @@ class Instrument(Section):
         )
 
     @property
-    def quantum_efficiency(self) -> float:
-        """Of the bucket's photodiode at `wavelength_nm`: responsivity · h c / (q λ)."""
-        photon_energy = h * c / (self.wavelength_nm * 1e-9)
-        return self.detector.responsivity_a_per_w * photon_energy / elementary_charge
+    def pattern_period_s(self) -> float:
+        """From one pattern to the next."""
+        return 1 / self.projector.pattern_rate_hz
+
+    @property
+    def pixel_powers_w(self) -> Floats:
+        """In-band power (H, W) of each virtual pixel, fully on, in front of the filter."""
+        return self.projector.power_w * self.in_band_fraction * self.projector.pixel_shares
+
+    @property
+    def in_band_fraction(self) -> float:
+        """Share of the projector's power within the filter's band."""
+        if self.projector.spectrum is not None:
+            return self.projector.spectrum.fraction_within(self.filter.band_nm)
+        assert self.projector.in_band_fraction is not None
+        return self.projector.in_band_fraction
 
     def daylight_irradiance(self, illuminance_klx: float) -> float:
         """Irradiance, W/m², of daylight within the filter's band, in front of the filter."""
         return in_band_irradiance(illuminance_klx, self.filter.band_nm)
+
+    def electrons_per_joule(self, detector: Detector, source: Source) -> float:
+        """Primary electrons per joule of in-band light on a detector's aperture.
+
+        Through lens and filter; the sensor's response is weighted with the spectrum of the source.
+        """
+        wavelengths, weights = self._in_band_spectrum(source)
+        response = detector.sensor.electrons_per_joule(wavelengths) @ weights
+        return float(self.filter.transmittance * detector.lens_transmittance * response)
+
+    def _in_band_spectrum(self, source: Source) -> tuple[Floats, Floats]:
+        """Wavelengths, and weights that sum to one."""
+        wavelengths = np.linspace(*self.filter.band_nm, BAND_POINTS)
+        if source == "daylight":
+            table, irradiance, _ = daylight_spectrum()
+            weights = np.interp(wavelengths, table, irradiance)
+        elif source == "projector" and self.projector.spectrum is not None:
+            weights = self.projector.spectrum.density(wavelengths)
+        else:
+            return np.array([self.wavelength_nm]), np.ones(1)
+        return wavelengths, weights / weights.sum()
 
     @model_validator(mode="after")
     def _has_a_plan(self) -> Instrument:
@@ -76,25 +128,59 @@ class Instrument(Section):
             raise InputError(
                 f"wavelength_nm {self.wavelength_nm} is outside filter.band_nm, {low} to {high}"
             )
+        spectrum = self.projector.spectrum
+        if spectrum is not None and spectrum.fraction_within(self.filter.band_nm) < 1e-9:
+            raise InputError(
+                f"projector.spectrum has no light within filter.band_nm, {low} to {high}"
+            )
         return self
 
     @model_validator(mode="after")
     def _exposure_fits_a_pattern(self) -> Instrument:
-        period = 1 / self.projector.pattern_rate_hz
-        if self.exposure_time_s > period * (1 + 1e-9):
+        if self.exposure_time_s > self.pattern_period_s * (1 + 1e-9):
             raise InputError(
                 f"exposure_time_s {self.exposure_time_s} is longer than a pattern's period "
-                f"{period:.6g}, 1 / projector.pattern_rate_hz"
+                f"{self.pattern_period_s:.6g}, 1 / projector.pattern_rate_hz"
             )
         return self
 
     @model_validator(mode="after")
     def _one_electron_per_photon_at_most(self) -> Instrument:
-        limit = elementary_charge * self.wavelength_nm * 1e-9 / (h * c)
+        low, _ = band = self.filter.band_nm
+        limit = elementary_charge * low * 1e-9 / (h * c)
         for name, detector in (("detector", self.detector), ("tof.detector", self.tof.detector)):
-            if detector.responsivity_a_per_w > limit:
-                raise InputError(
-                    f"{name}.responsivity_a_per_w {detector.responsivity_a_per_w} is more than one "
-                    f"electron per photon, {limit:.4g} A/W"
-                )
+            sensor = detector.sensor
+            if quantum_efficiency(sensor, np.linspace(*band, BAND_POINTS)).max() <= 1:
+                continue
+            if isinstance(sensor, Spad):
+                raise InputError(f"{name}.sensor.detection_efficiency is more than 1")
+            raise InputError(
+                f"{name}.sensor.responsivity_a_per_w {sensor.responsivity_a_per_w} is more than "
+                f"one electron per photon, {limit:.4g} A/W"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _modulated_patterns_are_demodulated(self) -> Instrument:
+        modulation, detector = self.projector.modulation, self.detector
+        if modulation is None:
+            return self
+        if detector.amplifier is None:
+            raise InputError("projector.modulation needs a detector that integrates charge")
+        if detector.amplifier.coupling == "ac":
+            raise InputError("projector.modulation needs detector.amplifier.coupling dc")
+        if modulation.taps.arrangement == "in-turn":
+            raise InputError(
+                "projector.modulation.taps.arrangement should be parallel: one exposure holds "
+                "all taps"
+            )
+        if len(modulation.frequencies_hz) > 1:
+            raise InputError(
+                "projector.modulation.frequencies_hz should be one frequency, that of all patterns"
+            )
+        if self.exposure_time_s * modulation.frequencies_hz[0] < 1:
+            raise InputError(
+                "projector.modulation.frequencies_hz should fit a period into exposure_time_s "
+                f"{self.exposure_time_s:.4g}; at least {1 / self.exposure_time_s:.4g}"
+            )
         return self

@@ -33,7 +33,7 @@ class MeanElectrons:
 
 def mean_electrons(instrument: Instrument, light: LightSequence, frames: int) -> MeanElectrons:
     """Electrons from the fractions of emitted power that the light transport found."""
-    electrons = instrument.projector.pixel_powers_w * bucket_gain(instrument)
+    electrons = instrument.pixel_powers_w * bucket_gain(instrument)
     shares = light.weights(exposure_times_s(instrument, frames))  # (frames, M, keys)
     images = np.array([key.image for key in light.transports]) * electrons
     errors = np.array([key.image_error for key in light.transports]) * electrons

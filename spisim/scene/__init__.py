@@ -7,7 +7,7 @@ from spisim.scene.motion import check_clear_of_sensor
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object, spot_ranges
 from spisim.scene.shapes import texture_coordinates
-from spisim.scene.sun import in_band_irradiance
+from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 from spisim.scene.warning import SceneWarning
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "SceneWarning",
     "Volume",
     "check_clear_of_sensor",
+    "daylight_spectrum",
     "enclosing_object",
     "find_material",
     "in_band_irradiance",

@@ -14,7 +14,8 @@ from reconstruction.errors import InputError
 
 
 @cache
-def _spectrum() -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def daylight_spectrum() -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Wavelengths (nm), irradiance (W m⁻² nm⁻¹) and the illuminance (klx) that belongs to it."""
     table = yaml.safe_load(Path(__file__).with_name("sun.yaml").read_text(encoding="utf-8"))
     irradiance = np.asarray(table["irradiance_w_per_m2_nm"], float)
     first, last = table["wavelengths_nm"]
@@ -32,7 +33,7 @@ def in_band_irradiance(illuminance_klx: float, band_nm: tuple[float, float]) -> 
 
     Raises InputError unless the band lies within 1500 to 1600 nm.
     """
-    wavelengths, irradiance, klx = _spectrum()
+    wavelengths, irradiance, klx = daylight_spectrum()
     low, high = band_nm
     if not wavelengths[0] <= low < high <= wavelengths[-1]:
         raise InputError(

@@ -56,7 +56,7 @@ def camera_view(
     pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
     view = ProjectorView(pose, (height, width), half_width, half_width * height / width)
     lit = np.ones(placed.shape) if pattern is None else np.asarray(pattern)
-    power_w = instrument.projector.pixel_powers_w * lit
+    power_w = instrument.pixel_powers_w * lit
     total = max(float(power_w.sum()), np.finfo(float).tiny)
     lamp = Lamp.of(placed, power_w / total)
     sky = sky_of(scene, instrument)

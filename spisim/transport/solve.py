@@ -13,7 +13,7 @@ from scipy.constants import c
 
 from reconstruction.errors import InputError
 from reconstruction.patterns import expose, mean_illumination
-from spisim.instrument import Instrument
+from spisim.instrument import CwTof, DirectTof, Instrument, Tof
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
@@ -28,6 +28,7 @@ from spisim.transport.world import build_world
 BIN_WIDTH_M = 0.02
 #: A bin shares light between its neighbours, which damps a modulation of so many bins by 1 %.
 BINS_PER_PERIOD = 20
+BINS_PER_PULSE = 4
 LONGEST_PATH_M = 80.0
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
@@ -83,7 +84,7 @@ def solve(
         Called with the fraction done.
     """
     began = time.perf_counter()
-    _check_frequency(instrument.tof.modulation_frequency_hz)
+    _check_resolution(instrument.tof)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
     placed = InstrumentView.of(instrument, scene.drone_pose)
@@ -113,7 +114,7 @@ def solve(
     crosstalk = projector_power(
         world,
         placed.projector,
-        instrument.projector.pixel_powers_w * mean_illumination(instrument.pattern_plan),
+        instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan),
         placed.tof,
         paths=STEADY_PATHS,
         seed=streams[4],
@@ -136,20 +137,29 @@ def solve(
     )
 
 
-def _check_frequency(frequency_hz: float) -> None:
-    """The spots' histograms must resolve a modulation period."""
-    highest = c / (BINS_PER_PERIOD * BIN_WIDTH_M)
-    if frequency_hz > highest:
+def _check_resolution(tof: Tof) -> None:
+    """The spots' histograms must resolve what is modulated onto the light."""
+    if isinstance(tof, CwTof):
+        frequency, highest = max(tof.modulation.frequencies_hz), c / (BINS_PER_PERIOD * BIN_WIDTH_M)
+        if frequency > highest:
+            raise InputError(
+                f"tof.modulation.frequencies_hz {frequency:g}: a period is shorter than "
+                f"{BINS_PER_PERIOD} bins of the path-length histogram; at most {highest:.4g}"
+            )
+        return
+    field = "pulse_fwhm_s" if isinstance(tof, DirectTof) else "pulse_width_s"
+    pulse, shortest = getattr(tof, field), BINS_PER_PULSE * BIN_WIDTH_M / c
+    if pulse < shortest:
         raise InputError(
-            f"tof.modulation_frequency_hz {frequency_hz:g}: a period is shorter than "
-            f"{BINS_PER_PERIOD} bins of the path-length histogram; at most {highest:.4g}"
+            f"tof.{field} {pulse:g}: a pulse is shorter than {BINS_PER_PULSE} bins of the "
+            f"path-length histogram; at least {shortest:.4g}"
         )
 
 
 def _effort(instrument: Instrument, spp: int, noise: float | None) -> Effort:
     if noise is None:
         return Paths(spp)
-    plan, power_w = instrument.pattern_plan, instrument.projector.pixel_powers_w
+    plan, power_w = instrument.pattern_plan, instrument.pixel_powers_w
     return Noise(noise, lambda sums: expose(plan, sums["image"].reshape(power_w.shape) * power_w))
 
 

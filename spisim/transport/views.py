@@ -79,6 +79,8 @@ class InstrumentView:
         """`pose` (4, 4): world from optical frame."""
         rotation, origin = pose[:3, :3], pose[:3, 3]
         headings = instrument.lasers.directions @ rotation.T
+        bucket, ranging = instrument.detector, instrument.tof.detector
+        ahead = np.repeat(rotation[None, :, 2], 4, axis=0)
         return cls(
             projector=ProjectorView(
                 pose,
@@ -89,11 +91,11 @@ class InstrumentView:
                 instrument.projector.focus_m,
             ),
             bucket=DetectorView(
-                origin + np.atleast_2d(instrument.detector.position_m) @ rotation.T,
-                rotation[None, :, 2],
-                instrument.detector.aperture_area_m2,
-                np.radians(instrument.detector.field_of_view_deg) / 2,
-                instrument.detector.vignetting,
+                origin + np.asarray(bucket.positions_m) @ rotation.T,
+                np.repeat(rotation[None, :, 2], len(bucket.positions_m), axis=0),
+                bucket.aperture_area_m2,
+                np.radians(bucket.field_of_view_deg) / 2,
+                bucket.vignetting,
             ),
             beams=BeamView(
                 np.repeat(origin[None], len(headings), axis=0),
@@ -102,10 +104,10 @@ class InstrumentView:
                 instrument.lasers.waist_mm * 1e-3,
             ),
             tof=DetectorView(
-                origin + np.asarray(instrument.tof.detector.positions_m) @ rotation.T,
-                headings,
-                instrument.tof.detector.aperture_area_m2,
-                np.radians(instrument.tof.detector.field_of_view_deg) / 2,
-                instrument.tof.detector.vignetting,
+                origin + instrument.tof.detector.spot_positions_m @ rotation.T,
+                ahead if ranging.shared else headings,
+                ranging.aperture_area_m2,
+                np.radians(ranging.field_of_view_deg) / 2,
+                ranging.vignetting,
             ),
         )

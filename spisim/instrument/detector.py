@@ -1,0 +1,191 @@
+"""A photodiode behind a lens, with amplifier and converter."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from scipy.constants import elementary_charge
+
+from reconstruction.errors import InputError
+from spisim.config import NonNegative, Number, Positive, Section, Vector
+from spisim.instrument.sensor import PositiveFraction, Sensor, Spad
+
+#: No lens is faster: the sine of its cone would exceed 1.
+SMALLEST_F_NUMBER = 0.5
+
+
+class Amplifier(Section):
+    """Transimpedance amplifier with one pole at `bandwidth_hz`, or none that matters.
+
+    Noise is one-sided and referred to the current before the amplifier. Coupled by alternating
+    current it takes off what changes more slowly than `low_cut_hz`, daylight above all; the
+    daylight's shot noise stays.
+    """
+
+    noise_pa_per_sqrt_hz: NonNegative
+    bandwidth_hz: Positive | None = None
+    coupling: Literal["dc", "ac"] = "dc"
+    low_cut_hz: Positive | None = None
+
+    @model_validator(mode="after")
+    def _low_cut_goes_with_ac(self) -> Amplifier:
+        if (self.coupling == "ac") != (self.low_cut_hz is not None):
+            raise InputError("low_cut_hz goes with coupling ac, and ac needs it")
+        return self
+
+    @property
+    def time_constant_s(self) -> float:
+        """Of the pole; 0 without one."""
+        return 0.0 if self.bandwidth_hz is None else 1 / (2 * math.pi * self.bandwidth_hz)
+
+    def response(self, frequency_hz: Any) -> Any:
+        """Complex amplitude of a modulation behind the pole, 1 / (1 + i f / B)."""
+        return 1 / (1 + 2j * math.pi * self.time_constant_s * frequency_hz)
+
+
+class Adc(Section):
+    """Analogue-to-digital converter, scaled to primary photo-electrons."""
+
+    bits: Annotated[int, Field(ge=1, le=31)]
+    full_scale_electrons: Positive
+    offset_counts: Annotated[int, Field(ge=0)]
+
+    @property
+    def max_count(self) -> int:
+        """The count of saturation."""
+        return 2**self.bits - 1
+
+    @property
+    def electrons_per_count(self) -> float:
+        """Width of a step."""
+        return self.full_scale_electrons / 2**self.bits
+
+    @property
+    def quantisation_noise_electrons(self) -> float:
+        """Rms error of rounding, a step over √12."""
+        return self.electrons_per_count / math.sqrt(12)
+
+    @property
+    def headroom_electrons(self) -> float:
+        """The largest charge that is not clipped."""
+        return (self.max_count - self.offset_counts) * self.electrons_per_count
+
+
+class Detector(Section):
+    """What bucket and ranging detectors have in common.
+
+    The lens is told by its f-number or by the diameter of its aperture; étendue gives the other.
+    """
+
+    field_of_view_deg: Annotated[Number, Field(gt=0, le=180)]  # full angle of a hard-edged cone
+    vignetting: NonNegative = 0.0  # m: the response falls off with cosᵐ inside the cone
+    f_number: Annotated[Number, Field(ge=SMALLEST_F_NUMBER)] | None = None
+    aperture_diameter_mm: Positive | None = None
+    lens_transmittance: PositiveFraction
+    sensor: Sensor
+    amplifier: Amplifier | None = None
+    adc: Adc | None = None
+
+    @property
+    def aperture_area_m2(self) -> float:
+        """Area of the entrance aperture.
+
+        A field of half angle θ over an aperture A_ap has the étendue π A_ap sin²θ, and that of a
+        photodiode of effective area A·FF behind a lens of f-number N is π A·FF / (4 N²); so
+        A_ap = A·FF / (4 N² sin²θ). Narrow fields have large apertures.
+        """
+        if self.aperture_diameter_mm is not None:
+            return math.pi * (self.aperture_diameter_mm * 1e-3) ** 2 / 4
+        assert self.f_number is not None
+        return self._largest_aperture_m2 * (SMALLEST_F_NUMBER / self.f_number) ** 2
+
+    @property
+    def working_f_number(self) -> float:
+        """Given, or the one that aperture and field amount to."""
+        ratio = self._largest_aperture_m2 / self.aperture_area_m2
+        return SMALLEST_F_NUMBER * math.sqrt(ratio)
+
+    @property
+    def _largest_aperture_m2(self) -> float:
+        half_angle = math.radians(self.field_of_view_deg) / 2
+        return self.sensor.effective_area_m2 / math.sin(half_angle) ** 2
+
+    def dark_electrons(self, time_s: float) -> float:
+        """Mean dark count of a window."""
+        return self.sensor.dark_rate_hz * time_s
+
+    def amplifier_noise_electrons(self, time_s: float) -> float:
+        """Rms charge of the amplifier's white current noise in a window: (i_n / q M) √(T/2)."""
+        if self.amplifier is None:
+            return 0.0
+        current = self.amplifier.noise_pa_per_sqrt_hz * 1e-12
+        return current * math.sqrt(time_s / 2) / (elementary_charge * self.sensor.gain)
+
+    def electronics_noise_electrons(self, time_s: float) -> float:
+        """Rms of amplifier and converter together, per reading."""
+        steps = 0.0 if self.adc is None else self.adc.quantisation_noise_electrons
+        return math.hypot(self.amplifier_noise_electrons(time_s), steps)
+
+    @model_validator(mode="after")
+    def _lens_is_told_once(self) -> Detector:
+        if (self.f_number is None) == (self.aperture_diameter_mm is None):
+            raise InputError("needs either f_number or aperture_diameter_mm")
+        largest_mm = 2e3 * math.sqrt(self._largest_aperture_m2 / math.pi)
+        if self.aperture_diameter_mm is not None and self.aperture_diameter_mm > largest_mm:
+            raise InputError(
+                f"aperture_diameter_mm {self.aperture_diameter_mm} and field_of_view_deg "
+                f"{self.field_of_view_deg} hold more light than the sensor can take (étendue): at "
+                f"most {largest_mm:.4g} mm, with a lens of f/{SMALLEST_F_NUMBER}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _charge_is_amplified_and_converted(self) -> Detector:
+        counts = isinstance(self.sensor, Spad)
+        for name in ("amplifier", "adc"):
+            if (getattr(self, name) is None) != counts:
+                verb = "counts pulses and has no" if counts else "needs an"
+                raise InputError(f"a {self.sensor.type} sensor {verb} {name}")
+        return self
+
+
+class BucketDetector(Detector):
+    """The single-pixel detector of the patterns: alike photodiodes whose currents add up.
+
+    All look along the optical axis.
+    """
+
+    positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=64)]
+
+
+class TofDetector(Detector):
+    """The photodiodes of the four spots.
+
+    Four, each looking along the direction of its laser; or one for all, looking along the optical
+    axis, for which the lasers fire in turn.
+    """
+
+    positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=4)]
+
+    @property
+    def shared(self) -> bool:
+        """One photodiode for all spots."""
+        return len(self.positions_m) == 1
+
+    @property
+    def spot_positions_m(self) -> NDArray[np.float64]:
+        """Position (4, 3) of each spot's photodiode."""
+        return np.asarray(np.broadcast_to(self.positions_m, (4, 3)), dtype=np.float64)
+
+    @model_validator(mode="after")
+    def _one_or_four(self) -> TofDetector:
+        if len(self.positions_m) not in (1, 4):
+            raise InputError(
+                f"positions_m has {len(self.positions_m)} positions; one photodiode for all four "
+                "spots or four are possible"
+            )
+        return self
