@@ -47,9 +47,14 @@ class Taps(Section):
         return self.width if self.shape == "rectangular" else 0.5
 
     @property
+    def noise_share(self) -> float:
+        """Of a period, for which a steady noise of the same variance would be integrated."""
+        return self.width if self.shape == "rectangular" else 3 / 8
+
+    @property
     def phases_rad(self) -> Floats:
         """Phases (4,) of the taps: 0, 90, 180, 270 degrees."""
-        return np.arange(TAPS) * (2 * np.pi / TAPS)
+        return np.asarray(np.arange(TAPS) * (2 * np.pi / TAPS), dtype=np.float64)
 
     def harmonics(self, orders: NDArray[np.int64]) -> Floats:
         """b_n of the window's sensitivity."""

@@ -1,4 +1,4 @@
-"""Mean photo-electrons of every reading: the light budget, before any noise."""
+"""Mean photo-electrons of every bucket reading: the light budget, before any noise."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import c
 
 from reconstruction.patterns import expose
-from spisim.instrument import Instrument
-from spisim.instrument.parts import Detector
+from spisim.instrument import Instrument, Modulation
+from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
 from spisim.measurement.sequence import LightSequence, exposure_times_s
 from spisim.transport import Transport
 
@@ -18,62 +17,101 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class MeanElectrons:
-    """Mean electrons per reading, dark current and daylight included.
+class BucketLight:
+    """Mean primary electrons per exposure, dark current and daylight included.
 
-    `image` (H, W) is what each virtual pixel alone, fully on, adds to one exposure, on average
-    over the first frame; `image_error` the standard error of the light transport in it.
+    `image` (H, W) is what each virtual pixel alone adds to one exposure when it is switched from
+    off to on, on average over the first frame; `image_error` the standard error of the light
+    transport in it.
     """
 
     image: Floats
     image_error: Floats
     buckets: Floats  # (frames, M)
-    taps: Floats  # (frames, 4, taps)
+    taken_off: Floats  # (frames, M): what an AC-coupled amplifier does not let through
+    taps: Floats | None  # (frames, M, taps), of a projector that is modulated
 
 
-def mean_electrons(instrument: Instrument, light: LightSequence, frames: int) -> MeanElectrons:
+def bucket_light(instrument: Instrument, light: LightSequence, frames: int) -> BucketLight:
     """Electrons from the fractions of emitted power that the light transport found."""
-    electrons = instrument.pixel_powers_w * bucket_gain(instrument)
     shares = light.weights(exposure_times_s(instrument, frames))  # (frames, M, keys)
-    images = np.array([key.image for key in light.transports]) * electrons
-    errors = np.array([key.image_error for key in light.transports]) * electrons
-    steady = np.array([key.daylight_w for key in light.transports]) * bucket_gain(instrument)
-    steady += instrument.detector.dark_electrons(instrument.exposure_time_s)
-    readings = expose(instrument.pattern_plan, images) + steady[:, None]  # (keys, M)
-    taps = np.array([_taps(instrument, key) for key in light.transports])
-    in_frame = shares.mean(axis=1)  # (frames, keys)
-    return MeanElectrons(
-        image=np.tensordot(in_frame[0], images, 1),
-        image_error=np.tensordot(in_frame[0], errors, 1),
-        buckets=np.einsum("fmk,km->fm", shares, readings),
-        taps=np.tensordot(in_frame, taps, 1),
+    electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
+    switched = (1 - instrument.projector.dark_level) * electrons
+    in_frame = shares.mean(axis=1)[0]
+    images, errors = (
+        np.array([getattr(key, name) for key in light.transports])
+        for name in ("image", "image_error")
+    )
+    steady = np.array([key.daylight_w for key in light.transports])
+    steady = steady * _gain(instrument, "daylight")
+    steady += len(instrument.detector.positions_m) * instrument.detector.dark_electrons(
+        instrument.exposure_time_s
+    )
+
+    def readings(pictures: Floats, background: Floats) -> Floats:
+        return _readings(instrument, shares, pictures * electrons, background)
+
+    buckets = readings(images, steady)
+    taken_off = np.zeros_like(buckets)
+    if instrument.detector.amplifier is not None:
+        taken_off = slow_part(buckets, instrument.detector.amplifier, instrument.pattern_period_s)
+    modulation = instrument.projector.modulation
+    taps = None
+    if modulation is not None:
+        pictures = tap_images(instrument, modulation, light.transports)  # (taps, keys, H, W)
+        taps = np.stack(
+            [readings(picture, modulation.taps.share * steady) for picture in pictures], axis=-1
+        )
+    return BucketLight(
+        image=np.tensordot(in_frame, images, 1) * switched,
+        image_error=np.tensordot(in_frame, errors, 1) * switched,
+        buckets=buckets,
+        taken_off=taken_off,
+        taps=taps,
     )
 
 
-def bucket_gain(instrument: Instrument) -> float:
+def tap_frequencies_hz(instrument: Instrument) -> tuple[float, ...]:
+    """Frequencies at which the taps of a modulated projector need phasor images."""
+    modulation = instrument.projector.modulation
+    if modulation is None:
+        return ()
+    return tuple(float(order) * modulation.frequencies_hz[0] for order in modulation.orders())
+
+
+def tap_images(
+    instrument: Instrument, modulation: Modulation, transports: tuple[Transport, ...]
+) -> Floats:
+    """Transport images as each tap sees them, (taps, keys, H, W), from the phasor images."""
+    amplifier = instrument.detector.amplifier
+    assert amplifier is not None
+    _, amplitudes = modulation.amplitudes(modulation.frequencies_hz[0], amplifier.response)
+    orders = modulation.orders()
+    phases = modulation.taps.phases_rad
+    turns = amplitudes[:, None] * np.exp(-1j * orders[:, None] * phases)  # (orders, taps)
+    phasors = np.array([key.extra["phasors"] for key in transports])  # (keys, orders, H, W)
+    waves = np.einsum("nt,knhw->tkhw", turns, phasors).real
+    images = np.array([key.image for key in transports])
+    return np.asarray(modulation.taps.share * (images + waves))
+
+
+def _readings(instrument: Instrument, shares: Floats, images: Floats, steady: Floats) -> Floats:
+    """Exposures (frames, M) of images (keys, H, W) and steady light (keys,)."""
+    dark = instrument.projector.dark_level
+    total = images.sum(axis=(1, 2))[:, None]
+    shown = (1 - dark) * expose(instrument.pattern_plan, images) + dark * total
+    readings = np.einsum("fmk,km->fm", shares, shown + steady[:, None])
+    amplifier = instrument.detector.amplifier
+    pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
+    share = carried_over(
+        (instrument.projector.settling_time_s, pole_s),
+        instrument.exposure_time_s,
+        instrument.pattern_period_s,
+    )
+    return with_carry_over(readings, share)
+
+
+def _gain(instrument: Instrument, source: str) -> float:
     """Electrons per exposure and watt on the bucket detector's aperture."""
-    return _electrons_per_joule(instrument, instrument.detector) * instrument.exposure_time_s
-
-
-def _taps(instrument: Instrument, light: Transport) -> Floats:
-    """Taps from path lengths: sinusoidal light of power 1 + m cos(2πft), rectangular windows.
-
-    Light that travelled L arrives 2πfL/c late. A window of width x periods, centred on phase p,
-    collects x · [1 + m sinc(x) cos(2πfL/c - p)] per period (Lange & Seitz, IEEE J. Quantum
-    Electron. 37, 390 (2001)).
-    """
-    tof = instrument.tof
-    frequency = tof.modulation_frequency_hz
-    phase = 2 * np.pi * frequency / c * light.path_length_m
-    window = 1 + tof.demodulation_contrast * np.cos(phase - tof.tap_phases_rad[:, None])
-    gain = _electrons_per_joule(instrument, tof.detector) * tof.tap_time_s
-    laser = instrument.lasers.power_w * light.spot_histogram @ window.T
-    dark = tof.detector.dark_electrons(tof.tap_time_s)
-    steady = light.spot_daylight_w + light.spot_crosstalk_w
-    return np.asarray((laser + steady[:, None]) * gain + dark)
-
-
-def _electrons_per_joule(instrument: Instrument, detector: Detector) -> float:
-    """Electrons per joule on the aperture: through filter and lens onto the photodiode."""
-    transmittance = instrument.filter.transmittance * detector.lens_transmittance
-    return transmittance * detector.electrons_per_joule
+    per_joule = instrument.electrons_per_joule(instrument.detector, source)
+    return per_joule * instrument.exposure_time_s
