@@ -265,15 +265,19 @@ def test_the_digest_follows_readings_and_patterns_and_nothing_else(capture, path
     counts[1, 3] += 1
     taps = capture.spots.taps.copy()
     taps[0, 0, 0] += 1
+    pattern_taps = capture.pattern_taps.taps.copy()
+    pattern_taps[0, 0, 0] += 1
     order = make_plan((4, 8), 10, order="natural")
     others = [
         replace(capture, buckets=replace(capture.buckets, counts=counts)),
         replace(capture, spots=replace(capture.spots, taps=taps)),
         replace(capture, spots=None),
+        replace(capture, spots=make_spots("dtof")),
+        replace(capture, pattern_taps=replace(capture.pattern_taps, taps=pattern_taps)),
         replace(capture, plan=order),
         replace(capture, plan=replace(capture.plan, shape=(8, 4)), truth=None),
     ]
-    assert len({c.digest for c in [capture, *others]}) == 6
+    assert len({c.digest for c in [capture, *others]}) == 8
 
 
 @pytest.mark.parametrize("version", ["2.1", "3.0", "10.0"])
@@ -331,6 +335,15 @@ def replace_dataset(path, name, value, units=None):
         ("spots/directions", np.eye(3), r"shape \(3, 3\), expected \(4 = 4, 3 = 3\)"),
         ("spots/directions", np.tile([0, 0, 57.0], (4, 1)), "unit vectors"),
         ("spots/tap_frequencies_hz", np.full(3, -1.0), "must be positive"),
+        ("spots/tap_frequencies_hz", [1e6, 1e6, 2e6], "1e.06 Hz has 2 tap.* at least 3"),
+        ("spots/tap_phases_rad", [0, 1, 1 + 2 * np.pi], "fewer than 3 different phases"),
+        ("spots/method", "pulse", "did you mean 'pulsed'. allowed: cw, pulsed, dtof"),
+        ("buckets/dead_time_s", -1e-9, "must be not negative"),
+        ("buckets/excess_noise_factor", 0.0, "must be positive"),
+        ("buckets/exposure_time_s", np.nan, "exposure_time_s must be known"),
+        ("buckets/electrons_per_count", np.nan, "electrons_per_count must be known"),
+        ("pattern_taps/taps", np.zeros((2, 19, 6)), r"exposures = 20, pattern taps = 6"),
+        ("pattern_taps/tap_frequencies_hz", np.arange(1.0, 7), "at least 3"),
         ("truth/depth_m", np.zeros((8, 4)), "height = 4, width = 8"),
         ("patterns/index", np.full(20, 32), r"outside 0\.\.31"),
         ("patterns/shape", np.array([4, 8, 1]), r"patterns/shape has shape \(3,\)"),
@@ -344,6 +357,87 @@ def test_a_wrong_dataset_is_named(path, name, value, message):
         read_capture(path)
     assert str(error.value).startswith(str(path))
     assert name.split("/")[1] in str(error.value) or "pattern" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("method", "changes", "message"),
+    [
+        ("pulsed", {"taps": np.zeros((2, 4, 4))}, r"spots/taps has shape \(2, 4, 4\)"),
+        ("pulsed", {"window_starts_s": np.array([-70e-9, 0, 60e-9])}, "must start where the first"),
+        ("pulsed", {"window_starts_s": np.array([64e-9, 0, 65e-9])}, "background window overlaps"),
+        ("pulsed", {"pulse_width_s": 0.0}, "spots/pulse_width_s is 0.0, must be positive"),
+        ("dtof", {"counts": np.zeros((2, 4, 2))}, "spots/counts has 2 bins.*at least 3"),
+        ("dtof", {"counts": np.full((2, 4, 50), 201)}, "10050 arrivals.*pulses = 10000 cycles"),
+        ("dtof", {"counts": np.full((2, 4, 50), -1)}, "spots/counts is -1, must be not negative"),
+        ("dtof", {"saturated": np.zeros((2, 4, 50), bool)}, "spots/saturated has shape"),
+        ("dtof", {"response_sigma_s": 0.0}, "spots/response_sigma_s is 0.0, must be positive"),
+    ],
+)
+def test_readings_that_cannot_be_are_refused(capture, method, changes, message):
+    with pytest.raises(InputError, match=message):
+        replace(capture, spots=replace(make_spots(method), **changes))
+
+
+@pytest.mark.parametrize("start", [-65e-9, 130e-9])
+def test_the_background_window_may_touch_the_others(capture, start):
+    spots = replace(make_spots("pulsed"), window_starts_s=np.array([start, 0, 65e-9]))
+    assert replace(capture, spots=spots).spots is spots
+
+
+def test_dead_time_needs_counted_readings(capture):
+    plan = replace(capture.plan, polarity=np.zeros(20, dtype=np.int8))
+    with pytest.raises(InputError, match=r"patterns/polarity 0 marks readings as differences"):
+        replace(capture, plan=plan)
+
+
+def test_dead_time_is_corrected_and_its_variance_is_the_scatter(capture):
+    """Against non-extended dead times between exponential arrivals, one by one."""
+    rate, dead, time, trials = 200.0, 0.002, 1.0, 2000
+    rng = np.random.default_rng(0)
+    detections = np.cumsum(rng.exponential(1 / rate, (trials, 300)) + dead, axis=1) - dead
+    assert (detections[:, -1] > time).all()
+    counts = (detections < time).sum(axis=1)
+    buckets = replace(
+        capture.buckets,
+        counts=counts[None],
+        saturated=np.zeros((1, trials), dtype=bool),
+        exposure_time_s=time,
+        electrons_per_count=1.0,
+        offset_counts=0.0,
+        noise_electrons=0.0,
+        dead_time_s=dead,
+    )
+    sigma = np.sqrt(buckets.variance.mean())
+    assert sigma == pytest.approx(np.sqrt(rate * (1 + rate * dead)), rel=0.01)
+    chi_squared = (trials - 1) * (buckets.signal.std(ddof=1) / sigma) ** 2
+    assert abs(chi_squared - trials) / np.sqrt(2 * trials) < 4
+    # The detector is ready at the start, which gives 0.04 detections more (Mueller's "free").
+    ready = 0.04 * (1 + rate * dead) ** 2
+    z = (buckets.signal.mean() - rate - ready) / (sigma / np.sqrt(trials))
+    assert abs(z) < 3.5
+
+
+def test_a_detector_that_is_always_blind_is_not_usable(capture):
+    buckets = replace(
+        capture.buckets,
+        counts=np.array([[0, 999, 1000, 1500]]),
+        saturated=np.array([[True, False, False, False]]),
+        exposure_time_s=1e-3,
+        electrons_per_count=1.0,
+        offset_counts=0.0,
+        dead_time_s=1e-6,
+    )
+    assert buckets.usable.tolist() == [[False, True, False, False]]
+    assert np.isfinite(buckets.signal).all()
+    assert buckets.signal[0, 1] == pytest.approx(999_000)
+
+
+def test_excess_noise_multiplies_shot_noise_only(capture):
+    buckets = replace(capture.buckets, dead_time_s=0.0, excess_noise_factor=5.5)
+    expected = 5.5 * np.abs(buckets.signal) + buckets.noise_electrons**2
+    np.testing.assert_allclose(buckets.variance, expected)
+    unknown = replace(buckets, electrons_per_count=np.nan)
+    assert np.isnan(unknown.variance).all()
 
 
 def test_a_wrong_unit_is_refused(path):
