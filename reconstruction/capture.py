@@ -2,8 +2,7 @@
 
 The annotations of the data classes are the file's schema: reading, writing and checking follow
 them. Everything geometric is in the projector's optical frame: x right, y down, z forward, origin
-at its pinhole. The CW-iToF convention is S_k = B + A cos(phi - tap_phase_k) with
-phi = 2 pi f L / c + phase_offset, L the whole optical path.
+at its pinhole. Time-of-flight readings are in `reconstruction.spots`.
 """
 
 import hashlib
@@ -16,39 +15,46 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
+from .errors import InputError, nearest
 from .files import write_atomically
 from .hdf5 import content, get, get_attribute, get_text, opened, put, put_attribute
 from .patterns import PatternPlan
 from .schema import Stored, check_value, stored_fields
+from .spots import METHODS, PatternTaps, Spots
 
 FORMAT = "spisim-capture"
-VERSION = (1, 0)
-
+VERSION = (2, 0)
 
 Unit = Literal["electron", "count"]
 Readings = Annotated[NDArray[Any], Stored("count", ("frames", "exposures"), "int32 or float64")]
-Taps = Annotated[NDArray[Any], Stored("count", ("frames", 4, "taps"), "int32 or float64")]
 Image = NDArray[np.float32]
 Reals = NDArray[np.float64]
+
+FULL_LOAD = 1 - 1e-6
+"""Share of the exposure for which a counting detector may be blind: beyond, it tells nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Buckets:
     """Single-pixel readings, one per exposure.
 
-    ``counts`` are raw ADC counts, int32 or float64; electrons = (counts - offset_counts) *
-    electrons_per_count. ``saturated`` marks readings that must not be used. ``noise_electrons`` is
-    the rms electronics and ADC noise of one exposure. Times, scale and noise are nan where unknown.
+    ``counts`` are raw ADC counts, int32 or float64; (counts - offset_counts) * electrons_per_count
+    are primary photo-electrons, before any gain. ``saturated`` marks readings that must not be
+    used. ``noise_electrons`` is the rms electronics and ADC noise of one exposure;
+    ``excess_noise_factor`` the variance of the charge per primary electron (see `Charge`);
+    ``dead_time_s`` how long a counting detector is blind after each detection, 0 for one that
+    integrates charge. Times, scale and noise are nan where unknown.
     """
 
     counts: Readings
     saturated: Annotated[NDArray[np.bool_], Stored("1", ("frames", "exposures"), "bool")]
-    exposure_time_s: Annotated[float, Stored("s", positive=True, nan=True)]
-    pattern_period_s: Annotated[float, Stored("s", positive=True, nan=True)]
-    electrons_per_count: Annotated[float, Stored("electron/count", positive=True, nan=True)]
+    exposure_time_s: Annotated[float, Stored("s", sign="positive", nan=True)]
+    pattern_period_s: Annotated[float, Stored("s", sign="positive", nan=True)]
+    electrons_per_count: Annotated[float, Stored("electron/count", sign="positive", nan=True)]
     offset_counts: Annotated[float, Stored("count")]
-    noise_electrons: Annotated[float, Stored("electron", nan=True)]
+    noise_electrons: Annotated[float, Stored("electron", sign="not negative", nan=True)]
+    excess_noise_factor: Annotated[float, Stored("1", sign="positive")]
+    dead_time_s: Annotated[float, Stored("s", sign="not negative")]
 
     @property
     def unit(self) -> Unit:
@@ -57,38 +63,53 @@ class Buckets:
 
     @property
     def signal(self) -> Reals:
-        """Light of each exposure (frames, M): electrons, or counts where their scale is unknown."""
+        """Light of each exposure (frames, M): electrons, or counts where their scale is unknown.
+
+        What a counting detector missed while it was blind is put back: of N arrivals in the time T
+        it detects m = N / (1 + N tau / T), so N = m / (1 - m tau / T), for T much longer than the
+        dead time tau (J. W. Mueller, Nucl. Instrum. Methods 112, 47 (1973), non-extended type).
+        """
+        return np.asarray(self._detected / (1 - np.minimum(self._load, FULL_LOAD)))
+
+    @property
+    def variance(self) -> Reals:
+        """Variance of ``signal`` (frames, M) from light and electronics; nan where unknown.
+
+        Renewal theory: var(m) = N / (1 + N tau / T)^3 (as for ``signal``), carried to N by
+        dN / dm = (1 + N tau / T)^2. Of a difference formed by the recorder the light is not
+        known, but is at least its magnitude.
+        """
+        if self.unit == "count":
+            return np.full(self.counts.shape, np.nan)
+        light = np.abs(self.signal)
+        if self.dead_time_s > 0:
+            light = light * (1 + light * self.dead_time_s / self.exposure_time_s)
+        return np.asarray(self.excess_noise_factor * light + self.noise_electrons**2)
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Readings (frames, M) that are neither saturated nor of a detector blind all the time."""
+        return np.asarray(~self.saturated & (self._load < FULL_LOAD))
+
+    @property
+    def _detected(self) -> Reals:
         scale = self.electrons_per_count if self.unit == "electron" else 1.0
         return np.asarray((self.counts - self.offset_counts) * scale)
 
-
-@dataclass(frozen=True, eq=False)
-class Spots:
-    """CW-iToF readings of the four laser spots, and how to turn them into ranges.
-
-    ``periods`` is the number of modulation periods that each tap accumulates;
-    ``noise_electrons`` the rms electronics and ADC noise of one tap.
-    """
-
-    taps: Taps
-    saturated: Annotated[NDArray[np.bool_], Stored("1", ("frames", 4, "taps"), "bool")]
-    directions: Annotated[Reals, Stored("1", (4, 3))]
-    detector_positions_m: Annotated[Reals, Stored("m", (4, 3))]
-    modulation_frequency_hz: Annotated[float, Stored("Hz", positive=True)]
-    periods: Annotated[int, Stored("1", dtype="int64", positive=True)]
-    tap_phases_rad: Annotated[Reals, Stored("rad", ("taps",))]
-    phase_offset_rad: Annotated[float, Stored("rad")]
-    electrons_per_count: Annotated[float, Stored("electron/count", positive=True)]
-    offset_counts: Annotated[float, Stored("count")]
-    noise_electrons: Annotated[float, Stored("electron", nan=True)]
+    @property
+    def _load(self) -> Reals:
+        """Share of the exposure for which the detector was blind (frames, M)."""
+        if self.dead_time_s == 0:
+            return np.zeros(self.counts.shape)
+        return np.asarray(self._detected * self.dead_time_s / self.exposure_time_s)
 
 
 @dataclass(frozen=True, eq=False)
 class Optics:
     """Projector pinhole: tangents of the half angles to the outer edges of the pattern."""
 
-    tan_half_width: Annotated[float, Stored("1", positive=True)]
-    tan_half_height: Annotated[float, Stored("1", positive=True)]
+    tan_half_width: Annotated[float, Stored("1", sign="positive")]
+    tan_half_height: Annotated[float, Stored("1", sign="positive")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +146,10 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """One recording. Raises InputError if its parts do not fit together."""
+    """One recording. Raises InputError if its parts do not fit together.
+
+    Where there are ``pattern_taps``, the buckets hold their sums over the taps.
+    """
 
     plan: PatternPlan
     buckets: Buckets
@@ -133,6 +157,7 @@ class Capture:
     optics: Optics | None
     provenance: Provenance
     truth: Truth | None = None
+    pattern_taps: PatternTaps | None = None
 
     def __post_init__(self) -> None:
         _check(self)
@@ -148,7 +173,9 @@ class Capture:
         plan = self.plan
         readings = [np.array(plan.shape), plan.index, plan.polarity, self.buckets.counts]
         if self.spots is not None:
-            readings.append(self.spots.taps)
+            readings.append(self.spots.readings)
+        if self.pattern_taps is not None:
+            readings.append(self.pattern_taps.taps)
         digest = hashlib.sha256()
         for values in readings:
             digest.update(f"{values.shape}".encode())
@@ -156,8 +183,7 @@ class Capture:
         return digest.hexdigest()
 
 
-PARTS = {"buckets": Buckets, "spots": Spots, "optics": Optics, "truth": Truth}
-OPTIONAL = ("spots", "optics", "truth")
+PARTS = ("buckets", "spots", "pattern_taps", "optics", "truth")
 SOURCES = ("simulation", "hardware")
 TEXTS = ("instrument", "scene", "settings")
 
@@ -173,7 +199,7 @@ def write_capture(capture: Capture, path: str | Path) -> None:
 def read_capture(path: str | Path) -> Capture:
     """Read a capture.
 
-    Raises InputError, naming the file, if it is missing, damaged, not a capture, of a newer format
+    Raises InputError, naming the file, if it is missing, damaged, not a capture, of another format
     version, or if a dataset is missing, has another shape or unit, or makes no sense.
     """
     if not Path(path).is_file():
@@ -199,6 +225,8 @@ def _write(file: h5py.File, capture: Capture) -> None:
                 dtype = stored.type_of(value)
                 on_disk = np.dtype(np.uint8) if dtype.kind == "b" else dtype
                 put(file, f"{group}/{name}", value.astype(on_disk), stored.units)
+    if capture.spots is not None:
+        put(file, "spots/method", capture.spots.method, "1")
     for name in TEXTS:
         put(file, f"provenance/{name}", getattr(provenance, name), "1")
     if provenance.seed is not None:
@@ -227,11 +255,24 @@ def _read(file: h5py.File) -> Capture:
         seed=None if seed is None else int(seed.item()),
         **{name: get_text(file, f"provenance/{name}") for name in TEXTS},
     )
-    parts: dict[str, Any] = {
-        group: None if group in OPTIONAL and group not in file else _read_part(file, group, part)
-        for group, part in PARTS.items()
+    optional: dict[str, Any] = {
+        group: _read_part(file, group, part) if group in file else None
+        for group, part in {"pattern_taps": PatternTaps, "optics": Optics, "truth": Truth}.items()
     }
-    return Capture(plan=plan, provenance=provenance, **parts)
+    return Capture(
+        plan=plan,
+        provenance=provenance,
+        buckets=_read_part(file, "buckets", Buckets),
+        spots=_read_part(file, "spots", _method(file)) if "spots" in file else None,
+        **optional,
+    )
+
+
+def _method(file: h5py.File) -> type[Spots]:
+    method = get_text(file, "spots/method")
+    if method not in METHODS:
+        raise InputError(f"spots/method is {method!r}: {nearest(method, METHODS)}")
+    return METHODS[method]
 
 
 def _read_part(file: h5py.File, group: str, part: type) -> Any:
@@ -258,18 +299,23 @@ def _check(capture: Capture) -> None:
                 check_value(f"{group}/{name}", np.asarray(getattr(part, name)), stored, sizes)
     if sizes["frames"] < 1:
         raise InputError("buckets/counts holds no frame")
-    if capture.spots is not None:
-        if sizes["taps"] < 3:
-            raise InputError(f"spots/taps has {sizes['taps']} taps; a phase needs at least 3")
-        _check_directions(capture.spots.directions)
+    if capture.buckets.dead_time_s > 0:
+        _check_dead_time(capture)
+    for readings in (capture.spots, capture.pattern_taps):
+        if readings is not None:
+            readings.check()
 
 
-def _check_directions(directions: Reals) -> None:
-    lengths = np.linalg.norm(directions, axis=1)
-    if np.abs(lengths - 1).max() > 1e-3 or directions[:, 2].min() <= 0:
+def _check_dead_time(capture: Capture) -> None:
+    """Raise InputError unless readings can be corrected for the dead time."""
+    dead = f"buckets/dead_time_s is {capture.buckets.dead_time_s:g} s"
+    for name in ("exposure_time_s", "electrons_per_count"):
+        if not np.isfinite(getattr(capture.buckets, name)):
+            raise InputError(f"{dead}; then buckets/{name} must be known, not nan")
+    if (capture.plan.polarity == 0).any():
         raise InputError(
-            "spots/directions must be unit vectors that point forward (z > 0); "
-            f"their lengths are {np.round(lengths, 4).tolist()}"
+            f"{dead}, but patterns/polarity 0 marks readings as differences, which cannot be "
+            "corrected for it: store what was counted, or dead_time_s 0"
         )
 
 
@@ -277,11 +323,16 @@ def _check_version(text: str) -> None:
     try:
         major, minor = (int(number) for number in text.split("."))
     except ValueError:
-        raise InputError(f"the format version {text!r} is not of the form 1.0") from None
+        raise InputError(f"the format version {text!r} is not of the form 2.0") from None
     if (major, minor) > VERSION:
         raise InputError(
             f"written in the newer format version {text}; this software reads up to "
             f"{_dotted(VERSION)}: update it"
+        )
+    if major < VERSION[0]:
+        raise InputError(
+            f"written in the older format version {text}; this software reads "
+            f"{_dotted((VERSION[0], 0))} to {_dotted(VERSION)}: record, simulate or import it again"
         )
 
 

@@ -159,7 +159,7 @@ def _print_tables(result: Result, capture: Capture, files: dict[str, Path]) -> N
     if result.ranges is None:
         console.print("no time of flight in this capture: image only, no ranges, no depth map")
     else:
-        table = Table("spot", "range / m", "sigma / m", "amplitude / electrons")
+        table = Table("spot", "range / m", "sigma / m", "signal / electrons")
         ranges = result.ranges
         for spot in range(4):
             status = ranges.status[spot]
@@ -167,7 +167,7 @@ def _print_tables(result: Result, capture: Capture, files: dict[str, Path]) -> N
                 str(spot),
                 f"{ranges.range_m[spot]:.3f}" if status == "ok" else status,
                 f"{ranges.sigma_m[spot]:.3f}" if status == "ok" else "",
-                f"{ranges.amplitude_electrons[spot]:.4g}",
+                f"{ranges.signal_electrons[spot]:.4g}",
             )
         console.print(table)
         if result.depth_m is None:

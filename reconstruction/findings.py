@@ -5,11 +5,13 @@ from scipy.constants import c
 
 from .capture import Capture
 from .ranging import measure_ranges
+from .spots import CwSpots
 
 NO_RANGE = {
     "saturated": "is saturated",
     "no signal": "shows no signal",
     "too close": "is too close to tell its path from the way between laser and detector",
+    "ambiguous": "may lie at several ranges: its readings contradict each other or lie at the edge",
 }
 
 
@@ -19,7 +21,7 @@ def capture_warnings(capture: Capture, frame: int = 0) -> list[str]:
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:
-    saturated = capture.buckets.saturated[frame]
+    saturated = ~capture.buckets.usable[frame]
     if not saturated.any():
         return []
     return [
@@ -36,8 +38,8 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
         for spot, status in enumerate(measure_ranges(capture.spots, frame).status)
         if status != "ok"
     ]
-    if capture.truth is not None:
-        farthest_m = c / (2 * capture.spots.modulation_frequency_hz)
+    if capture.truth is not None and isinstance(capture.spots, CwSpots):
+        farthest_m = c / (2 * capture.spots.tap_frequencies_hz[0])
         warnings += [
             f"spot {spot} lies at {true_m:.2f} m, beyond the {farthest_m:.2f} m up to which a "
             "range is unambiguous: it is measured a multiple of that too near"

@@ -18,13 +18,13 @@ from .pipeline import Result
 from .ranging import Ranges, Status
 
 FORMAT = "spisim-result"
-VERSION = "1.0"
+VERSION = "2.0"
 MAPS = ("range_m", "depth_m", "depth_nearest_m")
 RANGES = {
     "range_m": "m",
     "sigma_m": "m",
-    "amplitude_electrons": "electron",
-    "offset_electrons": "electron",
+    "signal_electrons": "electron",
+    "background_electrons": "electron",
 }
 NAMES = ("image.png", "image_zero_filled.png", "depth.png", "cloud.ply", "result.h5")
 

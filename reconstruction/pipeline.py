@@ -97,7 +97,7 @@ def measured_coefficients(capture: Capture, frame: int) -> tuple[NDArray[np.int3
     Raises InputError if nothing is left.
     """
     plan, buckets = capture.plan, capture.buckets
-    usable = abs(plan.decoder) @ buckets.saturated[frame].astype(float) == 0
+    usable = abs(plan.decoder) @ (~buckets.usable[frame]).astype(float) == 0
     if not usable.any():
         raise InputError(
             f"frame {frame}: every pattern rests on a saturated reading, so there is no image; "
@@ -105,10 +105,9 @@ def measured_coefficients(capture: Capture, frame: int) -> tuple[NDArray[np.int3
         )
     index, decoder, signal = plan.distinct[usable], plan.decoder[usable], buckets.signal[frame]
     coefficients = decoder @ signal
-    if buckets.unit == "count" or not np.isfinite(buckets.noise_electrons):
+    variance = buckets.variance[frame]
+    if not np.isfinite(variance).all():
         return index, coefficients, 0.0
-    # Of a difference formed by the recorder the light is not known, but is at least |y|.
-    variance = np.abs(signal) + buckets.noise_electrons**2
     prior = pursuit_for(plan.shape, index).prior_variance(coefficients)
     coefficients, variance = without_shared_errors(decoder, coefficients, variance, prior)
     return index, coefficients, float(np.sqrt(np.median(variance)))

@@ -16,7 +16,7 @@ class Stored(NamedTuple):
     units: str
     axes: tuple[str | int, ...] = ()
     dtype: Literal["float64", "float32", "int64", "bool", "int32 or float64"] = "float64"
-    positive: bool = False
+    sign: Literal["any", "not negative", "positive"] = "any"
     nan: bool = False
 
     def type_of(self, value: NDArray[Any]) -> np.dtype[Any]:
@@ -49,5 +49,6 @@ def check_value(name: str, value: NDArray[Any], stored: Stored, sizes: dict[str,
         limits = np.iinfo(np.int32)
         if value.size and (value.min() < limits.min or value.max() > limits.max):
             raise InputError(f"{name} holds integers beyond 32 bits")
-    if stored.positive and (value <= 0).any():
-        raise InputError(f"{name} is {value}, must be positive")
+    bad = value <= 0 if stored.sign == "positive" else value < 0
+    if stored.sign != "any" and bad.any():
+        raise InputError(f"{name} is {value[bad].flat[0]}, must be {stored.sign}")

@@ -5,8 +5,9 @@ import pytest
 from scipy.constants import c
 
 from reconstruction import Capture, PatternPlan, make_plan
-from reconstruction.capture import Buckets, Optics, Provenance, Spots, Truth
+from reconstruction.capture import Buckets, Optics, Provenance, Truth
 from reconstruction.patterns import expose
+from reconstruction.spots import CwSpots
 
 SHAPE = (16, 16)
 PERIOD_S = 1 / 15_000
@@ -37,6 +38,8 @@ def capture(plan: PatternPlan) -> Capture:
             electrons_per_count=1.0,
             offset_counts=0.0,
             noise_electrons=0.0,
+            excess_noise_factor=1.0,
+            dead_time_s=0.0,
         ),
         spots=_spots(directions, spot_range),
         optics=Optics(tan_half_width=0.1, tan_half_height=0.1),
@@ -60,22 +63,23 @@ def capture(plan: PatternPlan) -> Capture:
     )
 
 
-def _spots(directions: np.ndarray, range_m: np.ndarray) -> Spots:
+def _spots(directions: np.ndarray, range_m: np.ndarray) -> CwSpots:
     """Four taps of every spot, detectors in the pinhole: S_k = B + A cos(phase - phase_k)."""
     frequency_hz = 10e6
     tap_phases = np.arange(4) * np.pi / 2
     phase = 2 * np.pi * frequency_hz * 2 * range_m / c
     taps = 2e5 + 1e5 * np.cos(phase[:, None] - tap_phases)
-    return Spots(
+    return CwSpots(
         taps=taps[None],
         saturated=np.zeros((1, 4, 4), bool),
         directions=directions,
         detector_positions_m=np.zeros((4, 3)),
-        modulation_frequency_hz=frequency_hz,
-        periods=100,
+        tap_frequencies_hz=np.full(4, frequency_hz),
         tap_phases_rad=tap_phases,
-        phase_offset_rad=0.0,
+        phase_offsets_rad=np.zeros(4),
+        periods=100,
         electrons_per_count=1.0,
         offset_counts=0.0,
         noise_electrons=10.0,
+        excess_noise_factor=1.0,
     )

@@ -120,6 +120,8 @@ def capture_from_readings(
             electrons_per_count=np.nan,
             offset_counts=0.0,
             noise_electrons=np.nan,
+            excess_noise_factor=1.0,
+            dead_time_s=0.0,
         ),
         spots=None,
         optics=None,

@@ -1,5 +1,6 @@
-"""From time-of-flight taps to ranges of the four spots."""
+"""From time-of-flight readings to ranges of the four spots."""
 
-from .cw import Ranges, Status, measure_ranges
+from .measure import measure_ranges
+from .ranges import Ranges, Status
 
 __all__ = ["Ranges", "Status", "measure_ranges"]

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from reconstruction.capture import Buckets, Capture, Optics, Provenance, Spots, Truth
+from reconstruction.capture import Buckets, Capture, Optics, Provenance, Truth
+from reconstruction.spots import CwSpots
 from spisim.instrument import Instrument
 from spisim.measurement.electronics import expected_readings, read_out
 from spisim.measurement.light import mean_electrons
@@ -121,19 +122,22 @@ def record(
             electrons_per_count=bucket.adc.electrons_per_count,
             offset_counts=bucket.adc.offset_counts,
             noise_electrons=buckets.noise_electrons,
+            excess_noise_factor=1.0,
+            dead_time_s=0.0,
         ),
-        spots=Spots(
+        spots=CwSpots(
             taps=taps.counts,
             saturated=taps.saturated,
             directions=instrument.lasers.directions,
             detector_positions_m=np.asarray(tof.detector.positions_m, dtype=np.float64),
-            modulation_frequency_hz=tof.modulation_frequency_hz,
-            periods=tof.periods,
+            tap_frequencies_hz=np.full(tof.tap_phases_rad.size, tof.modulation_frequency_hz),
             tap_phases_rad=tof.tap_phases_rad,
-            phase_offset_rad=0.0,
+            phase_offsets_rad=np.zeros(tof.tap_phases_rad.size),
+            periods=tof.periods,
             electrons_per_count=tof.detector.adc.electrons_per_count,
             offset_counts=tof.detector.adc.offset_counts,
             noise_electrons=taps.noise_electrons,
+            excess_noise_factor=1.0,
         ),
         optics=Optics(
             tan_half_width=instrument.projector.tan_half_width,

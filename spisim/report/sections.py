@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result, capture_warnings
+from reconstruction.spots import CwSpots, HistogramSpots, PatternTaps, PulsedSpots, Spots
 
 from .markup import card, details, duration, length, number, section, table
 from .pictures import (
@@ -179,11 +180,11 @@ def spots(capture: Capture, result: Result, transport: SpotHistograms | None) ->
                 number(measured, 3),
                 number(100 * (measured - expected), 1),
                 number(100 * ranges.sigma_m[k], 1),
-                number(ranges.amplitude_electrons[k], 0),
+                number(ranges.signal_electrons[k], 0),
                 escape(ranges.status[k]),
             ]
         )
-    heads = ["", "true, m", "measured, m", "error, cm", "sigma, cm", "amplitude, e⁻", ""]
+    heads = ["", "true, m", "measured, m", "error, cm", "sigma, cm", "signal, e⁻", ""]
     plot = ""
     if transport is not None:
         way = None if true is None else _path_lengths(capture, true)
@@ -243,12 +244,30 @@ def _facts(capture: Capture) -> list[list[str]]:
         "exposure time": duration(buckets.exposure_time_s),
         "duration": duration(plan.exposures * buckets.pattern_period_s),
         "electronics noise": _electrons(buckets.noise_electrons),
-        "saturated readings": str(int(np.count_nonzero(buckets.saturated))),
+        "saturated readings": str(int(np.count_nonzero(~buckets.usable))),
     }
     if capture.spots is not None:
-        frequency_mhz = capture.spots.modulation_frequency_hz / 1e6
-        facts["time of flight"] = f"{capture.spots.taps.shape[-1]} taps, {frequency_mhz:g} MHz"
+        facts["time of flight"] = _method(capture.spots)
+    if capture.pattern_taps is not None:
+        facts["of every pattern"] = _continuous_wave(capture.pattern_taps)
     return [[name, escape(value)] for name, value in facts.items()]
+
+
+def _method(spots: Spots) -> str:
+    """How time of flight was measured, in a few words."""
+    if isinstance(spots, CwSpots):
+        return _continuous_wave(spots)
+    if isinstance(spots, PulsedSpots):
+        return f"pulsed, three windows of {duration(spots.pulse_width_s)}"
+    if isinstance(spots, HistogramSpots):
+        bins = spots.counts.shape[-1]
+        return f"histograms, {bins} bins of {duration(spots.bin_width_s)}"
+    raise TypeError(f"unknown {type(spots).__name__}")
+
+
+def _continuous_wave(readings: CwSpots | PatternTaps) -> str:
+    frequencies = ", ".join(f"{f / 1e6:g}" for f in np.unique(readings.tap_frequencies_hz))
+    return f"continuous wave, {readings.taps.shape[-1]} taps, {frequencies} MHz"
 
 
 def _path_lengths(capture: Capture, range_m: NDArray[np.float64]) -> NDArray[np.float64]:

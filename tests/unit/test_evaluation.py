@@ -22,8 +22,8 @@ def make_result(**changes):
     ranges = Ranges(
         range_m=np.array([1.5, 2.0, np.nan, 4.0]),
         sigma_m=np.array([0.1, 0.1, np.nan, 0.1]),
-        amplitude_electrons=np.ones(4),
-        offset_electrons=np.ones(4),
+        signal_electrons=np.ones(4),
+        background_electrons=np.ones(4),
         status=("ok", "ok", "saturated", "ok"),
     )
     values = {

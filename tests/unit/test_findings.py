@@ -49,7 +49,7 @@ def test_a_spot_closer_than_the_baseline_is_told(capture: Capture) -> None:
 def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
     assert capture.truth is not None
     assert capture.spots is not None
-    limit = c / (2 * capture.spots.modulation_frequency_hz)
+    limit = c / (2 * capture.spots.tap_frequencies_hz[0])
     for beyond in (False, True):
         true = np.array([4.2, np.nan, limit + (0.01 if beyond else -0.01), 4.8])
         truth = replace(capture.truth, spot_range_m=true)

@@ -7,9 +7,10 @@ import pytest
 from scipy import stats
 from scipy.constants import c
 
-from reconstruction.capture import Spots
 from reconstruction.ranging import measure_ranges
-from reconstruction.ranging.cw import demodulate, range_from_path
+from reconstruction.ranging.cw import demodulate
+from reconstruction.ranging.geometry import range_from_path
+from reconstruction.spots import CwSpots
 
 FREQUENCY = 15e6
 DIRECTIONS = np.array([[-0.2, -0.1, 1], [0.2, -0.1, 1], [-0.2, 0.1, 1], [0.2, 0.1, 1]])
@@ -20,18 +21,19 @@ RANGES = np.array([1.5, 3.0, 5.0, 8.0])
 
 def spots(electrons, taps, phase_offset=0.4, noise=0.0):
     """Spots of one frame with two electrons per count and an offset of 50 counts."""
-    return Spots(
+    return CwSpots(
         taps=electrons[None] / 2 + 50,
         saturated=np.zeros((1, 4, taps), dtype=bool),
         directions=DIRECTIONS,
         detector_positions_m=DETECTORS,
-        modulation_frequency_hz=FREQUENCY,
-        periods=1000,
+        tap_frequencies_hz=np.full(taps, FREQUENCY),
         tap_phases_rad=2 * np.pi * np.arange(taps) / taps,
-        phase_offset_rad=phase_offset,
+        phase_offsets_rad=np.full(taps, phase_offset),
+        periods=1000,
         electrons_per_count=2.0,
         offset_counts=50.0,
         noise_electrons=noise,
+        excess_noise_factor=1.0,
     )
 
 
@@ -47,8 +49,8 @@ def test_ranges_come_back_with_amplitude_and_offset(taps):
     ranges = measure_ranges(spots(ideal(taps), taps))
     assert ranges.valid.all()
     assert np.allclose(ranges.range_m, RANGES)
-    assert np.allclose(ranges.amplitude_electrons, 1e4)
-    assert np.allclose(ranges.offset_electrons, 5e4)
+    assert np.allclose(ranges.signal_electrons, 1e4)
+    assert np.allclose(ranges.background_electrons, 5e4)
 
 
 def test_unequal_tap_phases_are_solved_by_least_squares():

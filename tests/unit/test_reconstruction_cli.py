@@ -26,9 +26,10 @@ from reconstruction import (
     write_capture,
     write_outputs,
 )
-from reconstruction.capture import Buckets, Optics, Provenance, Spots
+from reconstruction.capture import Buckets, Optics, Provenance
 from reconstruction.cli import main
 from reconstruction.patterns import expose
+from reconstruction.spots import CwSpots
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 SHAPE = (16, 32)
@@ -59,19 +60,22 @@ def capture():
             electrons_per_count=100.0,
             offset_counts=20.0,
             noise_electrons=np.nan,
+            excess_noise_factor=1.0,
+            dead_time_s=0.0,
         ),
-        spots=Spots(
+        spots=CwSpots(
             taps=np.stack([taps, taps]),
             saturated=np.zeros((2, 4, 4), dtype=bool),
             directions=directions,
             detector_positions_m=np.zeros((4, 3)),
-            modulation_frequency_hz=15e6,
-            periods=1000,
+            tap_frequencies_hz=np.full(4, 15e6),
             tap_phases_rad=np.arange(4) * np.pi / 2,
-            phase_offset_rad=0.0,
+            phase_offsets_rad=np.zeros(4),
+            periods=1000,
             electrons_per_count=1.0,
             offset_counts=0.0,
             noise_electrons=0.0,
+            excess_noise_factor=1.0,
         ),
         optics=Optics(0.2, 0.1),
         provenance=Provenance("simulation", "test", "2025-01-01T00:00:00+00:00", ""),

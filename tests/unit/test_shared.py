@@ -30,6 +30,8 @@ def recorded(capture, image, plan, seed, noise=NOISE):
         electrons_per_count=1.0,
         offset_counts=0.0,
         noise_electrons=noise,
+        excess_noise_factor=1.0,
+        dead_time_s=0.0,
     )
     return replace(capture, plan=plan, buckets=buckets, spots=None, optics=None, truth=None)
 
