@@ -72,6 +72,14 @@ class Instrument(Section):
         return 1 / self.projector.pattern_rate_hz
 
     @property
+    def tap_frequencies_hz(self) -> tuple[float, ...]:
+        """Of a modulated projector: every harmonic that its taps respond to."""
+        modulation = self.projector.modulation
+        if modulation is None:
+            return ()
+        return tuple(float(order) * modulation.frequencies_hz[0] for order in modulation.orders())
+
+    @property
     def pixel_powers_w(self) -> Floats:
         """In-band power (H, W) of each virtual pixel, fully on, in front of the filter."""
         return self.projector.power_w * self.in_band_fraction * self.projector.pixel_shares
@@ -177,6 +185,11 @@ class Instrument(Section):
         if len(modulation.frequencies_hz) > 1:
             raise InputError(
                 "projector.modulation.frequencies_hz should be one frequency, that of all patterns"
+            )
+        if len(modulation.taps.phases_rad) * modulation.taps.share > 1 + 1e-9:
+            raise InputError(
+                "projector.modulation.taps should share the electrons of an exposure: rectangular, "
+                "of width 0.25 at most"
             )
         if self.exposure_time_s * modulation.frequencies_hz[0] < 1:
             raise InputError(

@@ -31,7 +31,7 @@ def tcspc_arrivals(
     """
     sensor = tof.detector.sensor
     assert isinstance(sensor, Spad)
-    edges = np.arange(tof.bins + 1) * tof.bin_width_s
+    edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
     collected = _collected(path_m, echo_per_s, tof.response_sigma_s, edges)
     per_pulse = tof.pulse_sigma_s * math.sqrt(2 * math.pi)  # light of peak one, times seconds
     primary = np.diff(collected) * per_pulse + steady_per_s * tof.bin_width_s
@@ -55,7 +55,8 @@ def threshold_arrivals(
     close together that the current does not fall below the threshold in between: they stamp as one.
     """
     amplifier, sensor = tof.detector.amplifier, tof.detector.sensor
-    assert amplifier is not None and amplifier.bandwidth_hz is not None
+    assert amplifier is not None
+    assert amplifier.bandwidth_hz is not None
     assert tof.threshold_sigma is not None
     bandwidth = amplifier.bandwidth_hz
     sigma_s = math.hypot(tof.pulse_sigma_s, SIGMA_PER_BANDWIDTH / bandwidth)
@@ -69,7 +70,7 @@ def threshold_arrivals(
         + 2 * sensor.excess_noise_factor * (steady_per_s + current)
     ) * math.sqrt(bandwidth)
     threshold = tof.threshold_sigma * noise_at[0]
-    edges = np.arange(tof.bins + 1) * tof.bin_width_s
+    edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
     chances = np.zeros(tof.bins)
     false_alarms = bandwidth / math.sqrt(3) * math.exp(-(tof.threshold_sigma**2) / 2)
     quiet = np.exp(-false_alarms * edges)
@@ -89,7 +90,7 @@ def threshold_arrivals(
 
 
 def _above(current: Floats, threshold: float) -> list[tuple[int, int]]:
-    """Index ranges (first, last) above the threshold; the highest point alone where there is none."""
+    """Index ranges (first, last) above the threshold, or the highest point alone."""
     above = np.concatenate([[False], current > threshold, [False]])
     turns = np.flatnonzero(above[1:] != above[:-1])
     if not turns.size:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from reconstruction.patterns import expose
 from spisim.instrument import Instrument, Modulation
+from spisim.instrument.model import Source
 from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
 from spisim.measurement.sequence import LightSequence, exposure_times_s
 from spisim.transport import Transport
@@ -71,14 +72,6 @@ def bucket_light(instrument: Instrument, light: LightSequence, frames: int) -> B
     )
 
 
-def tap_frequencies_hz(instrument: Instrument) -> tuple[float, ...]:
-    """Frequencies at which the taps of a modulated projector need phasor images."""
-    modulation = instrument.projector.modulation
-    if modulation is None:
-        return ()
-    return tuple(float(order) * modulation.frequencies_hz[0] for order in modulation.orders())
-
-
 def tap_images(
     instrument: Instrument, modulation: Modulation, transports: tuple[Transport, ...]
 ) -> Floats:
@@ -111,7 +104,7 @@ def _readings(instrument: Instrument, shares: Floats, images: Floats, steady: Fl
     return with_carry_over(readings, share)
 
 
-def _gain(instrument: Instrument, source: str) -> float:
+def _gain(instrument: Instrument, source: Source) -> float:
     """Electrons per exposure and watt on the bucket detector's aperture."""
     per_joule = instrument.electrons_per_joule(instrument.detector, source)
     return per_joule * instrument.exposure_time_s
