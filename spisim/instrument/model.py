@@ -12,6 +12,7 @@ from scipy.constants import c, elementary_charge, h
 from reconstruction.errors import InputError
 from reconstruction.patterns import PatternPlan, make_plan
 from spisim.config import Number, Positive, Section
+from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.parts import Filter, Floats, Lasers, Plan, Projector
 from spisim.instrument.sensor import Spad, quantum_efficiency
@@ -77,7 +78,8 @@ class Instrument(Section):
         modulation = self.projector.modulation
         if modulation is None:
             return ()
-        return tuple(float(order) * modulation.frequencies_hz[0] for order in modulation.orders())
+        orders = modulation.orders(PICTURE_HARMONICS)
+        return tuple(float(order) * modulation.frequencies_hz[0] for order in orders)
 
     @property
     def pixel_powers_w(self) -> Floats:

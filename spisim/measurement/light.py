@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from reconstruction.patterns import expose
 from spisim.instrument import Instrument, Modulation
+from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.model import Source
 from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
 from spisim.measurement.sequence import LightSequence, exposure_times_s
@@ -78,8 +79,9 @@ def tap_images(
     """Transport images as each tap sees them, (taps, keys, H, W), from the phasor images."""
     amplifier = instrument.detector.amplifier
     assert amplifier is not None
-    _, amplitudes = modulation.amplitudes(modulation.frequencies_hz[0], amplifier.response)
-    orders = modulation.orders()
+    orders, amplitudes = modulation.amplitudes(
+        modulation.frequencies_hz[0], amplifier.response, PICTURE_HARMONICS
+    )
     phases = modulation.taps.phases_rad
     turns = amplitudes[:, None] * np.exp(-1j * orders[:, None] * phases)  # (orders, taps)
     phasors = np.array([key.extra["phasors"] for key in transports])  # (keys, orders, H, W)
