@@ -1,10 +1,9 @@
 """What about a capture its user should know before believing what is made of it."""
 
 import numpy as np
-from scipy.constants import c
 
 from .capture import Capture
-from .ranging import measure_ranges
+from .ranging import measure_ranges, unambiguous_path_m
 from .spots import CwSpots
 
 NO_RANGE = {
@@ -39,7 +38,7 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
         if status != "ok"
     ]
     if capture.truth is not None and isinstance(capture.spots, CwSpots):
-        farthest_m = c / (2 * capture.spots.tap_frequencies_hz[0])
+        farthest_m = unambiguous_path_m(capture.spots.tap_frequencies_hz) / 2
         warnings += [
             f"spot {spot} lies at {true_m:.2f} m, beyond the {farthest_m:.2f} m up to which a "
             "range is unambiguous: it is measured a multiple of that too near"

@@ -2,5 +2,6 @@
 
 from .measure import measure_ranges
 from .ranges import Ranges, Status
+from .unwrap import unambiguous_path_m
 
-__all__ = ["Ranges", "Status", "measure_ranges"]
+__all__ = ["Ranges", "Status", "measure_ranges", "unambiguous_path_m"]
