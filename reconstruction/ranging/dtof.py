@@ -11,6 +11,9 @@ from .ranges import LEAST_SIGNAL, Paths
 
 Floats = NDArray[np.float64]
 
+NO_PILE_UP = 10_000
+"""Cycles per cycle where each can have one arrival only without hiding another."""
+
 
 def dtof_paths(spots: HistogramSpots, frame: int) -> Paths:
     """Paths of one frame by maximum likelihood (see `find_pulses`).
@@ -21,7 +24,9 @@ def dtof_paths(spots: HistogramSpots, frame: int) -> Paths:
     known = np.isfinite(spots.response_sigma_s)
     width = spots.response_sigma_s / spots.bin_width_s if known else None
     counts = spots.counts[frame].astype(np.float64)
-    pulses = find_pulses(counts, spots.pulses, width)
+    # Of very many cycles with few arrivals each, none would hide another.
+    cycles = spots.pulses if spots.piles_up else NO_PILE_UP * spots.pulses
+    pulses = find_pulses(counts, cycles, width)
     bins = counts.shape[-1]
     places = np.maximum(bins / (2 * pulses.width), 1)
     least = norm.isf(norm.sf(LEAST_SIGNAL) / places)
@@ -29,8 +34,8 @@ def dtof_paths(spots: HistogramSpots, frame: int) -> Paths:
     return Paths(
         path_m=c * delay,
         sigma_m=c * spots.bin_width_s * pulses.delay_sigma,
-        signal_electrons=spots.pulses * pulses.arrivals,
-        background_electrons=spots.pulses * pulses.background,
+        signal_electrons=cycles * pulses.arrivals,
+        background_electrons=cycles * pulses.background,
         saturated=spots.saturated[frame],
         no_signal=pulses.arrivals < least * pulses.arrivals_sigma,
         ambiguous=(pulses.delay < 0) | (pulses.delay > bins),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
+from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
 Floats = NDArray[np.float64]
@@ -102,11 +102,11 @@ def _matched(rate: Floats, width: float | None) -> list[Floats]:
     found: list[Floats] = []
     best = np.full(len(rate), -np.inf)
     for tried in widths:
-        half = min(int(np.ceil(3 * tried)), bins)
+        half = min(int(np.ceil(3 * tried)), (bins - 1) // 2)
         edges = np.arange(-half, half + 2) - 0.5
         shape = np.diff(ndtr(edges / tried))
         norm = np.sqrt((shape**2).sum())
-        answer = correlate1d(rate - background[:, None], shape / norm, mode="constant")
+        answer = fftconvolve(rate - background[:, None], shape[None] / norm, "same", axes=-1)
         peak = answer.argmax(axis=-1)
         height = np.take_along_axis(answer, peak[:, None], axis=-1)[:, 0]
         candidate = [peak + 0.5, height / norm, background, np.full(len(rate), tried)]

@@ -147,26 +147,42 @@ def _(
 ) -> Spots:
     counts_photons = isinstance(tof.detector.sensor, Spad)
     stamp = tcspc_arrivals if counts_photons else threshold_arrivals
-    histograms = np.empty((*light.steady_per_s.shape, tof.bins))
-    blocked = np.empty(light.steady_per_s.shape, dtype=np.bool_)
-    for frame, spot in np.ndindex(*blocked.shape):
-        steady = float(light.steady_per_s[frame, spot])
-        chances = stamp(tof, light.path_length_m, light.echo_per_s[frame, spot], steady)
-        blocked[frame, spot] = counts_photons and chances.sum() > MOST_OF_CYCLES
-        if rng is None:
-            histograms[frame, spot] = tof.pulses * chances
-        else:
-            none = max(1 - chances.sum(), 0.0)
-            histograms[frame, spot] = rng.multinomial(tof.pulses, [*chances, none])[:-1]
+    chances = _chances(tof, light, stamp)
+    if rng is None:
+        counts: NDArray[Any] = tof.pulses * chances
+    else:
+        none = np.maximum(1 - chances.sum(axis=-1, keepdims=True), 0)
+        cases = np.concatenate([chances, none], axis=-1)
+        drawn = rng.multinomial(tof.pulses, cases / cases.sum(axis=-1, keepdims=True))
+        counts = drawn[..., :-1].astype(np.int32)
     return HistogramSpots(
         **_common(tof.detector, directions),
-        counts=histograms if rng is None else histograms.astype(np.int32),
-        saturated=blocked,
+        counts=counts,
+        saturated=counts_photons & (chances.sum(axis=-1) > MOST_OF_CYCLES),
         bin_width_s=tof.bin_width_s,
         start_s=0.0,
         pulses=tof.pulses,
         response_sigma_s=tof.response_sigma_s,
         delay_offset_s=0.0,
+        piles_up=counts_photons,
+    )
+
+
+def _chances(tof: DirectTof, light: SpotLight, stamp: Callable[..., Floats]) -> Floats:
+    """Chances (frames, 4, bins) of a time stamp; the same light is not computed twice."""
+    known: dict[bytes, Floats] = {}
+
+    def chances(echo: Floats, steady: Any) -> Floats:
+        key = echo.tobytes() + steady.tobytes()
+        if key not in known:
+            known[key] = stamp(tof, light.path_length_m, echo, float(steady))
+        return known[key]
+
+    return np.array(
+        [
+            [chances(*spot) for spot in zip(*frame, strict=True)]
+            for frame in zip(light.echo_per_s, light.steady_per_s, strict=True)
+        ]
     )
 
 
