@@ -3,6 +3,7 @@
 import numpy as np
 
 from .capture import Capture
+from .decoding import decodable
 from .ranging import measure_ranges, unambiguous_path_m
 from .spots import CwSpots
 
@@ -10,13 +11,17 @@ NO_RANGE = {
     "saturated": "is saturated",
     "no signal": "shows no signal",
     "too close": "is too close to tell its path from the way between laser and detector",
-    "ambiguous": "may lie at several ranges: its readings contradict each other or lie at the edge",
+    "ambiguous": "is ambiguous (its frequencies disagree, or its pulse may lie outside of windows)",
 }
 
 
 def capture_warnings(capture: Capture, frame: int = 0) -> list[str]:
     """A sentence for each thing that spoils image or ranges of a frame; none if all is well."""
-    return _image_warnings(capture, frame) + _spot_warnings(capture, frame)
+    return (
+        _image_warnings(capture, frame)
+        + _spot_warnings(capture, frame)
+        + _pattern_tap_warnings(capture, frame)
+    )
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:
@@ -45,4 +50,25 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
             for spot, true_m in enumerate(capture.truth.spot_range_m)
             if np.isfinite(true_m) and true_m > farthest_m
         ]
+    return warnings
+
+
+def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:
+    if capture.pattern_taps is None:
+        return []
+    saturated = capture.pattern_taps.saturated[frame].any(axis=-1)
+    warnings = []
+    if saturated.any():
+        warnings.append(
+            f"the taps of {saturated.sum()} of {saturated.size} exposures "
+            f"({100 * saturated.mean():.3g} %) are marked saturated: what rests on them is left "
+            "out of the dense ranges"
+        )
+    if capture.optics is None:
+        warnings.append("the optics are not known: there are no dense ranges")
+    elif 0 not in capture.plan.distinct[decodable(capture.plan, ~saturated)]:
+        warnings.append(
+            "pattern 0, the level of all light, is not shown or saturated: there are no dense "
+            "ranges"
+        )
     return warnings
