@@ -44,18 +44,17 @@ def _integrated(instrument: Instrument, light: BucketLight, rng: Random) -> Buck
     else:
         amplifier = detector.amplifier_noise_electrons(time_s)
         readings = read_out(light.buckets, detector, amplifier, rng, light.taken_off)
-        # Light that is coupled out leaves its shot noise, which belongs to no reading's signal.
-        silent = detector.sensor.excess_noise_factor * light.taken_off.mean()
-        noise = np.hypot(detector.electronics_noise_electrons(time_s), np.sqrt(silent))
+        noise = detector.electronics_noise_electrons(time_s)
     return Buckets(
         counts=readings.counts,
         saturated=readings.saturated,
         **_timing(instrument),
         electrons_per_count=adc.electrons_per_count,
         offset_counts=float(adc.offset_counts),
-        noise_electrons=float(noise),
+        noise_electrons=noise,
         excess_noise_factor=detector.sensor.excess_noise_factor,
         dead_time_s=0.0,
+        baseline_electrons=float(light.taken_off.mean()),
     )
 
 

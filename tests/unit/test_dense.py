@@ -1,18 +1,15 @@
 """A range of every pixel from time of flight of every pattern: exact where it can be."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.constants import c
 
 from images import natural_image
-from reconstruction import Capture, PatternPlan, evaluate, make_plan, reconstruct
+from reconstruction import make_plan
 from reconstruction.capture import Optics
 from reconstruction.depth import pixel_rays
 from reconstruction.patterns import expose
 from reconstruction.ranging import dense_range
-from reconstruction.ranging.dense import phasors
 from reconstruction.spots import PatternTaps
 
 SHAPE = (32, 32)
@@ -25,7 +22,7 @@ BACKGROUND = 3e5
 
 
 def scene():
-    """Amplitudes in electrons per tap, a quarter of them dark, and ranges: a slanted wall, a box."""
+    """Electrons per tap, a quarter of them dark, and ranges: a slanted wall, a box."""
     rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
     range_m = 4 + columns / 16 + rows / 32
     box = (rows > 8) & (rows < 20) & (columns > 10) & (columns < 22)
