@@ -49,7 +49,6 @@ class WeightedPursuit:
         self.atoms = np.unravel_index(strongest, shape)
         self.deviation = deviation[self.atoms]
         self.expected_variance: Floats = expected[rows]
-        self.unseen_variance = float(expected.sum() - self.expected_variance.sum())
         self.dictionary: Floats = (
             vertical[rows[0][:, None], self.atoms[0]]
             * horizontal[rows[1][:, None], self.atoms[1]]
@@ -101,19 +100,6 @@ class WeightedPursuit:
             self.shape, self.index[self.varying], unexplained * signal_share * scale
         )
         return image
-
-    def error(self, coefficients: NDArray[Any], noise: float = 0.0) -> float:
-        """Standard deviation of a pixel of the reconstruction, rather too large than too small.
-
-        From the noise of the coefficients, as if none of it were suppressed, and from what the rows
-        that were not measured may be expected to hold, as if the pursuit told nothing of them.
-        """
-        pixels = self.shape[0] * self.shape[1]
-        variance = 0.0
-        measured = coefficients[self.varying] / np.sqrt(pixels)
-        if measured.any():
-            variance = fit_variance(measured, self.expected_variance)[0] * self.unseen_variance
-        return float(np.sqrt((variance + coefficients.size * noise**2 / pixels) / pixels))
 
 
 def pursuit_for(shape: tuple[int, int], index: NDArray[np.int32]) -> WeightedPursuit:

@@ -51,8 +51,8 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
     """The strongest pulse of each histogram (T, B); ``width`` rms in bins, fitted where None.
 
     Where the matched filter is largest, delay, arrivals, background, and the width if need be, are
-    refined together by Fisher scoring. The background is that around the pulse; where it
-    falls steeply there, as the echo of near fog does, the pulse appears nearer than it is.
+    refined together by Fisher scoring. The background is that around the pulse; where it falls
+    steeply there, as the echo of near fog does, the pulse appears nearer than it is.
     """
     rate, watched = coates(counts, cycles)
     start = _matched(rate, width)
@@ -67,15 +67,16 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
 
     fitted = slice(3 if width is not None else 4)
     least = 1e-3 / cycles
-    lowest = np.array([-1.0, least, least / bins, 0.1 if width is None else width])
-    highest = np.array([bins + 1.0, 50.0, 50.0, bins])
+    narrowest, widest = (0.1, float(bins)) if width is None else (width, width)
+    lowest = np.array([-1.0, least, least / bins, narrowest])
+    highest = np.array([bins + 1.0, 50.0, 50.0, widest])
     theta = np.clip(np.stack(start, axis=-1), lowest, highest)
     for _ in range(STEPS):
         score, information = _score(theta, edges, seen, watched)
         # A pulse within one bin says nothing of its place there: this keeps the step finite.
         information[:, 0, 0] += 1 / (theta[:, 3] ** 2 + 1 / 12)
         step = np.zeros_like(theta)
-        step[:, fitted] = np.linalg.solve(information[:, fitted, fitted], score[:, fitted, None])[
+        step[:, fitted] = (_inverse(information[:, fitted, fitted]) @ score[:, fitted, None])[
             ..., 0
         ]
         longest = theta[:, 3:] * [0.5, np.inf, np.inf, 0.5]
@@ -84,9 +85,7 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
         if (np.abs(theta - before)[:, [0, 3]] < 1e-5 * theta[:, 3:]).all():
             break
     _, information = _score(theta, edges, seen, watched)
-    information = information[:, fitted, fitted]
-    covariance = np.linalg.inv(information + 1e-12 * np.eye(information.shape[-1]))
-    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    variance = np.diagonal(_inverse(information[:, fitted, fitted]), axis1=1, axis2=2)
     delay, arrivals, background, widths = theta.T
     # Even one arrival tells the delay as well as pulse and bin are wide.
     delay_sigma = np.minimum(np.sqrt(variance[:, 0]), np.sqrt(widths**2 + 1 / 12))
@@ -138,3 +137,10 @@ def _score(theta: Floats, edges: Floats, seen: Floats, watched: Floats) -> tuple
     excess = seen / -np.expm1(-rate) - watched
     weight = watched / np.expm1(rate)
     return (slopes @ excess[..., None])[..., 0], (slopes * weight[:, None]) @ slopes.swapaxes(1, 2)
+
+
+def _inverse(information: Floats) -> Floats:
+    """Inverse of matrices (T, P, P), finite even where a histogram tells nothing of a parameter."""
+    scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2)) + 1e-9
+    both = scale[:, :, None] * scale[:, None, :]
+    return np.asarray(np.linalg.inv(information / both + 1e-9 * np.eye(scale.shape[-1])) / both)

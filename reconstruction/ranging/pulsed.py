@@ -47,7 +47,8 @@ def share_in_second(windows: Floats, variance: Floats) -> tuple[Floats, Floats, 
     Each (...,), from background, first and second window (..., 3) and their variances, carried to
     first order: var(r) = [r^2 v1 + (1 - r)^2 v2 + (1 - 2 r)^2 v0] / s^2, which for shot noise of
     the signal and a variance v of all else in each window is r (1 - r) / s + v [r^2 + (1 - r)^2 +
-    (1 - 2 r)^2] / s^2. Where there is no signal, r is 0 and its deviation infinite.
+    (1 - 2 r)^2] / s^2. To second order r is off by -3 v (1 - 2 r) / s^2, which is not corrected.
+    Where there is no signal, r is 0 and its deviation infinite.
     """
     background, first, second = np.moveaxis(windows, -1, 0)
     signal = first + second - 2 * background

@@ -48,7 +48,7 @@ def duration(seconds: float) -> str:
     """A time in the unit that suits it."""
     if not np.isfinite(seconds):
         return "not known"
-    for factor, unit in ((1.0, "s"), (1e3, "ms")):
-        if seconds * factor >= 1:
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")):
+        if round(seconds * factor, 6) >= 1:
             return f"{seconds * factor:.4g} {unit}"
-    return f"{seconds * 1e6:.4g} µs"
+    return f"{seconds * 1e12:.4g} ps"

@@ -194,10 +194,12 @@ def spots(capture: Capture, result: Result, transport: SpotHistograms | None) ->
                 number(100 * (measured - expected), 1),
                 number(100 * ranges.sigma_m[k], 1),
                 number(ranges.signal_electrons[k], 0),
+                number(ranges.background_electrons[k], 0),
                 escape(ranges.status[k]),
             ]
         )
-    heads = ["", "true, m", "measured, m", "error, cm", "sigma, cm", "signal, e⁻", ""]
+    heads = ["", "true, m", "measured, m", "error, cm", "sigma, cm", "signal, e⁻", "background, e⁻"]
+    heads.append("")
     plot = ""
     if transport is not None:
         way = None if true is None else _path_lengths(capture, true)

@@ -1,72 +1,204 @@
 """A range of every pixel from time of flight of every pattern: exact where it can be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.constants import c
+from scipy.stats import binomtest
 
-from images import natural_image
-from reconstruction import make_plan
-from reconstruction.capture import Optics
-from reconstruction.depth import pixel_rays
-from reconstruction.patterns import expose
+from densescene import CONTRAST, OPTICS, SHAPE, make_capture, record, scene
+from reconstruction import (
+    PatternPlan,
+    capture_warnings,
+    evaluate,
+    first_patterns,
+    make_plan,
+    read_result,
+    write_capture,
+    write_outputs,
+)
+from reconstruction import reconstruct as run
+from reconstruction.cli import main
+from reconstruction.decoding import decode
+from reconstruction.patterns import fwht
 from reconstruction.ranging import dense_range
-from reconstruction.spots import PatternTaps
+from reconstruction.ranging.dense import phasor_image, phasors
 
-SHAPE = (32, 32)
-OPTICS = Optics(tan_half_width=0.3, tan_half_height=0.3)
-RAYS = pixel_rays(OPTICS, SHAPE)
-RAYS /= np.linalg.norm(RAYS, axis=-1, keepdims=True)
-DETECTOR = np.array([0.1, -0.05, 0.01])
-CONTRAST = 0.8
-BACKGROUND = 3e5
-
-
-def scene():
-    """Electrons per tap, a quarter of them dark, and ranges: a slanted wall, a box."""
-    rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    range_m = 4 + columns / 16 + rows / 32
-    box = (rows > 8) & (rows < 20) & (columns > 10) & (columns < 22)
-    range_m[box] = 3.0
-    light = 2000 * natural_image(32, 3) * (4 / range_m) ** 2
-    light[:, :8] = 0
-    return light, range_m
-
-
-def record(light, range_m, plan, frequencies=(15e6,), rng=None, **changes):
-    """Taps of every exposure, four of each frequency; with shot and read noise if ``rng``."""
-    path = range_m + np.linalg.norm(range_m[..., None] * RAYS - DETECTOR, axis=-1)
-    frequency = np.repeat(frequencies, 4)
-    theta = np.tile(np.arange(4) * np.pi / 2, len(frequencies))
-    offset = np.repeat(0.3 + np.arange(len(frequencies)), 4)
-    phase = 2 * np.pi * frequency[:, None, None] * path / c + (offset - theta)[:, None, None]
-    signed = plan.polarity == 0
-    taps = expose(plan, light * (1 + CONTRAST * np.cos(phase))).T
-    taps = taps + np.where(signed, 0, BACKGROUND)[:, None]
-    values = {
-        "noise_electrons": 0.0,
-        "excess_noise_factor": 1.0,
-        "electrons_per_count": 2.0,
-        "offset_counts": 0.0 if signed.any() else 30.0,
-    } | changes
-    if rng is not None:
-        taps = rng.poisson(taps) + rng.normal(0, values["noise_electrons"], taps.shape)
-    return PatternTaps(
-        **values,
-        taps=(taps / 2 + values["offset_counts"])[None],
-        saturated=np.zeros((1, *taps.shape), dtype=bool),
-        tap_frequencies_hz=frequency,
-        tap_phases_rad=theta,
-        phase_offsets_rad=offset,
-        detector_position_m=DETECTOR,
-    )
+LIGHT, RANGE_M = scene()
+LIT = LIGHT > 0
 
 
 @pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
-def test_all_patterns_without_noise_give_every_lit_pixel_exactly(polarity):
-    light, range_m = scene()
+@pytest.mark.parametrize("frequencies", [(15e6,), (30e6, 40e6)])
+def test_all_patterns_without_noise_give_every_lit_pixel_exactly(polarity, frequencies):
     plan = make_plan(SHAPE, polarity=polarity)
-    # Shot noise that is not there would be looked for in the readings that all share.
-    readings = record(light, range_m, plan, excess_noise_factor=1e-12)
+    found = dense_range(record(LIGHT, RANGE_M, plan, frequencies), plan, OPTICS)
+    assert np.isnan(found[~LIT]).all()
+    np.testing.assert_allclose(found[LIT], RANGE_M[LIT], rtol=1e-6)
+
+
+@pytest.mark.parametrize("frequencies", [(15e6,), (30e6, 40e6)])
+def test_a_quarter_of_the_patterns_shows_the_room(frequencies):
+    plan = make_plan(SHAPE, 256)
+    found = dense_range(record(LIGHT, RANGE_M, plan, frequencies), plan, OPTICS)
+    seen = np.isfinite(found)
+    assert seen[LIT].mean() > 0.7
+    assert seen[~LIT].mean() < 0.1
+    error = (found - RANGE_M)[seen & LIT]
+    assert np.mean(error**2) < 0.25 * RANGE_M[seen & LIT].var()
+
+
+def test_phasors_scatter_as_their_variance_says():
+    plan = make_plan(SHAPE)
+    model = {"noise_electrons": 400.0}
+    clean, _ = phasors(record(LIGHT, RANGE_M, plan, **model), 0, 15e6)
+    noisy = record(LIGHT, RANGE_M, plan, rng=np.random.default_rng(0), **model)
+    found, variance = phasors(noisy, 0, 15e6)
+    ratio = np.abs(found - clean) ** 2 / variance  # exponential, of mean and deviation 1
+    assert abs(ratio.mean() - 1) * np.sqrt(ratio.size) < 3.5
+
+
+def test_the_error_of_a_pixel_is_that_of_its_coefficients():
+    """White noise on an image whose own coefficients are far above it: nothing is suppressed."""
+    rng = np.random.default_rng(1)
+    image = rng.normal(0, 100, SHAPE) + 1j * rng.normal(0, 100, SHAPE)
+    noise = rng.normal(0, 1, (1024, 2)) @ [1, 1j]
+    coefficients = fwht(image.ravel()) + noise
+    found, error = phasor_image(SHAPE, np.arange(1024), coefficients, np.sqrt(2))
+    assert np.allclose(error, np.sqrt(2 / 1024), rtol=1e-3)
+    squares = np.abs(found - image) ** 2 / error**2
+    assert abs(squares.mean() - 1) * np.sqrt(1024) < 3.5
+
+
+@pytest.mark.parametrize("patterns", [64, 256, 512])
+def test_the_error_is_large_where_the_image_is_guessed(patterns):
+    truth = phasor_image(SHAPE, *decode_all(make_plan(SHAPE)))[0]
+    image, error = phasor_image(SHAPE, *decode_all(make_plan(SHAPE, patterns)))
+    actual = np.abs(image - truth)
+    assert 0.67 < np.sqrt(np.mean(actual**2) / np.mean(error**2)) < 1.5
+    large = error > np.median(error)
+    assert np.mean(actual[large] ** 2) > 2 * np.mean(actual[~large] ** 2)
+
+
+def decode_all(plan):
+    signal, variance = phasors(record(LIGHT, RANGE_M, plan), 0, 15e6)
+    return decode(plan, signal, variance, np.ones(plan.exposures, dtype=bool))
+
+
+def test_noise_takes_the_dark_pixels_first_and_hardly_any_false_ones_are_left():
+    plan = make_plan(SHAPE)
+    rng = np.random.default_rng(2)
+    found = dense_range(record(LIGHT, RANGE_M, plan, rng=rng, noise_electrons=2e4), plan, OPTICS)
+    seen = np.isfinite(found)
+    false = int(seen[~LIT].sum())
+    assert binomtest(false, int((~LIT).sum()), np.exp(-4.5), alternative="greater").pvalue > 1e-3
+    missing = LIT & ~seen
+    assert LIGHT[missing].mean() < LIGHT[seen].mean()
+
+
+def test_pixel_ranges_scatter_as_phase_noise_says():
+    """Full basis, noise small against every pixel: sigma = c / (4 pi f) * sigma_q / A."""
+    light = np.full(SHAPE, 5e3)
+    plan = make_plan(SHAPE)
+    rng = np.random.default_rng(3)
+    readings = record(light, RANGE_M, plan, rng=rng)
     found = dense_range(readings, plan, OPTICS)
-    assert np.isnan(found[light == 0]).all()
-    np.testing.assert_allclose(found[light > 0], range_m[light > 0], rtol=1e-6)
+    signal, variance = phasors(readings, 0, 15e6)
+    _, _, noise = decode(plan, signal, variance, np.ones(plan.exposures, dtype=bool))
+    sigma = c / (4 * np.pi * 15e6) * noise / np.sqrt(2 * 1024) / (CONTRAST * light)
+    ratio = np.std(found - RANGE_M) / sigma.mean()
+    # The baseline makes dr/dL differ from 1/2 by less than a hundredth of this.
+    assert abs(ratio**2 - 1) / np.sqrt(2 / 1023) < 3.5
+
+
+@pytest.mark.parametrize("reason", ["not shown", "saturated"])
+def test_without_the_level_there_is_no_map_and_it_says_so(reason):
+    capture = make_capture()
+    plan, readings = capture.plan, capture.pattern_taps
+    if reason == "saturated":
+        readings.saturated[0, np.flatnonzero(plan.index == 0)[0], 2] = True
+    else:
+        keep = plan.index != 0
+        capture = replace(
+            capture,
+            plan=PatternPlan(SHAPE, plan.index[keep], plan.polarity[keep]),
+            buckets=replace(
+                capture.buckets,
+                counts=capture.buckets.counts[:, keep],
+                saturated=capture.buckets.saturated[:, keep],
+            ),
+            pattern_taps=replace(
+                readings, taps=readings.taps[:, keep], saturated=readings.saturated[:, keep]
+            ),
+        )
+    result = run(capture)
+    assert result.depth_dense_m is result.range_dense_m is None
+    assert any("pattern 0" in line for line in capture_warnings(capture))
+
+
+def test_saturated_taps_are_left_out_and_told():
+    capture = make_capture()
+    capture.pattern_taps.saturated[0, 100, 3] = True
+    capture.pattern_taps.taps[0, 100, 3] = 1e9
+    error = run(capture).range_dense_m - RANGE_M
+    assert np.abs(error[LIT]).max() < 0.1
+    (warning,) = capture_warnings(capture)
+    assert "the taps of 1 of 2048 exposures (0.0488 %)" in warning
+
+
+def test_unknown_optics_are_told():
+    capture = replace(make_capture(), optics=None)
+    assert run(capture).range_dense_m is None
+    assert capture_warnings(capture) == ["the optics are not known: there are no dense ranges"]
+
+
+def test_the_pipeline_has_map_and_metrics():
+    capture = make_capture()
+    result = run(capture)
+    assert result.depth_m is None
+    np.testing.assert_allclose(result.depth_dense_m[LIT], capture.truth.depth_m[LIT], rtol=1e-5)
+    metrics = evaluate(result, capture.truth)["depth"]
+    assert metrics.keys() == {"dense"}
+    assert metrics["dense"]["coverage"] == pytest.approx(0.75)
+    assert metrics["dense"]["mae_m"] < 1e-4
+
+
+def test_fewer_patterns_keep_their_taps():
+    few = first_patterns(make_capture(), 256)
+    assert few.pattern_taps.taps.shape == (1, 512, 4)
+    expected = run(make_capture(256))
+    np.testing.assert_array_equal(run(few).range_dense_m, expected.range_dense_m)
+
+
+def test_a_detector_in_front_of_the_scene_gives_no_range():
+    plan = make_plan(SHAPE)
+    readings = replace(record(LIGHT, RANGE_M, plan), detector_position_m=np.array([0, 0, 30.0]))
+    assert np.isnan(dense_range(readings, plan, OPTICS)).all()
+
+
+def test_darkness_has_no_range():
+    plan = make_plan(SHAPE, 100)
+    readings = record(np.zeros(SHAPE), RANGE_M, plan)
+    for taps in (readings.taps, np.full_like(readings.taps, readings.offset_counts)):
+        assert np.isnan(dense_range(replace(readings, taps=taps), plan, OPTICS)).all()
+
+
+def test_the_command_writes_map_and_picture_and_says_how_much_it_covers(tmp_path, capsys):
+    write_capture(make_capture(), tmp_path / "capture.h5")
+    assert main([str(tmp_path / "capture.h5"), "-o", str(tmp_path / "out")]) == 0
+    assert "75.0 % of all pixels" in capsys.readouterr().out
+    names = {"image.png", "image_zero_filled.png", "depth_dense.png", "result.h5"}
+    assert {file.name for file in (tmp_path / "out").iterdir()} == names
+    copy, result = read_result(tmp_path / "out" / "result.h5"), run(make_capture())
+    np.testing.assert_array_equal(copy.depth_dense_m, result.depth_dense_m)
+    np.testing.assert_array_equal(copy.range_dense_m, result.range_dense_m)
+
+
+def test_a_picture_of_an_earlier_result_does_not_stay(tmp_path):
+    capture = make_capture(64)
+    write_outputs(run(capture), capture, tmp_path)
+    assert (tmp_path / "depth_dense.png").exists()
+    without = replace(capture, pattern_taps=None)
+    write_outputs(run(without), without, tmp_path)
+    assert not (tmp_path / "depth_dense.png").exists()

@@ -33,6 +33,8 @@ def make_result(**changes):
         "range_m": IMAGE,
         "depth_m": IMAGE * 1.1,
         "depth_nearest_m": IMAGE * 1.5,
+        "range_dense_m": None,
+        "depth_dense_m": None,
         "timings_s": {},
         "unit": "electron",
         "recording": "",
@@ -70,6 +72,24 @@ def test_pixels_that_hit_nothing_do_not_count():
     estimate[0, 0] = 1e6
     assert depth_metrics(estimate, depth_m)["median_relative"] == pytest.approx(0.1)
     assert depth_metrics(estimate, np.full((2, 4), np.nan))["mae_m"] is None
+    assert depth_metrics(estimate, np.full((2, 4), np.nan))["coverage"] is None
+
+
+def test_coverage_is_the_share_of_what_is_hit_that_has_a_depth():
+    truth = np.array([1.0, 2.0, 3.0, np.nan])
+    metrics = depth_metrics(np.array([1.0, np.nan, np.nan, 4.0]), truth)
+    assert metrics["coverage"] == pytest.approx(1 / 3)
+    assert metrics["mae_m"] == 0
+    assert depth_metrics(np.full(4, np.nan), truth) == dict.fromkeys(
+        ("mae_m", "rmse_m", "median_relative", "within_25_percent")
+    ) | {"coverage": 0}
+
+
+def test_every_map_that_there_is_gets_metrics():
+    dense = make_result(depth_m=None, depth_nearest_m=None, depth_dense_m=IMAGE * 1.2)
+    assert evaluate(dense, make_truth())["depth"].keys() == {"dense"}
+    every = make_result(depth_dense_m=IMAGE * 1.2)
+    assert evaluate(every, make_truth())["depth"].keys() == {"anchored", "nearest", "dense"}
 
 
 def test_evaluate_compares_both_images_and_both_maps():

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.constants import c
 
 from reconstruction import Capture, capture_warnings
+from reconstruction.spots import PulsedSpots
 
 
 def test_a_good_capture_has_none(capture: Capture) -> None:
@@ -44,6 +45,26 @@ def test_a_spot_closer_than_the_baseline_is_told(capture: Capture) -> None:
     spots = replace(capture.spots, detector_positions_m=positions)
     (warning,) = capture_warnings(replace(capture, spots=spots))
     assert warning.startswith("spot 3 is too close")
+
+
+def test_an_ambiguous_spot_is_told(capture: Capture) -> None:
+    assert capture.spots is not None
+    spots = PulsedSpots(
+        directions=capture.spots.directions,
+        detector_positions_m=np.zeros((4, 3)),
+        taps=np.array([[[0, 900, 900]] * 3 + [[0, 900, 0]]]),
+        saturated=np.zeros((1, 4, 3), dtype=bool),
+        window_starts_s=np.array([-50e-9, 0, 40e-9]),
+        pulse_width_s=40e-9,
+        pulses=10,
+        delay_offset_s=0.0,
+        electrons_per_count=1.0,
+        offset_counts=0.0,
+        noise_electrons=1.0,
+        excess_noise_factor=1.0,
+    )
+    (warning,) = capture_warnings(replace(capture, spots=spots))
+    assert warning.startswith("spot 3 is ambiguous")
 
 
 def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:

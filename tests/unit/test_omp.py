@@ -159,6 +159,19 @@ def test_known_noise_is_suppressed():
     assert np.mean((pursuit.reconstruct(noisy) - image) ** 2) == pytest.approx(linear)
 
 
+def test_a_complex_image_turns_with_its_phase_and_is_real_where_it_may_be():
+    image = natural_image(32, 11)
+    index, coefficients = measure(image, 200)
+    pursuit = pursuit_for((32, 32), index)
+    turn = np.exp(0.7j)
+    real = pursuit.reconstruct(coefficients, 3.0)
+    assert np.allclose(pursuit.reconstruct(coefficients * turn, 3.0), real * turn)
+    other = measure(natural_image(32, 12), 200)[1]
+    both = coefficients + 1j * other
+    assert np.allclose(pursuit.reconstruct(both * turn), pursuit.reconstruct(both) * turn)
+    assert np.allclose(fwht(pursuit.reconstruct(both).ravel())[index], both)
+
+
 def test_a_uniform_image_and_the_mean_alone():
     image = np.full((8, 8), 3.0)
     assert np.allclose(

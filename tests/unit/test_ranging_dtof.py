@@ -172,3 +172,17 @@ def test_a_pulse_much_shorter_than_a_bin_is_known_to_the_bin():
     assert (np.abs(pulses.delay - 50.5) <= 0.5).all()
     assert all(b >= a - 1e-9 for a, b in pairwise(pulses.delay))
     assert (pulses.delay_sigma <= 12**-0.5 + 1e-3).all()
+
+
+@pytest.mark.parametrize("width", [None, 0.01, 1.0, 100.0])
+def test_odd_histograms_give_finite_numbers(width):
+    cycles, bins = 1000, 12
+    some = np.random.default_rng(4)
+    shares = some.dirichlet(np.full(bins + 1, 0.05), 200)
+    histograms = some.multinomial(cycles, shares)[:, :-1].astype(float)
+    histograms[:bins] = cycles * np.eye(bins)  # every cycle in one bin
+    histograms[bins : 2 * bins] = np.eye(bins)  # one arrival at all
+    histograms[2 * bins] = 0
+    pulses = find_pulses(histograms, cycles, width)
+    for name, values in vars(pulses).items():
+        assert np.isfinite(values).all(), name

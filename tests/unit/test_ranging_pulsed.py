@@ -60,14 +60,15 @@ def test_ranges_come_back_with_signal_and_background():
     ("background", "noise", "excess"), [(0, 0.0, 1.0), (3e3, 200.0, 1.0), (3e3, 50.0, 5.5)]
 )
 def test_sigma_is_the_formula_and_the_scatter_of_20000_trials(background, noise, excess):
-    mean = windows(background=background)
+    signal = 1e5  # of which second-order bias is a hundredth of sigma or less
+    mean = windows(signal=signal, background=background)
     expected = measure_ranges(
         spots(mean, noise_electrons=noise, excess_noise_factor=excess)
     ).sigma_m
     share = (PATHS / c + DELAY_S - STARTS_S[1]) / WIDTH_S
     steady = excess * background + noise**2
     spread = (1 - share) ** 2 + share**2 + (1 - 2 * share) ** 2
-    variance = excess * share * (1 - share) / 2e4 + steady * spread / 2e4**2
+    variance = excess * share * (1 - share) / signal + steady * spread / signal**2
     slope = range_from_path(PATHS, DIRECTIONS, DETECTORS)[1]
     # A window without electrons is taken to have the noise of one.
     assert np.allclose(expected, slope * c * WIDTH_S * np.sqrt(variance), rtol=1e-3)

@@ -10,10 +10,40 @@ from typing import Any
 import numpy as np
 import pytest
 
+from densescene import make_capture
 from reconstruction import Capture, InputError, Result, evaluate, make_plan, reconstruct
+from reconstruction.spots import HistogramSpots, PulsedSpots, Spots
 from spisim.report import write_overview, write_report
 from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
 from spisim.report.plots import spot_plot
+
+GEOMETRY: dict[str, Any] = {
+    "directions": np.tile([0.0, 0.0, 1.0], (4, 1)),
+    "detector_positions_m": np.zeros((4, 3)),
+}
+PULSED = PulsedSpots(
+    **GEOMETRY,
+    taps=np.ones((1, 4, 3)),
+    saturated=np.zeros((1, 4, 3), bool),
+    window_starts_s=np.array([-70e-9, 0.0, 65e-9]),
+    pulse_width_s=65e-9,
+    pulses=10,
+    delay_offset_s=0.0,
+    electrons_per_count=1.0,
+    offset_counts=0.0,
+    noise_electrons=1.0,
+    excess_noise_factor=1.0,
+)
+HISTOGRAMS = HistogramSpots(
+    **GEOMETRY,
+    counts=np.ones((1, 4, 50)),
+    saturated=np.zeros((1, 4), bool),
+    bin_width_s=1e-9,
+    start_s=0.0,
+    pulses=1000,
+    response_sigma_s=1e-9,
+    delay_offset_s=0.0,
+)
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +109,32 @@ def test_a_full_report_has_all_parts_and_needs_no_other_file(
     assert "a &lt;b&gt; &amp; c" in text
     assert "name: &lt;wall&gt;" in text
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_dense_map_stands_beside_its_errors(tmp_path: Path) -> None:
+    capture = make_capture()
+    assert capture.truth is not None
+    result = reconstruct(capture)
+    metrics = evaluate(result, capture.truth)
+    text = report_of(capture, tmp_path, metrics=metrics)
+    assert "Measured in every pixel" in text
+    assert "Anchored by the spots" not in text
+    assert "mean dense depth error" in text
+    assert "in 75 % of the pixels" in text
+    assert "continuous wave, 4 taps, 15 MHz" in text
+
+
+@pytest.mark.parametrize(
+    ("spots", "words"),
+    [
+        (PULSED, "pulsed, three windows of 65 ns"),
+        (HISTOGRAMS, "histograms, 50 bins of 1 ns"),
+    ],
+)
+def test_the_method_of_time_of_flight_is_told(
+    capture: Capture, tmp_path: Path, spots: Spots, words: str
+) -> None:
+    assert words in report_of(replace(capture, spots=spots), tmp_path)
 
 
 def test_a_recording_without_truth_and_spots_gives_a_shorter_page(
