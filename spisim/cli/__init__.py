@@ -6,6 +6,7 @@ import typer
 from typer.core import TyperGroup
 
 from . import (
+    budget,
     demo,
     doctor,
     evaluate,
@@ -54,7 +55,20 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for module in (demo, simulate, transport, picture, reconstruct, evaluate, scenes, schema, doctor):
+COMMANDS = (
+    demo,
+    simulate,
+    transport,
+    picture,
+    reconstruct,
+    evaluate,
+    budget,
+    scenes,
+    schema,
+    doctor,
+)
+
+for module in COMMANDS:
     name = module.__name__.rpartition(".")[2]
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
 
