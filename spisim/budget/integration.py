@@ -19,6 +19,8 @@ Criterion = Literal["signal", "total"]
 
 FIRST_TIME_S, LAST_TIME_S = 1e-12, 1e3
 RELATIVE_TOLERANCE = 1e-6
+#: Times that are tried for several goals together.
+TIMES = 4001
 
 
 def reach_m(
@@ -37,18 +39,16 @@ def reach_m(
     return np.sqrt(squared)
 
 
-def integration_time_s(flood: Flood, goals_m: Mapping[float, float], criterion: Criterion) -> float:
-    """Step 5: the time at which the reach comes up to the goal, by reflectance.
+def integration_time_s(
+    flood: Flood, reflectance: float, goal_m: float, criterion: Criterion
+) -> float:
+    """Step 5: the time at which the reach comes up to the goal.
 
-    It grows until it does, then is halved in between. Of several goals, the reaches are longer as
-    often as shorter: their geometric mean is that of the goals. Raises InputError if 1000 s are not
-    enough.
+    It grows until it does, then is halved in between. Raises InputError if 1000 s are not enough.
     """
-    reflectance, goal = np.array(list(goals_m)), np.array(list(goals_m.values()))
 
     def enough(time_s: float) -> bool:
-        reach = reach_m(flood, time_s, reflectance, criterion)
-        return bool(np.mean(np.log(reach / goal)) >= 0)
+        return bool(reach_m(flood, time_s, reflectance, criterion) >= goal_m)
 
     low = high = FIRST_TIME_S
     while not enough(high):
@@ -56,9 +56,24 @@ def integration_time_s(flood: Flood, goals_m: Mapping[float, float], criterion: 
         if high > LAST_TIME_S:
             raise InputError(
                 f"no integration time up to {LAST_TIME_S:g} s brings the light of "
-                f"{flood.power_w:g} W to {goal.max():g} m"
+                f"{flood.power_w:g} W to {goal_m:g} m"
             )
     while high > low * (1 + RELATIVE_TOLERANCE):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if enough(middle) else (middle, high)
     return high
+
+
+def common_integration_time_s(
+    flood: Flood, goals_m: Mapping[float, float], criterion: Criterion
+) -> float:
+    """The one time whose reaches come closest to the goals, by reflectance.
+
+    Least squares of their logarithms, among times between those that suit one goal each.
+    """
+    alone = [integration_time_s(flood, rho, goal, criterion) for rho, goal in goals_m.items()]
+    times = np.geomspace(min(alone), max(alone), TIMES)
+    goals = np.array(list(goals_m.values()))
+    reach = reach_m(flood, times[:, None], np.array(list(goals_m)), criterion)
+    deviation = np.sum(np.log(reach / goals) ** 2, axis=-1)
+    return float(times[np.argmin(deviation)])

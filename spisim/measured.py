@@ -1,4 +1,7 @@
-"""What every benchmark needs: tables, checks, the machine it ran on, results pasted into docs."""
+"""Figures that are promised: tables, checks, the machine they were measured on, docs.
+
+Benchmarks and `spisim paper` end in the same way.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import datetime
 import json
 import os
 import platform
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -28,7 +32,7 @@ class Table:
     def text(self) -> str:
         """For a terminal."""
         if not self.columns:
-            return f"{self.title}\n"
+            return f"{textwrap.fill(self.title, 100)}\n"
         lines = [self.columns, *self.rows]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
         cells = ("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
