@@ -202,7 +202,7 @@ def spots(amounts: Amounts) -> Section:
 
 def spot_methods(scene: Scene, paths: int) -> tuple[Method, Method]:
     """Two-ended and mitransient; raises ImportError where there is no mitransient."""
-    frequency_hz = INSTRUMENT.tof.modulation_frequency_hz
+    frequency_hz = INSTRUMENT.tof.modulation.frequencies_hz[0]
     # mitransient's lamp is a point, so the apertures have to be small too.
     tof = replace(PLACED.tof, area_m2=DETECTOR.area_m2)
     theirs = TransientSpots(scene, PLACED.beams, tof, frequency_hz)
@@ -271,7 +271,7 @@ def solve_large(spp: int) -> tuple[float, float]:
     """Peak memory of this process in GB and wall-clock seconds."""
     projector = INSTRUMENT.projector.model_copy(update={"shape": (256, 256)})
     instrument = INSTRUMENT.model_copy(update={"projector": projector})
-    wanted = Wanted(frequencies_hz=(instrument.tof.modulation_frequency_hz,))
+    wanted = Wanted(frequencies_hz=(instrument.tof.modulation.frequencies_hz[0],))
     light = solve(room(air(PROMISED_VISIBILITY_M)), instrument, spp=spp, wanted=wanted)
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e9, light.seconds

@@ -43,7 +43,8 @@ class Buckets:
     used. ``noise_electrons`` is the rms electronics and ADC noise of one exposure;
     ``excess_noise_factor`` the variance of the charge per primary electron (see `Charge`);
     ``dead_time_s`` how long a counting detector is blind after each detection, 0 for one that
-    integrates charge. Times, scale and noise are nan where unknown.
+    integrates charge; ``baseline_electrons`` what AC coupling takes off each reading, on average:
+    its shot noise stays. Times, scale and noise are nan where unknown.
     """
 
     counts: Readings
@@ -55,6 +56,7 @@ class Buckets:
     noise_electrons: Annotated[float, Stored("electron", sign="not negative", nan=True)]
     excess_noise_factor: Annotated[float, Stored("1", sign="positive")]
     dead_time_s: Annotated[float, Stored("s", sign="not negative")]
+    baseline_electrons: Annotated[float, Stored("electron", sign="not negative")] = 0.0
 
     @property
     def unit(self) -> Unit:
@@ -81,7 +83,7 @@ class Buckets:
         """
         if self.unit == "count":
             return np.full(self.counts.shape, np.nan)
-        light = np.abs(self.signal)
+        light = np.abs(self.signal + self.baseline_electrons)
         if self.dead_time_s > 0:
             light = light * (1 + light * self.dead_time_s / self.exposure_time_s)
         return np.asarray(self.excess_noise_factor * light + self.noise_electrons**2)

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -20,6 +21,7 @@ from .importers import capture_from_readings, load_array, plan_from_matrix
 from .outputs import write_outputs
 from .patterns import ORDERS, POLARITIES, make_plan
 from .pipeline import Result, reconstruct
+from .ranging import Ranges
 from .selection import first_patterns
 
 COMMANDS = ("reconstruct", "import")
@@ -145,6 +147,7 @@ def _report(result: Result, capture: Capture) -> dict[str, Any]:
             for range_m, sigma_m, status in spots
         ],
         "depth": result.depth_m is not None,
+        "dense_coverage": _coverage(result),
         "timings_s": result.timings_s,
     }
 
@@ -156,28 +159,41 @@ def _print_tables(result: Result, capture: Capture, files: dict[str, Path]) -> N
         f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
         f"({100 * plan.sampling_ratio:.1f} %), {capture.provenance.source}"
     )
-    if result.ranges is None:
-        console.print("no time of flight in this capture: image only, no ranges, no depth map")
-    else:
-        table = Table("spot", "range / m", "sigma / m", "signal / electrons")
-        ranges = result.ranges
-        for spot in range(4):
-            status = ranges.status[spot]
-            table.add_row(
-                str(spot),
-                f"{ranges.range_m[spot]:.3f}" if status == "ok" else status,
-                f"{ranges.sigma_m[spot]:.3f}" if status == "ok" else "",
-                f"{ranges.signal_electrons[spot]:.4g}",
-            )
-        console.print(table)
+    if result.ranges is not None:
+        console.print(_range_table(result.ranges))
         if result.depth_m is None:
             console.print("no depth map: no spot has a range, or the optics are not known")
+    elif capture.pattern_taps is None:
+        console.print("no time of flight in this capture: image only, no ranges, no depth map")
+    coverage = _coverage(result)
+    if coverage is not None:
+        console.print(f"dense ranges: {100 * coverage:.1f} % of all pixels have one")
     stages = ", ".join(
         f"{name} {1e3 * seconds:.1f} ms" for name, seconds in result.timings_s.items()
     )
     console.print(stages)
     for path in files.values():
         console.print(f"wrote {path}", soft_wrap=True)
+
+
+def _range_table(ranges: Ranges) -> Table:
+    table = Table("spot", "range / m", "sigma / m", "signal / electrons", "background / electrons")
+    for spot, status in enumerate(ranges.status):
+        table.add_row(
+            str(spot),
+            f"{ranges.range_m[spot]:.3f}" if status == "ok" else status,
+            f"{ranges.sigma_m[spot]:.3f}" if status == "ok" else "",
+            f"{ranges.signal_electrons[spot]:.4g}",
+            f"{ranges.background_electrons[spot]:.4g}",
+        )
+    return table
+
+
+def _coverage(result: Result) -> float | None:
+    """Share of the pixels that have a dense range."""
+    if result.range_dense_m is None:
+        return None
+    return float(np.isfinite(result.range_dense_m).mean())
 
 
 def _shape(text: str) -> tuple[int, int]:

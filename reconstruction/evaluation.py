@@ -16,22 +16,25 @@ def evaluate(result: Result, truth: Truth) -> dict[str, Any]:
     ``image``: correlation, nrmse and psnr_db, and the same for ``zero_filled``. ``truth``: the
     rms standard error of its image over the image's rms, ``image_noise``, below which an nrmse
     tells nothing. ``spots``: one entry each with range_m, true_m, error_m, sigma_m and status.
-    ``depth``: mae_m, rmse_m, median_relative and
-    within_25_percent for ``anchored`` and ``nearest``, over the pixels where something is hit;
-    None without a depth map.
+    ``depth``: metrics (see `depth_metrics`) of the maps there are, ``anchored``, ``nearest`` and
+    ``dense``; None without any.
     """
-    depth = None
-    if result.depth_m is not None and result.depth_nearest_m is not None:
-        depth = {
-            "anchored": depth_metrics(result.depth_m, truth.depth_m),
-            "nearest": depth_metrics(result.depth_nearest_m, truth.depth_m),
-        }
+    maps = {
+        "anchored": result.depth_m,
+        "nearest": result.depth_nearest_m,
+        "dense": result.depth_dense_m,
+    }
+    depth = {
+        name: depth_metrics(depth_m, truth.depth_m)
+        for name, depth_m in maps.items()
+        if depth_m is not None
+    }
     return {
         "image": image_metrics(result.image, truth.image)
         | {"zero_filled": image_metrics(result.image_zero_filled, truth.image)},
         "truth": {"image_noise": _relative_rms(truth.image_error, truth.image)},
         "spots": [] if result.ranges is None else _spots(result.ranges, truth),
-        "depth": depth,
+        "depth": depth or None,
     }
 
 
@@ -58,12 +61,19 @@ def _relative_rms(error: ArrayLike, image: ArrayLike) -> float | None:
 
 
 def depth_metrics(depth_m: ArrayLike, true_m: ArrayLike) -> dict[str, float | None]:
-    """Mean absolute and rms error in metres, median relative error, share within 25 per cent."""
+    """Mean absolute and rms error in metres, median relative error, share within 25 per cent.
+
+    Over the pixels that have a depth and where something is hit; ``coverage`` is the share of the
+    latter that have one.
+    """
     values = np.asarray(depth_m, dtype=np.float64)
     true_values = np.asarray(true_m, dtype=np.float64)
-    known = np.isfinite(values) & np.isfinite(true_values)
+    hit = np.isfinite(true_values)
+    known = np.isfinite(values) & hit
+    coverage = _number(known.sum() / hit.sum()) if hit.any() else None
     if not known.any():
-        return dict.fromkeys(("mae_m", "rmse_m", "median_relative", "within_25_percent"))
+        nothing = dict.fromkeys(("mae_m", "rmse_m", "median_relative", "within_25_percent"))
+        return nothing | {"coverage": coverage}
     error = np.abs(values - true_values)[known]
     relative = error / true_values[known]
     return {
@@ -71,6 +81,7 @@ def depth_metrics(depth_m: ArrayLike, true_m: ArrayLike) -> dict[str, float | No
         "rmse_m": _number(np.sqrt((error**2).mean())),
         "median_relative": _number(np.median(relative)),
         "within_25_percent": _number((relative < 0.25).mean()),
+        "coverage": coverage,
     }
 
 

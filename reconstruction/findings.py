@@ -1,23 +1,27 @@
 """What about a capture its user should know before believing what is made of it."""
 
 import numpy as np
-from scipy.constants import c
 
 from .capture import Capture
-from .ranging import measure_ranges
+from .decoding import decodable
+from .ranging import measure_ranges, unambiguous_path_m
 from .spots import CwSpots
 
 NO_RANGE = {
     "saturated": "is saturated",
     "no signal": "shows no signal",
     "too close": "is too close to tell its path from the way between laser and detector",
-    "ambiguous": "may lie at several ranges: its readings contradict each other or lie at the edge",
+    "ambiguous": "is ambiguous (its frequencies disagree, or its pulse may lie outside of windows)",
 }
 
 
 def capture_warnings(capture: Capture, frame: int = 0) -> list[str]:
     """A sentence for each thing that spoils image or ranges of a frame; none if all is well."""
-    return _image_warnings(capture, frame) + _spot_warnings(capture, frame)
+    return (
+        _image_warnings(capture, frame)
+        + _spot_warnings(capture, frame)
+        + _pattern_tap_warnings(capture, frame)
+    )
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:
@@ -39,11 +43,32 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
         if status != "ok"
     ]
     if capture.truth is not None and isinstance(capture.spots, CwSpots):
-        farthest_m = c / (2 * capture.spots.tap_frequencies_hz[0])
+        farthest_m = unambiguous_path_m(capture.spots.tap_frequencies_hz) / 2
         warnings += [
             f"spot {spot} lies at {true_m:.2f} m, beyond the {farthest_m:.2f} m up to which a "
             "range is unambiguous: it is measured a multiple of that too near"
             for spot, true_m in enumerate(capture.truth.spot_range_m)
             if np.isfinite(true_m) and true_m > farthest_m
         ]
+    return warnings
+
+
+def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:
+    if capture.pattern_taps is None:
+        return []
+    saturated = capture.pattern_taps.saturated[frame].any(axis=-1)
+    warnings = []
+    if saturated.any():
+        warnings.append(
+            f"the taps of {saturated.sum()} of {saturated.size} exposures "
+            f"({100 * saturated.mean():.3g} %) are marked saturated: what rests on them is left "
+            "out of the dense ranges"
+        )
+    if capture.optics is None:
+        warnings.append("the optics are not known: there are no dense ranges")
+    elif 0 not in capture.plan.distinct[decodable(capture.plan, ~saturated)]:
+        warnings.append(
+            "pattern 0, the level of all light, is not shown or saturated: there are no dense "
+            "ranges"
+        )
     return warnings

@@ -19,18 +19,25 @@ from .ranging import Ranges, Status
 
 FORMAT = "spisim-result"
 VERSION = "2.0"
-MAPS = ("range_m", "depth_m", "depth_nearest_m")
+MAPS = ("range_m", "depth_m", "depth_nearest_m", "range_dense_m", "depth_dense_m")
 RANGES = {
     "range_m": "m",
     "sigma_m": "m",
     "signal_electrons": "electron",
     "background_electrons": "electron",
 }
-NAMES = ("image.png", "image_zero_filled.png", "depth.png", "cloud.ply", "result.h5")
+NAMES = (
+    "image.png",
+    "image_zero_filled.png",
+    "depth.png",
+    "cloud.ply",
+    "depth_dense.png",
+    "result.h5",
+)
 
 
 def write_outputs(result: Result, capture: Capture, directory: str | Path) -> dict[str, Path]:
-    """Write the files NAMES, without depth map neither depth.png nor cloud.ply; return their paths.
+    """Write the files NAMES, of depth maps and point cloud what there is; return their paths.
 
     Everything is made before the first file is written; each appears whole or not at all, and
     files of an earlier result that have no successor are removed. Raises InputError where the
@@ -45,8 +52,11 @@ def write_outputs(result: Result, capture: Capture, directory: str | Path) -> di
     }
     if result.depth_m is not None and capture.optics is not None:
         points = pixel_rays(capture.optics, capture.plan.shape) * result.depth_m[..., None]
-        contents["depth.png"] = _depth_picture(result, capture)
+        contents["depth.png"] = _anchored_picture(result, capture)
         contents["cloud.ply"] = point_cloud_ply(points, result.image.astype(np.float64))
+    if result.depth_dense_m is not None:
+        figure, _ = _depth_picture(result.depth_dense_m, "Depth measured in every pixel")
+        contents["depth_dense.png"] = _png(figure)
     folder = Path(directory)
     for name in NAMES:
         if name in contents:
@@ -124,10 +134,21 @@ def _picture(image: NDArray[np.float32], title: str, unit: str) -> bytes:
     return _png(figure)
 
 
-def _depth_picture(result: Result, capture: Capture) -> bytes:
-    figure, axes = _figure("Depth anchored on the spots")
-    shown = axes.imshow(result.depth_m, cmap="viridis_r")
+def _depth_picture(depth_m: NDArray[np.float32], title: str) -> tuple[Figure, Any]:
+    figure, axes = _figure(title)
+    finite = depth_m[np.isfinite(depth_m)]
+    low, high = np.percentile(finite, (1, 99)) if finite.size else (0.0, 1.0)
+    axes.set_facecolor("0.5")  # where there is no depth
+    axes.set_axis_on()
+    axes.set(xticks=[], yticks=[])
+    shown = axes.imshow(depth_m, cmap="viridis_r", vmin=low, vmax=max(high, low + 1e-6))
     figure.colorbar(shown, ax=axes, label="depth along the optical axis / m", shrink=0.85)
+    return figure, axes
+
+
+def _anchored_picture(result: Result, capture: Capture) -> bytes:
+    assert result.depth_m is not None
+    figure, axes = _depth_picture(result.depth_m, "Depth anchored on the spots")
     if capture.spots is not None and capture.optics is not None and result.ranges is not None:
         anchors = pixel_of(capture.spots.directions, capture.optics, capture.plan.shape)
         depths = result.ranges.range_m * capture.spots.directions[:, 2]

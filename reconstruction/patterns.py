@@ -186,12 +186,13 @@ def sequency(size: int) -> NDArray[np.int64]:
     return changes
 
 
-def fwht(x: ArrayLike, axis: int = -1) -> Floats:
-    """Unnormalised fast Walsh-Hadamard transform in natural order along one axis.
+def fwht(x: ArrayLike, axis: int = -1) -> NDArray[Any]:
+    """Unnormalised fast Walsh-Hadamard transform in natural order along one axis, real or complex.
 
     The length of the axis must be a power of two (ValueError otherwise).
     """
-    values = np.moveaxis(np.array(x, dtype=np.float64), axis, -1)
+    values = np.moveaxis(np.asarray(x), axis, -1)
+    values = values.astype(np.result_type(values, np.float64))
     size = values.shape[-1]
     if not _power_of_two(size):
         raise ValueError(f"length {size} is not a power of two")

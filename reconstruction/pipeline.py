@@ -1,17 +1,19 @@
 """From a capture to image, ranges and depth map."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .capture import Capture, Optics, Unit
+from .decoding import decode
 from .depth import anchored_range, nearest_range, pixel_of, pixel_rays
 from .errors import InputError
-from .image import pursuit_for, without_shared_errors, zero_filled
-from .ranging import Ranges, measure_ranges
+from .image import pursuit_for, zero_filled
+from .ranging import Ranges, dense_range, measure_ranges
 
 Image = NDArray[np.float32]
 Floats = NDArray[np.float64]
@@ -26,7 +28,9 @@ class Result:
     coefficients. ``ranges``: the four spots, None without time of
     flight. ``range_m`` along each pixel's ray and ``depth_m`` along the optical axis: the map
     anchored on the spots; ``depth_nearest_m``: the baseline in which each pixel takes the range of
-    the nearest spot. The maps are None where no spot is valid or the optics are unknown.
+    the nearest spot; both None where no spot is valid or the optics are unknown. ``range_dense_m``
+    and ``depth_dense_m``: measured pixel by pixel, nan where it is too dark; None without taps of
+    every pattern, or where the level of their light is not known.
     ``timings_s``: seconds per stage. ``recording``: the digest of the capture, ``frame`` its frame
     and ``patterns`` the number of distinct ones that the image rests on.
     """
@@ -37,6 +41,8 @@ class Result:
     range_m: Image | None
     depth_m: Image | None
     depth_nearest_m: Image | None
+    range_dense_m: Image | None
+    depth_dense_m: Image | None
     timings_s: dict[str, float]
     unit: Unit
     recording: str
@@ -48,38 +54,39 @@ def reconstruct(capture: Capture, frame: int = 0) -> Result:
     """Reconstruct one frame; InputError if there is no such frame or nothing usable in it."""
     if not 0 <= frame < capture.frames:
         raise InputError(f"frame {frame}: the capture has frames 0..{capture.frames - 1}")
-    shape = capture.plan.shape
+    plan, spots, optics = capture.plan, capture.spots, capture.optics
     timings: dict[str, float] = {}
-    started = perf_counter()
-    index, coefficients, noise = measured_coefficients(capture, frame)
-    pursuit = pursuit_for(shape, index)
-    timings["set-up"] = perf_counter() - started
-    started = perf_counter()
-    image = pursuit.reconstruct(coefficients, noise)
-    timings["image"] = perf_counter() - started
-    linear = zero_filled(shape, index, coefficients)
+    with _timed(timings, "set-up"):
+        index, coefficients, noise = measured_coefficients(capture, frame)
+        pursuit = pursuit_for(plan.shape, index)
+    with _timed(timings, "image"):
+        image = pursuit.reconstruct(coefficients, noise)
+    linear = zero_filled(plan.shape, index, coefficients)
     if 0 not in index:  # the mean level is unknown: the darkest pixel is taken to be dark
         image -= image.min()
         linear -= linear.min()
 
-    ranges = range_m = nearest_m = None
-    if capture.spots is not None:
-        started = perf_counter()
-        ranges = measure_ranges(capture.spots, frame)
-        timings["ranging"] = perf_counter() - started
-        if capture.optics is not None:
-            started = perf_counter()
-            anchors = pixel_of(capture.spots.directions, capture.optics, shape)
+    ranges = range_m = nearest_m = dense_m = None
+    if spots is not None:
+        with _timed(timings, "ranging"):
+            ranges = measure_ranges(spots, frame)
+    if spots is not None and ranges is not None and optics is not None:
+        with _timed(timings, "depth"):
+            anchors = pixel_of(spots.directions, optics, plan.shape)
             range_m = anchored_range(image, anchors, ranges.range_m, ranges.sigma_m)
-            nearest_m = nearest_range(shape, anchors, ranges.range_m)
-            timings["depth"] = perf_counter() - started
+            nearest_m = nearest_range(plan.shape, anchors, ranges.range_m)
+    if capture.pattern_taps is not None and optics is not None:
+        with _timed(timings, "dense ranging"):
+            dense_m = dense_range(capture.pattern_taps, plan, optics, frame)
     return Result(
         image=image.astype(np.float32),
         image_zero_filled=linear.astype(np.float32),
         ranges=ranges,
-        range_m=None if range_m is None else range_m.astype(np.float32),
-        depth_m=_depth(range_m, capture.optics),
-        depth_nearest_m=_depth(nearest_m, capture.optics),
+        range_m=_single(range_m),
+        depth_m=_depth(range_m, optics),
+        depth_nearest_m=_depth(nearest_m, optics),
+        range_dense_m=_single(dense_m),
+        depth_dense_m=_depth(dense_m, optics),
         timings_s=timings,
         unit=capture.buckets.unit,
         recording=capture.digest,
@@ -89,32 +96,35 @@ def reconstruct(capture: Capture, frame: int = 0) -> Result:
 
 
 def measured_coefficients(capture: Capture, frame: int) -> tuple[NDArray[np.int32], Floats, float]:
-    """Walsh-Hadamard coefficients in the unit of the signal: rows (K,), values (K,), their noise.
+    """Walsh-Hadamard coefficients of the image, as `decode` gives them.
 
-    Coefficients that rest on a saturated reading are left out, and errors that many share are
-    taken off. The noise is the standard deviation of a typical coefficient, from shot noise and
-    the electronics; where the latter is unknown it is 0, and every reading taken at its word.
-    Raises InputError if nothing is left.
+    Raises InputError if every one rests on a saturated reading.
     """
-    plan, buckets = capture.plan, capture.buckets
-    usable = abs(plan.decoder) @ (~buckets.usable[frame]).astype(float) == 0
-    if not usable.any():
+    buckets = capture.buckets
+    index, coefficients, noise = decode(
+        capture.plan, buckets.signal[frame], buckets.variance[frame], buckets.usable[frame]
+    )
+    if not index.size:
         raise InputError(
             f"frame {frame}: every pattern rests on a saturated reading, so there is no image; "
             "record again with less light (projector power, exposure time) or a larger full scale"
         )
-    index, decoder, signal = plan.distinct[usable], plan.decoder[usable], buckets.signal[frame]
-    coefficients = decoder @ signal
-    variance = buckets.variance[frame]
-    if not np.isfinite(variance).all():
-        return index, coefficients, 0.0
-    prior = pursuit_for(plan.shape, index).prior_variance(coefficients)
-    coefficients, variance = without_shared_errors(decoder, coefficients, variance, prior)
-    return index, coefficients, float(np.sqrt(np.median(variance)))
+    return index, coefficients, noise
 
 
-def _depth(range_m: Floats | None, optics: Optics | None) -> Any:
+@contextmanager
+def _timed(timings_s: dict[str, float], stage: str) -> Iterator[None]:
+    started = perf_counter()
+    yield
+    timings_s[stage] = perf_counter() - started
+
+
+def _depth(range_m: Floats | None, optics: Optics | None) -> Image | None:
     if range_m is None or optics is None:
         return None
     rays = pixel_rays(optics, (range_m.shape[0], range_m.shape[1]))
-    return (range_m / np.linalg.norm(rays, axis=-1)).astype(np.float32)
+    return _single(range_m / np.linalg.norm(rays, axis=-1))
+
+
+def _single(image: Floats | None) -> Image | None:
+    return None if image is None else image.astype(np.float32)

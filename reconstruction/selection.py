@@ -22,8 +22,16 @@ def first_patterns(capture: Capture, patterns: int, order: str = "sequency-2d") 
     ordered = ordered_rows(plan.shape, order)
     kept = ordered[np.isin(ordered, plan.index)][:patterns]
     exposures = np.isin(plan.index, kept)
+    pattern_taps = capture.pattern_taps
+    if pattern_taps is not None:
+        pattern_taps = replace(
+            pattern_taps,
+            taps=pattern_taps.taps[:, exposures],
+            saturated=pattern_taps.saturated[:, exposures],
+        )
     return replace(
         capture,
+        pattern_taps=pattern_taps,
         plan=PatternPlan(plan.shape, plan.index[exposures], plan.polarity[exposures], plan.order),
         buckets=replace(
             capture.buckets,

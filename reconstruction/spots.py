@@ -145,6 +145,8 @@ class HistogramSpots(Spots):
     Bin k covers start_s + [k, k + 1) bin_width_s after the pulse's centre leaves; light arrives
     L / c + delay_offset after that moment. The detector sees nothing before the first bin.
     ``response_sigma_s`` is the rms width of pulse and jitter together, a Gaussian; nan: unknown.
+    ``piles_up`` where the first of many photons ends a cycle, so that later light is hidden by
+    earlier; not where each stamp is that of a whole pulse, as of one that crosses a threshold.
     """
 
     method = "dtof"
@@ -159,6 +161,7 @@ class HistogramSpots(Spots):
     pulses: Annotated[int, Stored("1", dtype="int64", sign="positive")]
     response_sigma_s: Annotated[float, Stored("s", sign="positive", nan=True)]
     delay_offset_s: Annotated[float, Stored("s")]
+    piles_up: Annotated[bool, Stored("1", dtype="bool")] = True
 
     @property
     def readings(self) -> NDArray[Any]:

@@ -134,14 +134,14 @@ def find_named(name: str, folder: Path, kind: str) -> Path:
 def _describe(error: ValidationError, data: dict[Any, Any], source: Path | str) -> str:
     # One at a time: later errors are often only the consequence of the first.
     details = error.errors(include_url=False)[0]
-    field, value = _locate(details["loc"], data)
+    field, value = _locate(details["loc"], data, details["type"] == "missing")
     message = f"{source}: {field}{': ' if field else ''}{_explain(details)}"
     if details["type"] == "missing" or isinstance(value, Mapping):
         return message
     return f"{message}; found {_show(value)}"
 
 
-def _locate(loc: tuple[int | str, ...], data: Any) -> tuple[str, Any]:
+def _locate(loc: tuple[int | str, ...], data: Any, missing: bool) -> tuple[str, Any]:
     """Field path as a person writes it, `objects[2].size_m`, and the value that stands there.
 
     pydantic puts the tags of unions into its locations; they are no part of the file and dropped,
@@ -153,7 +153,7 @@ def _locate(loc: tuple[int | str, ...], data: Any) -> tuple[str, Any]:
         if isinstance(key, int):
             path = f"{path}[{key}]"
             data = data[key] if isinstance(data, list) and key < len(data) else None
-        elif isinstance(data, Mapping) and (key in data or is_last):
+        elif isinstance(data, Mapping) and (key in data or (missing and is_last)):
             path = f"{path}.{key}" if path else key
             data = data.get(key)
     return path, data
@@ -170,6 +170,12 @@ _MESSAGES = {
 def _explain(details: ErrorDetails) -> str:
     if details["type"] == "value_error":  # raised by a validator of ours
         return str(details["ctx"]["error"])
+    if details["type"] == "union_tag_invalid":
+        tag, field = details["ctx"]["tag"], details["ctx"]["discriminator"].strip("'")
+        expected = [name.strip("' ") for name in details["ctx"]["expected_tags"].split(",")]
+        return f"{field} {tag!r} is unknown: {nearest(tag, expected)}"
+    if details["type"] == "union_tag_not_found":
+        return f"{details['ctx']['discriminator'].strip(chr(39))} is missing"
     text = _MESSAGES.get(details["type"], details["msg"].removeprefix("Input "))
     return text[0].lower() + text[1:]
 

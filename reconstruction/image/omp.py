@@ -5,6 +5,8 @@ Orthogonal Matching Pursuit", Technion CS-2008-08: with a precomputed Gram matri
 touches the measurements, and a progressive Cholesky factorisation replaces the least squares.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
@@ -14,26 +16,27 @@ Floats = NDArray[np.float64]
 
 def batch_omp(
     gram: Floats,
-    correlation: Floats,
+    correlation: NDArray[Any],
     energy: float,
     *,
     ridge: float = 0.0,
     tolerance: float = 0.0,
     budget: int,
-) -> tuple[NDArray[np.intp], Floats]:
+) -> tuple[NDArray[np.intp], NDArray[Any]]:
     """Greedy minimisation of J(u) = |y - Phi u|^2 + ridge |u|^2 over few atoms.
 
     ``gram`` (n, n) is Phi^T Phi, ``correlation`` (n,) is Phi^T y, ``energy`` |y|^2. Each step takes
     the atom with the largest correlation with the residual, then solves for all atoms taken so far.
     It ends when J <= ``tolerance``, after ``budget`` atoms, or when no atom helps. Returns the
-    atoms and their coefficients. Columns need not be normalised: the longer ones are preferred.
+    atoms and their coefficients. Columns need not be normalised: the longer ones are preferred. The
+    measurements, and with them the coefficients, may be complex.
     """
     # With G + ridge I = L L^T on the chosen set S, keep F = G[:, S] L^-T. Then the residual's
     # correlation is correlation - F z and J = energy - |z|^2, where L z = correlation[S].
     count = min(budget, len(correlation))
     factor = np.empty((len(correlation), count), order="F")
     lower = np.zeros((count, count))
-    z = np.empty(count)
+    z = np.empty(count, dtype=correlation.dtype)
     chosen = np.empty(count, dtype=np.intp)
     residual = correlation.copy()
     available = np.ones(len(correlation))
@@ -53,7 +56,7 @@ def batch_omp(
         factor[:, taken] = (gram[:, atom] - factor[:, :taken] @ row) / lower[taken, taken]
         z[taken] = residual[atom] / lower[taken, taken]
         residual -= factor[:, taken] * z[taken]
-        energy -= z[taken] ** 2
+        energy -= abs(z[taken]) ** 2
         chosen[taken] = atom
         taken += 1
     values = solve_triangular(lower[:taken, :taken], z[:taken], lower=True, trans="T")

@@ -17,6 +17,8 @@ e = sum(w m) / (sum(w) + 1/v): rows that hardly any image excites tell it. What 
 m - S n are own errors and those of n, of covariance (S^T W S + V^-1)^-1.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
@@ -25,13 +27,14 @@ Floats = NDArray[np.float64]
 
 
 def without_shared_errors(
-    decoder: sparse.csr_array, coefficients: Floats, variance: Floats, prior: Floats
-) -> tuple[Floats, Floats]:
+    decoder: sparse.csr_array, coefficients: NDArray[Any], variance: Floats, prior: Floats
+) -> tuple[NDArray[Any], Floats]:
     """Coefficients (K,) without the errors that they share, and the variance (K,) of the rest.
 
     ``decoder`` (K, M) made them from readings of ``variance`` (M,). ``prior`` (K,) is the variance
     of the coefficients before they are measured, infinite where nothing is known. Plans without
-    shared readings, such as differential ones, are left as they are.
+    shared readings, such as differential ones, are left as they are. Complex coefficients have
+    the variance of both parts together.
     """
     shared = np.bincount(decoder.indices, minlength=decoder.shape[1]) > 1
     own = decoder[:, ~shared] ** 2 @ variance[~shared]

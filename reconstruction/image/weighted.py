@@ -9,6 +9,7 @@ that matches the noise keeps the weak ones small.
 """
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,7 @@ class WeightedPursuit:
         self.atoms = np.unravel_index(strongest, shape)
         self.deviation = deviation[self.atoms]
         self.expected_variance: Floats = expected[rows]
+        self.unseen_variance = float(expected.sum() - self.expected_variance.sum())
         self.dictionary: Floats = (
             vertical[rows[0][:, None], self.atoms[0]]
             * horizontal[rows[1][:, None], self.atoms[1]]
@@ -55,7 +57,7 @@ class WeightedPursuit:
         )
         self.gram: Floats = self.dictionary.T @ self.dictionary
 
-    def prior_variance(self, coefficients: Floats) -> Floats:
+    def prior_variance(self, coefficients: NDArray[Any]) -> Floats:
         """Variance (K,) that coefficients (K,) like these have from image to image.
 
         Infinite for row 0, whose level may be any, and where nothing was measured.
@@ -67,12 +69,13 @@ class WeightedPursuit:
             variance[self.varying] = scale * (self.expected_variance + white)
         return variance
 
-    def reconstruct(self, coefficients: Floats, noise: float = 0.0) -> Floats:
+    def reconstruct(self, coefficients: NDArray[Any], noise: float = 0.0) -> NDArray[Any]:
         """Image (H, W) from coefficients (K,) whose noise has the standard deviation ``noise``.
 
         What the pursuit cannot explain is added back by the inverse transform, each coefficient
         weighted by signal / (signal + noise): without noise the image agrees with every
-        coefficient, and the pursuit decides only what was not measured.
+        coefficient, and the pursuit decides only what was not measured. Complex coefficients give
+        a complex image; their noise is that of both parts together.
         """
         scale = np.sqrt(self.shape[0] * self.shape[1])
         measured = coefficients[self.varying] / scale
@@ -83,12 +86,12 @@ class WeightedPursuit:
         chosen, values = batch_omp(
             self.gram,
             self.dictionary.T @ measured,
-            float(measured @ measured),
+            float(np.vdot(measured, measured).real),
             ridge=ridge,
             tolerance=measured.size * variance * ridge,
             budget=min(BUDGET, measured.size),
         )
-        spectrum = np.zeros(self.shape)
+        spectrum = np.zeros(self.shape, dtype=measured.dtype)
         spectrum[self.atoms[0][chosen], self.atoms[1][chosen]] = self.deviation[chosen] * values
         unexplained = measured - self.dictionary[:, chosen] @ values
         total = variance * (self.expected_variance + ridge)
@@ -98,6 +101,19 @@ class WeightedPursuit:
             self.shape, self.index[self.varying], unexplained * signal_share * scale
         )
         return image
+
+    def error(self, coefficients: NDArray[Any], noise: float = 0.0) -> float:
+        """Standard deviation of a pixel of the reconstruction, rather too large than too small.
+
+        From the noise of the coefficients, as if none of it were suppressed, and from what the rows
+        that were not measured may be expected to hold, as if the pursuit told nothing of them.
+        """
+        pixels = self.shape[0] * self.shape[1]
+        variance = 0.0
+        measured = coefficients[self.varying] / np.sqrt(pixels)
+        if measured.any():
+            variance = fit_variance(measured, self.expected_variance)[0] * self.unseen_variance
+        return float(np.sqrt((variance + coefficients.size * noise**2 / pixels) / pixels))
 
 
 def pursuit_for(shape: tuple[int, int], index: NDArray[np.int32]) -> WeightedPursuit:
@@ -121,14 +137,14 @@ def natural_image_deviation(shape: tuple[int, int]) -> Floats:
     return 1 / frequency
 
 
-def fit_variance(measured: Floats, expected: Floats) -> tuple[float, float]:
+def fit_variance(measured: NDArray[Any], expected: Floats) -> tuple[float, float]:
     """Maximum-likelihood fit of var(measured) = v (expected + r): returns v and r.
 
     ``r`` is the white part, noise and what the expected spectrum misses, relative to v.
     """
     white = expected.mean() * np.logspace(-6, 3, 46)
     shape = expected + white[:, None]
-    variance = (measured**2 / shape).mean(axis=1)
+    variance = (np.abs(measured) ** 2 / shape).mean(axis=1)
     cost = measured.size * np.log(variance) + np.log(shape).sum(axis=1)
     best = int(np.argmin(cost))
     return float(variance[best]), float(white[best])

@@ -1,48 +1,48 @@
-"""Continuous-wave indirect time of flight: taps -> phase -> path length -> range.
+"""Continuous-wave indirect time of flight: taps -> phases -> path length.
 
-Tap k reads S_k = B + A cos(phi - theta_k), phi = 2 pi f L / c + phase_offset, with L the whole
+Tap k reads S_k = B + A cos(phi + phase_offset_k - phase_k), phi = 2 pi f L / c, with L the whole
 optical path from the laser over the spot to the detector.
 """
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import c
 
 from ..spots import CwSpots
-from .geometry import range_from_path
-from .ranges import LEAST_SIGNAL, Ranges
+from .ranges import LEAST_SIGNAL, Paths
+from .unwrap import path_from_phases
 
 Floats = NDArray[np.float64]
 
 
-def cw_ranges(spots: CwSpots, frame: int = 0) -> Ranges:
-    """Ranges of one frame by least squares over any number of taps >= 3.
+def cw_paths(spots: CwSpots, frame: int) -> Paths:
+    """Paths of one frame by least squares over any number of taps >= 3 of each frequency.
 
-    There is none, and the spot's status says why, if a tap is saturated, if it shows no signal
-    (amplitude below LEAST_SIGNAL standard deviations), or if its path is shorter than the way from
-    projector to detector, which is too close. The path is unambiguous below c / f only.
+    A frequency shows no signal if its amplitude is below LEAST_SIGNAL standard deviations, and a
+    spot none if one of its frequencies does not. With one frequency f paths are unambiguous below
+    c / f only; with several, see `path_from_phases`.
     """
     electrons = spots.electrons(spots.taps[frame])
     variance = spots.variance(electrons)
-    phases = spots.tap_phases_rad - spots.phase_offsets_rad
-    phase, amplitude, offset, phase_sigma = demodulate(electrons, variance, phases)
-
-    metres_per_radian = c / (2 * np.pi * spots.tap_frequencies_hz[0])
-    path = np.mod(phase, 2 * np.pi) * metres_per_radian
-    range_m, slope = range_from_path(path, spots.directions, spots.detector_positions_m)
-    trouble = [
-        spots.saturated[frame].any(axis=1),
-        phase_sigma > 1 / LEAST_SIGNAL,
-        path <= np.linalg.norm(spots.detector_positions_m, axis=1),
-    ]
-    status = np.select(trouble, ["saturated", "no signal", "too close"], "ok")
-    valid = status == "ok"
-    return Ranges(
-        range_m=np.where(valid, range_m, np.nan),
-        sigma_m=np.where(valid, slope * phase_sigma * metres_per_radian, np.nan),
-        signal_electrons=amplitude,
-        background_electrons=offset,
-        status=tuple(status.tolist()),
+    tap_phases = spots.tap_phases_rad - spots.phase_offsets_rad
+    frequencies = np.unique(spots.tap_frequencies_hz)
+    of_each = [spots.tap_frequencies_hz == frequency for frequency in frequencies]
+    phases, amplitudes, offsets, sigmas = (
+        np.stack(values)
+        for values in zip(
+            *(demodulate(electrons[:, of], variance[:, of], tap_phases[of]) for of in of_each),
+            strict=True,
+        )
+    )
+    path, sigma, ambiguous = path_from_phases(phases, sigmas, frequencies)
+    first = int(np.searchsorted(frequencies, spots.tap_frequencies_hz[0]))
+    return Paths(
+        path_m=path,
+        sigma_m=sigma,
+        signal_electrons=amplitudes[first],
+        background_electrons=offsets[first],
+        saturated=spots.saturated[frame].any(axis=1),
+        no_signal=np.any(sigmas > 1 / LEAST_SIGNAL, axis=0),
+        ambiguous=ambiguous,
     )
 
 
@@ -56,13 +56,16 @@ def demodulate(
     order: [sin^2 phi (v0 + v2) + cos^2 phi (v1 + v3)] / 4 A^2 for four taps. It is infinite where
     there is no amplitude.
     """
-    model = np.stack(
-        [np.ones_like(tap_phases_rad), np.cos(tap_phases_rad), np.sin(tap_phases_rad)], axis=1
-    )
-    inverse = np.linalg.pinv(model)
+    inverse = quadrature_weights(tap_phases_rad)
     offset, cosine, sine = np.moveaxis(taps @ inverse.T, -1, 0)
     phase, amplitude = np.arctan2(sine, cosine), np.hypot(cosine, sine)
     tangential = np.cos(phase)[..., None] * inverse[2] - np.sin(phase)[..., None] * inverse[1]
     deviation = np.sqrt((tangential**2 * variance).sum(axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):
         return phase, amplitude, offset, np.where(amplitude > 0, deviation / amplitude, np.inf)
+
+
+def quadrature_weights(tap_phases_rad: Floats) -> Floats:
+    """The (3, K) matrix that takes K taps to B, A cos phi and A sin phi by least squares."""
+    model = [np.ones_like(tap_phases_rad), np.cos(tap_phases_rad), np.sin(tap_phases_rad)]
+    return np.linalg.pinv(np.stack(model, axis=1))

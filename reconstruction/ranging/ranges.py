@@ -7,10 +7,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Status = Literal["ok", "saturated", "no signal", "too close", "ambiguous"]
 
 LEAST_SIGNAL = 3.0
 """A spot counts as seen when its signal exceeds its own standard deviation this many times."""
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """What a method finds of the four spots, each (4,): path lengths, or why there is none.
+
+    ``sigma_m`` is the standard deviation of ``path_m``; the last three are true or false.
+    """
+
+    path_m: Floats
+    sigma_m: Floats
+    signal_electrons: Floats
+    background_electrons: Floats
+    saturated: Mask
+    no_signal: Mask
+    ambiguous: Mask
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from spisim.budget.eye_safety import LaserSafety, RiskGroup, array_risk_group, l
 from spisim.budget.findings import budget_warnings
 from spisim.budget.link import BucketLink, SpotLink, Target, bucket_link, spot_link
 from spisim.budget.noise import NoiseBudget, bucket_noise, spot_noise
-from spisim.budget.ranging import longest_range_m, range_sigma_m, unambiguous_range_m
+from spisim.budget.ranging import longest_range_m, range_sigma_m
 
 __all__ = [
     "BucketLink",
@@ -26,5 +26,4 @@ __all__ = [
     "range_sigma_m",
     "spot_link",
     "spot_noise",
-    "unambiguous_range_m",
 ]

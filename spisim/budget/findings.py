@@ -7,7 +7,6 @@ import numpy as np
 from spisim.budget.eye_safety import safety_warnings
 from spisim.budget.link import BucketLink, SpotLink, Target, bucket_link, spot_link
 from spisim.budget.noise import reading_of
-from spisim.budget.ranging import unambiguous_range_m
 from spisim.instrument import Detector, Instrument, Spad
 
 #: Detections per dead time, or per gate, from which on a counter falls behind.
@@ -27,7 +26,7 @@ def budget_warnings(instrument: Instrument, target: Target) -> list[str]:
 
 def _range_warnings(instrument: Instrument, target: Target, link: SpotLink) -> list[str]:
     warnings = []
-    longest = unambiguous_range_m(instrument)
+    longest = instrument.tof.unambiguous_range_m
     if float(np.max(link.path_m)) > 2 * longest:
         warnings.append(
             f"ranges at {target.distance_m:g} m are ambiguous: tof.method {instrument.tof.method} "
@@ -47,7 +46,8 @@ def _bucket_warnings(instrument: Instrument, link: BucketLink) -> list[str]:
     background = float(link.daylight_electrons + link.dark_electrons)
     whole = background + float(link.signal_electrons)
     if isinstance(detector.sensor, Spad):
-        blind = whole / instrument.exposure_time_s * detector.sensor.dead_time_s
+        each_per_s = whole / len(detector.positions_m) / instrument.exposure_time_s
+        blind = each_per_s * detector.sensor.dead_time_s
         return [] if blind < PILE_UP else [_blind(blind)]
     amplifier = detector.amplifier
     if amplifier is not None and amplifier.coupling == "ac":

@@ -6,9 +6,7 @@ of wave forms which are not what the method assumes.
 
 from __future__ import annotations
 
-from fractions import Fraction
 from functools import singledispatch
-from math import lcm
 from typing import Any
 
 import numpy as np
@@ -32,8 +30,6 @@ NEAREST_M, FARTHEST_M, STEPS = 0.05, 100.0, 400
 ECHO_POINTS, ECHO_SIGMAS = 65, 5.0
 #: Iterations for the after-pulses, which shrink by their probability every time.
 ROUNDS = 20
-#: Periods of different frequencies count as equal multiples if these are not larger.
-LARGEST_MULTIPLE = 1000
 
 
 def range_sigma_m(instrument: Instrument, target: Target) -> Floats:
@@ -44,25 +40,8 @@ def range_sigma_m(instrument: Instrument, target: Target) -> Floats:
     link = spot_link(instrument, target)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         sigma = path_sigma_m(instrument.tof, link) * link.range_per_path
-    beyond = link.path_m > 2 * unambiguous_range_m(instrument)
+    beyond = link.path_m > 2 * instrument.tof.unambiguous_range_m
     return np.where(np.isnan(sigma) | beyond, np.inf, sigma)
-
-
-def unambiguous_range_m(instrument: Instrument) -> float:
-    """Longest range that the method tells apart from shorter ones.
-
-    c / 2f of the greatest frequency that all frequencies are multiples of (Droeschel et al.,
-    ICRA 2010), the pulse's length, or the gate.
-    """
-    tof = instrument.tof
-    if isinstance(tof, PulsedTof):
-        return tof.longest_path_m / 2
-    if isinstance(tof, DirectTof):
-        return c * tof.gate_s / 2
-    first, *others = tof.modulation.frequencies_hz
-    ratios = [Fraction(other / first).limit_denominator(LARGEST_MULTIPLE) for other in others]
-    common = first / lcm(*(ratio.denominator for ratio in ratios))
-    return c / (2 * common)
 
 
 def longest_range_m(
@@ -140,10 +119,11 @@ def _(tof: PulsedTof, link: SpotLink) -> Floats:
     signal = link.echo_per_s * reading.echo_s
     electronics = detector.electronics_noise_electrons(reading.amplifier_s)
     other = excess * link.steady_per_s * reading.steady_s + electronics**2
-    r = link.path_m / tof.longest_path_m
+    longest_path = 2 * tof.unambiguous_range_m
+    r = link.path_m / longest_path
     shot = excess * r * (1 - r) / signal
     spread = other * ((1 - r) ** 2 + r**2 + (1 - 2 * r) ** 2) / signal**2
-    return np.asarray(tof.longest_path_m * np.sqrt(shot + spread))
+    return np.asarray(longest_path * np.sqrt(shot + spread))
 
 
 @path_sigma_m.register

@@ -78,7 +78,6 @@ def summarise(instrument: Instrument, target: Target) -> dict[str, Any]:
         range_sigma_m,
         spot_link,
         spot_noise,
-        unambiguous_range_m,
     )
 
     bucket, spots = bucket_link(instrument, target), spot_link(instrument, target)
@@ -111,7 +110,7 @@ def summarise(instrument: Instrument, target: Target) -> dict[str, Any]:
             "sigma_m": float(range_sigma_m(instrument, target).max()),
             "limit_m": LIMIT_M,
             "longest_m": float(longest),
-            "unambiguous_m": unambiguous_range_m(instrument),
+            "unambiguous_m": instrument.tof.unambiguous_range_m,
         },
         "eye_safety": _safety(instrument),
     }

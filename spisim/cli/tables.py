@@ -27,14 +27,19 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
             table.add_row(str(k), *metres, *centimetres)
         results.print(table)
     if metrics.get("depth"):
-        anchored, nearest = metrics["depth"]["anchored"], metrics["depth"]["nearest"]
-        table = plain_table("depth", "anchored", "nearest spot")
+        titles = {"anchored": "anchored", "nearest": "nearest spot", "dense": "every pixel"}
+        maps = metrics["depth"].items()
+        table = plain_table("depth", *(titles[title] for title, _ in maps))
         names = {"mae_m": "mean error, m", "rmse_m": "RMS error, m"}
-        shares = {"median_relative": "median error", "within_25_percent": "within 25 % of truth"}
+        shares = {
+            "median_relative": "median error",
+            "within_25_percent": "within 25 % of truth",
+            "coverage": "pixels with a value",
+        }
         for key, name in names.items():
-            table.add_row(name, _number(anchored[key]), _number(nearest[key]))
+            table.add_row(name, *(_number(values[key]) for _, values in maps))
         for key, name in shares.items():
-            table.add_row(name, _percent(anchored[key]), _percent(nearest[key]))
+            table.add_row(name, *(_percent(values[key]) for _, values in maps))
         results.print(table)
 
 

@@ -25,7 +25,9 @@ Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 #: Harmonics of a square wave that are followed; what is left off is 1/n² of the first.
-HARMONICS = 99
+HARMONICS = 399
+#: The same where each costs a picture.
+PICTURE_HARMONICS = 9
 TAPS = 4
 
 
@@ -81,15 +83,17 @@ class Modulation(Section):
         square = 4 / (np.pi * orders) * np.sin(np.pi * orders / 2)
         return np.asarray(self.contrast * square)
 
-    def orders(self) -> NDArray[np.int64]:
+    def orders(self, most: int = HARMONICS) -> NDArray[np.int64]:
         """Harmonics (n,) that reach the taps with an amplitude, the first included."""
-        orders = np.arange(1, HARMONICS + 1)
+        orders = np.arange(1, most + 1)
         strength = np.abs(self.light_harmonics(orders) * self.taps.harmonics(orders))
         return orders[strength > 1e-6]
 
-    def amplitudes(self, frequency_hz: float, response: Any) -> tuple[NDArray[np.int64], Complex]:
+    def amplitudes(
+        self, frequency_hz: float, response: Any, most: int = HARMONICS
+    ) -> tuple[NDArray[np.int64], Complex]:
         """Orders n and complex ½ a_n b_n H_n, H the amplifier's `response` to a frequency."""
-        orders = self.orders()
+        orders = self.orders(most)
         product = 0.5 * self.light_harmonics(orders) * self.taps.harmonics(orders)
         return orders, product * np.conj(response(orders * frequency_hz))
 

@@ -12,6 +12,7 @@ from scipy.constants import c, elementary_charge, h
 from reconstruction.errors import InputError
 from reconstruction.patterns import PatternPlan, make_plan
 from spisim.config import Number, Positive, Section
+from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.parts import Filter, Floats, Lasers, Plan, Projector
 from spisim.instrument.sensor import Spad, quantum_efficiency
@@ -70,6 +71,15 @@ class Instrument(Section):
     def pattern_period_s(self) -> float:
         """From one pattern to the next."""
         return 1 / self.projector.pattern_rate_hz
+
+    @property
+    def tap_frequencies_hz(self) -> tuple[float, ...]:
+        """Of a modulated projector: every harmonic that its taps respond to."""
+        modulation = self.projector.modulation
+        if modulation is None:
+            return ()
+        orders = modulation.orders(PICTURE_HARMONICS)
+        return tuple(float(order) * modulation.frequencies_hz[0] for order in orders)
 
     @property
     def pixel_powers_w(self) -> Floats:
@@ -177,6 +187,11 @@ class Instrument(Section):
         if len(modulation.frequencies_hz) > 1:
             raise InputError(
                 "projector.modulation.frequencies_hz should be one frequency, that of all patterns"
+            )
+        if len(modulation.taps.phases_rad) * modulation.taps.share > 1 + 1e-9:
+            raise InputError(
+                "projector.modulation.taps should share the electrons of an exposure: rectangular, "
+                "of width 0.25 at most"
             )
         if self.exposure_time_s * modulation.frequencies_hz[0] < 1:
             raise InputError(

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Discriminator, Field, model_validator
 from scipy.constants import c
 
 from reconstruction.errors import InputError
+from reconstruction.ranging import unambiguous_path_m
 from spisim.config import Count, NonNegative, Number, Positive, Section
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.detector import TofDetector
@@ -26,6 +28,11 @@ class CwTof(Section):
     def tap_time_s(self, frequency_hz: float) -> float:
         """Time for which one tap is open in a frame."""
         return self.periods * self.modulation.taps.share / frequency_hz
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Range from which on a spot looks nearer than it is."""
+        return float(unambiguous_path_m(np.array(self.modulation.frequencies_hz))) / 2
 
     @property
     def frame_time_s(self) -> float:
@@ -61,9 +68,9 @@ class PulsedTof(Section):
         return (-2 * self.pulse_width_s, 0.0, self.pulse_width_s)
 
     @property
-    def longest_path_m(self) -> float:
-        """At which the first window gets nothing."""
-        return c * self.pulse_width_s
+    def unambiguous_range_m(self) -> float:
+        """Range from which on the first window gets nothing."""
+        return c * self.pulse_width_s / 2
 
     @property
     def frame_time_s(self) -> float:
@@ -108,6 +115,11 @@ class DirectTof(Section):
     def gate_s(self) -> float:
         """How long a cycle waits for an arrival, from the centre of the pulse on."""
         return self.bins * self.bin_width_s
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Range from which on the light arrives after the gate."""
+        return c * self.gate_s / 2
 
     @property
     def pulse_sigma_s(self) -> float:

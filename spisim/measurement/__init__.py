@@ -1,15 +1,19 @@
 """Light becomes counts: photo-electrons, noise, converter, capture."""
 
 from spisim.measurement.capture import Simulation, record, simulate
-from spisim.measurement.light import MeanElectrons, mean_electrons
+from spisim.measurement.light import BucketLight, bucket_light
 from spisim.measurement.sequence import LightSequence, trace
+from spisim.measurement.spots import SpotLight, record_spots, spot_light
 
 __all__ = [
+    "BucketLight",
     "LightSequence",
-    "MeanElectrons",
     "Simulation",
-    "mean_electrons",
+    "SpotLight",
+    "bucket_light",
     "record",
+    "record_spots",
     "simulate",
+    "spot_light",
     "trace",
 ]

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import c, elementary_charge
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import ndtr
 
@@ -31,10 +32,13 @@ def tcspc_arrivals(
     """
     sensor = tof.detector.sensor
     assert isinstance(sensor, Spad)
-    edges = np.arange(tof.bins + 1) * tof.bin_width_s
-    collected = _collected(path_m, echo_per_s, tof.response_sigma_s, edges)
+    edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
+    times, density = _smoothed(path_m, echo_per_s, tof.response_sigma_s)
+    collected = CubicSpline(times, density).antiderivative()
     per_pulse = tof.pulse_sigma_s * math.sqrt(2 * math.pi)  # light of peak one, times seconds
-    primary = np.diff(collected) * per_pulse + steady_per_s * tof.bin_width_s
+    inside = np.clip(edges, times[0], times[-1])
+    echo = np.maximum(np.diff(collected(inside)), 0) * per_pulse
+    primary = echo + steady_per_s * tof.bin_width_s
     mean = primary
     for _ in range(ROUNDS):
         detected = -math.expm1(-mean.sum())
@@ -55,21 +59,23 @@ def threshold_arrivals(
     close together that the current does not fall below the threshold in between: they stamp as one.
     """
     amplifier, sensor = tof.detector.amplifier, tof.detector.sensor
-    assert amplifier is not None and amplifier.bandwidth_hz is not None
+    assert amplifier is not None
+    assert amplifier.bandwidth_hz is not None
     assert tof.threshold_sigma is not None
     bandwidth = amplifier.bandwidth_hz
     sigma_s = math.hypot(tof.pulse_sigma_s, SIGMA_PER_BANDWIDTH / bandwidth)
     step = min(tof.bin_width_s, sigma_s / 20)
     times = np.arange(0.0, tof.gate_s, step)
     # The amplifier keeps the charge of a pulse and lowers its peak.
-    charge = np.gradient(_collected(path_m, echo_per_s, sigma_s, times), step)
-    current = charge * tof.pulse_sigma_s * math.sqrt(2 * math.pi)
+    density = CubicSpline(*_smoothed(path_m, echo_per_s, sigma_s), extrapolate=False)(times)
+    density = np.maximum(np.nan_to_num(density), 0)
+    current = density * tof.pulse_sigma_s * math.sqrt(2 * math.pi)
     noise_at = np.sqrt(
         (amplifier.noise_pa_per_sqrt_hz * 1e-12 / (elementary_charge * sensor.gain)) ** 2
         + 2 * sensor.excess_noise_factor * (steady_per_s + current)
     ) * math.sqrt(bandwidth)
     threshold = tof.threshold_sigma * noise_at[0]
-    edges = np.arange(tof.bins + 1) * tof.bin_width_s
+    edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
     chances = np.zeros(tof.bins)
     false_alarms = bandwidth / math.sqrt(3) * math.exp(-(tof.threshold_sigma**2) / 2)
     quiet = np.exp(-false_alarms * edges)
@@ -89,7 +95,7 @@ def threshold_arrivals(
 
 
 def _above(current: Floats, threshold: float) -> list[tuple[int, int]]:
-    """Index ranges (first, last) above the threshold; the highest point alone where there is none."""
+    """Index ranges (first, last) above the threshold, or the highest point alone."""
     above = np.concatenate([[False], current > threshold, [False]])
     turns = np.flatnonzero(above[1:] != above[:-1])
     if not turns.size:
@@ -116,11 +122,11 @@ def _middle(
     return sum(moments) / 2, scatter
 
 
-def _collected(path_m: Floats, rate: Floats, sigma_s: float, times: Floats) -> Floats:
-    """Integral up to each time of the echo to a Gaussian pulse of unit area, centred on zero."""
+def _smoothed(path_m: Floats, rate: Floats, sigma_s: float) -> tuple[Floats, Floats]:
+    """Times, and at them the echo to a Gaussian pulse of unit area that is centred on zero."""
     step = (path_m[1] - path_m[0]) / c
     margin = math.ceil(6 * sigma_s / step)
     padded = np.concatenate([np.zeros(margin), rate, np.zeros(margin)])
     smooth = gaussian_filter1d(padded, sigma_s / step, truncate=6.0, mode="constant")
-    right_edges = (np.arange(padded.size) - margin + 0.5) * step + path_m[0] / c
-    return np.asarray(np.interp(times, right_edges, np.cumsum(smooth)))
+    times = (np.arange(padded.size) - margin) * step + path_m[0] / c
+    return times, smooth / step

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from reconstruction.capture import Buckets, Capture, Optics, Provenance, Truth
-from reconstruction.spots import CwSpots
+from reconstruction.capture import Capture, Optics, Provenance, Truth
 from spisim.instrument import Instrument
-from spisim.measurement.electronics import expected_readings, read_out
-from spisim.measurement.light import mean_electrons
+from spisim.measurement.buckets import record_buckets
+from spisim.measurement.light import bucket_light
 from spisim.measurement.sequence import LightSequence, frame_time_s, trace
+from spisim.measurement.spots import record_spots, spot_light
 from spisim.scene import Scene
 from spisim.transport import GroundTruth, Transport, ground_truth
 from spisim.transport.backend import activate
@@ -101,44 +101,23 @@ def record(
     so that the capture can be made again.
     """
     settings = {**(settings or {}), "noise": noise, "frames": frames}
-    mean = mean_electrons(instrument, light, frames)
-    bucket, tof = instrument.detector, instrument.tof
+    for_buckets = for_spots = None
     if noise:
-        for_buckets, for_taps = (
+        for_buckets, for_spots = (
             np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2)
         )
-        buckets = read_out(mean.buckets, bucket, instrument.exposure_time_s, for_buckets)
-        taps = read_out(mean.taps, tof.detector, tof.tap_time_s, for_taps)
-    else:
-        buckets = expected_readings(mean.buckets, bucket)
-        taps = expected_readings(mean.taps, tof.detector)
+    mean = bucket_light(instrument, light, frames)
+    buckets, pattern_taps = record_buckets(instrument, mean, for_buckets)
     return Capture(
         plan=instrument.pattern_plan,
-        buckets=Buckets(
-            counts=buckets.counts,
-            saturated=buckets.saturated,
-            exposure_time_s=instrument.exposure_time_s,
-            pattern_period_s=1 / instrument.projector.pattern_rate_hz,
-            electrons_per_count=bucket.adc.electrons_per_count,
-            offset_counts=bucket.adc.offset_counts,
-            noise_electrons=buckets.noise_electrons,
-            excess_noise_factor=1.0,
-            dead_time_s=0.0,
+        buckets=buckets,
+        spots=record_spots(
+            instrument.tof,
+            spot_light(instrument, light, frames),
+            instrument.lasers.directions,
+            for_spots,
         ),
-        spots=CwSpots(
-            taps=taps.counts,
-            saturated=taps.saturated,
-            directions=instrument.lasers.directions,
-            detector_positions_m=np.asarray(tof.detector.positions_m, dtype=np.float64),
-            tap_frequencies_hz=np.full(tof.tap_phases_rad.size, tof.modulation_frequency_hz),
-            tap_phases_rad=tof.tap_phases_rad,
-            phase_offsets_rad=np.zeros(tof.tap_phases_rad.size),
-            periods=tof.periods,
-            electrons_per_count=tof.detector.adc.electrons_per_count,
-            offset_counts=tof.detector.adc.offset_counts,
-            noise_electrons=taps.noise_electrons,
-            excess_noise_factor=1.0,
-        ),
+        pattern_taps=pattern_taps,
         optics=Optics(
             tan_half_width=instrument.projector.tan_half_width,
             tan_half_height=instrument.projector.tan_half_height,

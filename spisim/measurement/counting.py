@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammainc, ndtri
 
 from spisim.instrument import Spad
 
 Floats = NDArray[np.float64]
 
 #: Mean counts above which the normal limit of the renewal process stands for its distribution.
-LARGE_COUNT = 5000.0
+LARGE_COUNT = 1000.0
 
 
 def dead_time_per_primary(sensor: Spad) -> float:
@@ -33,32 +32,34 @@ def draw_counts(
 ) -> NDArray[np.int32]:
     """Draw counts (frames, ...) for mean detections `primaries`.
 
-    Primary counts are a renewal process: k or more fit if k exponential waits end within T less
-    (k - 1) dead times, P(m ≥ k) = P(k, (T - (k - 1) τ) N / T) with the regularised gamma function
-    (J. W. Müller, Nucl. Instrum. Methods 112, 47 (1973)). Each leaves a geometric number of
-    after-pulses, whose own blindness is put on the primary's account.
+    A renewal process: an exponential wait, a detection with a geometric number of after-pulses,
+    and a dead time for each of them (J. W. Müller, Nucl. Instrum. Methods 112, 47 (1973)). Many
+    counts are normal, of variance (1 + p) N / (1 + N τ / T)³ / (1 - p)².
     """
-    dead_s = dead_time_per_primary(sensor)
-    flat, place = np.unique(primaries, return_inverse=True)
-    uniform = rng.uniform(size=primaries.shape)
+    expected = expected_counts(primaries, sensor, exposure_time_s)
+    many = expected > LARGE_COUNT
     counts = np.empty(primaries.shape)
-    for number, mean in enumerate(flat):
-        mine = place.reshape(primaries.shape) == number
-        counts[mine] = _renewals(mean, dead_s / exposure_time_s, uniform[mine])
-    extra = np.zeros(counts.shape)
-    if sensor.afterpulse_probability > 0:
-        some = counts > 0
-        extra[some] = rng.negative_binomial(counts[some], 1 - sensor.afterpulse_probability)
-    return np.asarray(counts + extra, dtype=np.int32)
+    counts[~many] = _events(primaries[~many], sensor, exposure_time_s, rng)
+    p = sensor.afterpulse_probability
+    blind = primaries[many] * dead_time_per_primary(sensor) / exposure_time_s
+    deviation = np.sqrt((1 + p) * primaries[many] / (1 + blind) ** 3) / (1 - p)
+    counts[many] = np.rint(rng.normal(expected[many], deviation))
+    return counts.astype(np.int32)
 
 
-def _renewals(mean: float, dead: float, uniform: Floats) -> Floats:
-    """Inverse of the distribution of counts; `dead` is the dead time over the exposure."""
-    expected = mean / (1 + mean * dead)
-    spread = np.sqrt(mean / (1 + mean * dead) ** 3)
-    if expected > LARGE_COUNT:
-        return np.asarray(np.maximum(np.rint(expected + spread * ndtri(uniform)), 0))
-    numbers = np.arange(1, int(expected + 12 * np.sqrt(expected) + 30))
-    left = np.maximum(1 - (numbers - 1) * dead, 0)
-    at_least = gammainc(numbers, mean * left)
-    return np.searchsorted(1 - at_least, uniform, side="left").astype(np.float64)
+def _events(
+    primaries: Floats, sensor: Spad, exposure_time_s: float, rng: np.random.Generator
+) -> Floats:
+    """Counts, one detection of all readings after the other."""
+    counts = np.zeros(primaries.shape)
+    times = np.zeros(primaries.shape)
+    with np.errstate(divide="ignore"):
+        waits = exposure_time_s / primaries
+    going = np.flatnonzero(np.isfinite(waits))
+    while going.size:
+        times[going] += rng.exponential(waits[going])
+        going = going[times[going] < exposure_time_s]
+        cascade = rng.geometric(1 - sensor.afterpulse_probability, going.size)
+        counts[going] += cascade
+        times[going] += cascade * sensor.dead_time_s
+    return counts

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from reconstruction.patterns import expose
 from spisim.instrument import Instrument, Modulation
+from spisim.instrument.demodulation import PICTURE_HARMONICS
+from spisim.instrument.model import Source
 from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
 from spisim.measurement.sequence import LightSequence, exposure_times_s
 from spisim.transport import Transport
@@ -71,22 +73,15 @@ def bucket_light(instrument: Instrument, light: LightSequence, frames: int) -> B
     )
 
 
-def tap_frequencies_hz(instrument: Instrument) -> tuple[float, ...]:
-    """Frequencies at which the taps of a modulated projector need phasor images."""
-    modulation = instrument.projector.modulation
-    if modulation is None:
-        return ()
-    return tuple(float(order) * modulation.frequencies_hz[0] for order in modulation.orders())
-
-
 def tap_images(
     instrument: Instrument, modulation: Modulation, transports: tuple[Transport, ...]
 ) -> Floats:
     """Transport images as each tap sees them, (taps, keys, H, W), from the phasor images."""
     amplifier = instrument.detector.amplifier
     assert amplifier is not None
-    _, amplitudes = modulation.amplitudes(modulation.frequencies_hz[0], amplifier.response)
-    orders = modulation.orders()
+    orders, amplitudes = modulation.amplitudes(
+        modulation.frequencies_hz[0], amplifier.response, PICTURE_HARMONICS
+    )
     phases = modulation.taps.phases_rad
     turns = amplitudes[:, None] * np.exp(-1j * orders[:, None] * phases)  # (orders, taps)
     phasors = np.array([key.extra["phasors"] for key in transports])  # (keys, orders, H, W)
@@ -111,7 +106,7 @@ def _readings(instrument: Instrument, shares: Floats, images: Floats, steady: Fl
     return with_carry_over(readings, share)
 
 
-def _gain(instrument: Instrument, source: str) -> float:
+def _gain(instrument: Instrument, source: Source) -> float:
     """Electrons per exposure and watt on the bucket detector's aperture."""
     per_joule = instrument.electrons_per_joule(instrument.detector, source)
     return per_joule * instrument.exposure_time_s

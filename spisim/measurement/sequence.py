@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene, check_clear_of_sensor
-from spisim.transport import Transport, solve
+from spisim.transport import Transport, Wanted, solve
 
 Floats = NDArray[np.float64]
 
@@ -76,7 +76,15 @@ def trace(
         return lambda done: progress((number + done) / keys)
 
     transports = tuple(
-        solve(scene.at(time), instrument, spp=spp, noise=noise, seed=seed, progress=part(number))
+        solve(
+            scene.at(time),
+            instrument,
+            spp=spp,
+            noise=noise,
+            seed=seed,
+            wanted=Wanted(frequencies_hz=instrument.tap_frequencies_hz),
+            progress=part(number),
+        )
         for number, time in enumerate(times)
     )
     return LightSequence(times, transports)

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from reconstruction.spots import CwSpots, HistogramSpots, PulsedSpots, Spots
 from spisim.instrument import CwTof, DirectTof, Instrument, PulsedTof, Spad, TofDetector
-from spisim.measurement.arrivals import threshold_arrivals, tcspc_arrivals
+from spisim.measurement.arrivals import tcspc_arrivals, threshold_arrivals
 from spisim.measurement.electronics import expected_readings, read_out
 from spisim.measurement.sequence import LightSequence, exposure_times_s
 
@@ -22,6 +22,8 @@ Floats = NDArray[np.float64]
 
 #: Points of a pulse's wave form per window.
 WAVE_POINTS = 2000
+#: Where more cycles than this end with a photon, too few are left to tell late light from early.
+MOST_OF_CYCLES = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +71,7 @@ def record_spots(
 
 
 @record_spots.register
-def _(
-    tof: CwTof, light: SpotLight, directions: Floats, rng: np.random.Generator | None
-) -> Spots:
+def _(tof: CwTof, light: SpotLight, directions: Floats, rng: np.random.Generator | None) -> Spots:
     electrons = np.concatenate(
         [cw_taps(tof, light, frequency) for frequency in tof.modulation.frequencies_hz], axis=-1
     )
@@ -145,27 +145,44 @@ def _collected(tof: PulsedTof) -> Callable[[Floats], Floats]:
 def _(
     tof: DirectTof, light: SpotLight, directions: Floats, rng: np.random.Generator | None
 ) -> Spots:
-    stamp = tcspc_arrivals if isinstance(tof.detector.sensor, Spad) else threshold_arrivals
-    histograms = np.empty((*light.steady_per_s.shape, tof.bins))
-    blocked = np.empty(light.steady_per_s.shape, dtype=np.bool_)
-    for place in np.ndindex(*blocked.shape):
-        chances = stamp(tof, light.path_length_m, light.echo_per_s[place], light.steady_per_s[place])
-        # At most one time stamp per cycle: background or echo, whatever comes first.
-        blocked[place] = chances[: tof.bins // 100 + 1].sum() > 0.5
-        if rng is None:
-            histograms[place] = tof.pulses * chances
-        else:
-            none = max(1 - chances.sum(), 0.0)
-            histograms[place] = rng.multinomial(tof.pulses, [*chances, none])[:-1]
+    counts_photons = isinstance(tof.detector.sensor, Spad)
+    stamp = tcspc_arrivals if counts_photons else threshold_arrivals
+    chances = _chances(tof, light, stamp)
+    if rng is None:
+        counts: NDArray[Any] = tof.pulses * chances
+    else:
+        none = np.maximum(1 - chances.sum(axis=-1, keepdims=True), 0)
+        cases = np.concatenate([chances, none], axis=-1)
+        drawn = rng.multinomial(tof.pulses, cases / cases.sum(axis=-1, keepdims=True))
+        counts = drawn[..., :-1].astype(np.int32)
     return HistogramSpots(
         **_common(tof.detector, directions),
-        counts=histograms if rng is None else histograms.astype(np.int32),
-        saturated=blocked,
+        counts=counts,
+        saturated=counts_photons & (chances.sum(axis=-1) > MOST_OF_CYCLES),
         bin_width_s=tof.bin_width_s,
         start_s=0.0,
         pulses=tof.pulses,
         response_sigma_s=tof.response_sigma_s,
         delay_offset_s=0.0,
+        piles_up=counts_photons,
+    )
+
+
+def _chances(tof: DirectTof, light: SpotLight, stamp: Callable[..., Floats]) -> Floats:
+    """Chances (frames, 4, bins) of a time stamp; the same light is not computed twice."""
+    known: dict[bytes, Floats] = {}
+
+    def chances(echo: Floats, steady: Any) -> Floats:
+        key = echo.tobytes() + steady.tobytes()
+        if key not in known:
+            known[key] = stamp(tof, light.path_length_m, echo, float(steady))
+        return known[key]
+
+    return np.array(
+        [
+            [chances(*spot) for spot in zip(*frame, strict=True)]
+            for frame in zip(light.echo_per_s, light.steady_per_s, strict=True)
+        ]
     )
 
 

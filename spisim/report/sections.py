@@ -31,6 +31,7 @@ METRICS = {
     "rmse_m": "RMS error, m",
     "median_relative": "median relative error",
     "within_25_percent": "share within 25 % of truth",
+    "coverage": "share of pixels with a value",
 }
 
 
@@ -70,16 +71,21 @@ def headline(capture: Capture, result: Result, metrics: Metrics | None) -> str:
                 f"of {len(errors)} measured spots",
             )
         )
-    if metrics and metrics.get("depth"):
-        anchored, nearest = metrics["depth"]["anchored"], metrics["depth"]["nearest"]
-        cards.append(
-            card(
-                length(anchored["mae_m"]),
-                "mean depth error",
-                f"nearest anchor {length(nearest['mae_m'])}",
-            )
-        )
+    cards += _depth_cards((metrics or {}).get("depth") or {})
     return f'<div class="cards">{"".join(cards)}</div>'
+
+
+def _depth_cards(metrics: Metrics) -> list[str]:
+    cards = []
+    if "anchored" in metrics:
+        nearest = length(metrics["nearest"]["mae_m"])
+        error = length(metrics["anchored"]["mae_m"])
+        cards.append(card(error, "mean depth error", f"nearest anchor {nearest}"))
+    if "dense" in metrics:
+        covered = 100 * (metrics["dense"]["coverage"] or 0)
+        error = length(metrics["dense"]["mae_m"])
+        cards.append(card(error, "mean dense depth error", f"in {covered:.3g} % of the pixels"))
+    return cards
 
 
 def warnings(capture: Capture, result: Result) -> str:
@@ -132,13 +138,17 @@ def image(capture: Capture, result: Result, metrics: Metrics | None) -> str:
 
 
 def depth(capture: Capture, result: Result) -> str:
-    """True, anchored and nearest-anchor depth, and their errors."""
-    if result.depth_m is None:
+    """True, anchored, nearest-anchor and dense depth, and their errors."""
+    maps = {
+        "Anchored by the spots": result.depth_m,
+        "Nearest spot": result.depth_nearest_m,
+        "Measured in every pixel": result.depth_dense_m,
+    }
+    known = {title: values for title, values in maps.items() if values is not None}
+    if not known:
         return ""
     true = None if capture.truth is None else capture.truth.depth_m
-    maps = {"Anchored by the spots": result.depth_m, "Nearest spot": result.depth_nearest_m}
-    known = {title: values for title, values in maps.items() if values is not None}
-    scale = depth_scale(true if true is not None else result.depth_m)
+    scale = depth_scale(*([true] if true is not None else known.values()))
     marks = spot_marks(capture)
     pictures = [figure(values, scale, title, over=marks) for title, values in known.items()]
     if true is None:
@@ -156,12 +166,15 @@ def depth(capture: Capture, result: Result) -> str:
             f'<div class="row"><p class="aside">Reconstructed minus true depth: blue is too near, '
             f"red is too far.</p>{''.join(differences)}</div>{colour_bar(error, 'error')}"
         )
-    return section(
-        "Depth",
-        "Four measured ranges spread over the image, beside the plain choice: each pixel "
-        "takes the depth of the spot nearest to it. Hatched where nothing is hit.",
-        body,
-    )
+    lead = []
+    if result.depth_m is not None:
+        lead.append(
+            "Four measured ranges spread over the image, beside the plain choice: each pixel "
+            "takes the depth of the spot nearest to it."
+        )
+    if result.depth_dense_m is not None:
+        lead.append("From time of flight of every pattern, each pixel has a depth of its own.")
+    return section("Depth", " ".join([*lead, "Hatched where there is none."]), body)
 
 
 def spots(capture: Capture, result: Result, transport: SpotHistograms | None) -> str:

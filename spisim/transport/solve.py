@@ -43,7 +43,7 @@ class Transport:
     `*_error` are standard errors of the Monte Carlo estimate.
     """
 
-    image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detector's aperture
+    image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detector's apertures
     image_error: Floats
     spot_histogram: Floats  # (4, bins): fraction of a laser's power on its detector's aperture
     spot_histogram_error: Floats
@@ -128,7 +128,7 @@ def solve(
         spot_histogram=spots.mean["histogram"],
         spot_histogram_error=spots.error["histogram"],
         path_length_m=bins.centres_m,
-        daylight_w=float(bucket_daylight[0]),
+        daylight_w=float(bucket_daylight.sum()),
         spot_daylight_w=spot_daylight,
         spot_crosstalk_w=crosstalk,
         paths=image.paths + spots.paths,

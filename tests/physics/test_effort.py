@@ -102,10 +102,9 @@ def test_poses_densities_and_seeds_compile_nothing_new():
 
 def test_a_modulation_too_fast_for_the_histogram_is_refused():
     paper = spisim.load_instrument("paper")
-    fast = paper.model_copy(
-        update={"tof": paper.tof.model_copy(update={"modulation_frequency_hz": 1e9})}
-    )
-    with pytest.raises(InputError, match=r"tof\.modulation_frequency_hz 1e\+09.*at most"):
+    modulation = paper.tof.modulation.model_copy(update={"frequencies_hz": (15e6, 1e9)})
+    fast = paper.model_copy(update={"tof": paper.tof.model_copy(update={"modulation": modulation})})
+    with pytest.raises(InputError, match=r"tof\.modulation\.frequencies_hz 1e\+09.*at most"):
         solve(worlds.scene(*worlds.room()), fast, spp=8)
 
 

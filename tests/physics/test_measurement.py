@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.constants import c, elementary_charge
+from scipy.constants import c
 
 import worlds
 from reconstruction.capture import Capture
 from reconstruction.patterns import expose, illumination, make_plan, signed_coefficients
 from reconstruction.ranging import measure_ranges
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import LightSequence, mean_electrons, record
+from spisim.measurement import LightSequence, bucket_light, record, spot_light
+from spisim.measurement.spots import cw_taps
 from spisim.scene import Ambient
 from spisim.transport import GroundTruth, Transport, ground_truth, solve
 
@@ -43,6 +44,10 @@ def noisy(paper: Instrument, light: Transport, truth: GroundTruth) -> Capture:
     return record(PLACE, paper, still(light), truth, seed=5, frames=FRAMES)
 
 
+def frequency(instrument):
+    return instrument.tof.modulation.frequencies_hz[0]
+
+
 def electrons(part):
     counts = part.counts if hasattr(part, "counts") else part.taps
     return (counts - part.offset_counts) * part.electrons_per_count
@@ -56,8 +61,9 @@ def test_mean_readings_are_the_expected_ones(paper, light, truth, noisy):
 
 
 def test_variance_is_shot_noise_plus_electronics(paper, light, noisy):
-    mean = mean_electrons(paper, still(light), 1)
-    for part, expected in ((noisy.buckets, mean.buckets), (noisy.spots, mean.taps)):
+    buckets = bucket_light(paper, still(light), 1).buckets
+    taps = cw_taps(paper.tof, spot_light(paper, still(light), 1), frequency(paper))
+    for part, expected in ((noisy.buckets, buckets), (noisy.spots, taps)):
         variance = electrons(part).var(axis=0, ddof=1)
         model = expected[0] + part.noise_electrons**2
         z = (variance / model - 1) / np.sqrt(2 / (FRAMES - 1))
@@ -69,17 +75,17 @@ def test_the_sun_adds_what_the_formula_says(paper, light):
     # A Lambertian plane fills the field: τ ρ E A_eff / (4 f#²), whatever the distance.
     detector = paper.detector
     irradiance = paper.daylight_irradiance(40)
-    effective = detector.photoactive_area_mm2 * 1e-6 * detector.fill_factor
+    effective = detector.sensor.effective_area_m2
     closed = 0.5 * irradiance * effective / (4 * detector.f_number**2)
     assert light.daylight_w == pytest.approx(closed, rel=1e-4)
     np.testing.assert_allclose(light.spot_daylight_w, closed, rtol=0.02)  # 5° off: cos to 0.8 %
 
 
 def test_daylight_and_dark_current_cancel_in_the_coefficients(paper, light):
-    mean = mean_electrons(paper, still(light), 1)
+    mean = bucket_light(paper, still(light), 1)
     plan = paper.pattern_plan
     bright = replace(light, daylight_w=10 * light.daylight_w)
-    shifted = mean_electrons(paper, still(bright), 1).buckets
+    shifted = bucket_light(paper, still(bright), 1).buckets
     assert np.all(shifted > mean.buckets)
     first = signed_coefficients(plan, mean.buckets)[1]
     second = signed_coefficients(plan, shifted)[1]
@@ -103,14 +109,12 @@ def test_phase_of_the_taps_is_the_path_length(paper, light, truth):
     taps = electrons(capture.spots)[0]
     amplitude = np.hypot(taps[:, 0] - taps[:, 2], taps[:, 1] - taps[:, 3]) / 2
     mean = taps.mean(axis=1)
-    steady = paper.tof.detector.dark_electrons(paper.tof.tap_time_s)
-    steady += (light.spot_daylight_w + light.spot_crosstalk_w) * (
-        0.9 * paper.tof.detector.responsivity_a_per_w / elementary_charge * paper.tof.tap_time_s
-    )
-    np.testing.assert_allclose(
-        amplitude / (mean - steady), paper.tof.demodulation_contrast, rtol=1e-3
-    )
-    assert paper.tof.modulation_frequency_hz == pytest.approx(c / 20)
+    tap_time_s = paper.tof.tap_time_s(frequency(paper))
+    steady = spot_light(paper, still(light), 1).steady_per_s[0] * tap_time_s
+    modulation, amplifier = paper.tof.modulation, paper.tof.detector.amplifier
+    contrast = modulation.demodulation_contrast(frequency(paper), amplifier.response)
+    np.testing.assert_allclose(amplitude / (mean - steady), contrast, rtol=1e-3)
+    assert frequency(paper) == pytest.approx(c / 20)
 
 
 def test_ranges_scatter_as_their_sigma_says(noisy):

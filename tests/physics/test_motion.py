@@ -9,8 +9,9 @@ import trimesh
 import spisim
 import worlds
 from reconstruction.errors import InputError
-from spisim.measurement import LightSequence, mean_electrons, trace
+from spisim.measurement import LightSequence, bucket_light, spot_light, trace
 from spisim.measurement.sequence import KEYS_PER_FRAME, exposure_times_s, frame_time_s
+from spisim.measurement.spots import cw_taps
 from spisim.scene import Scene
 
 
@@ -31,7 +32,7 @@ def sequence(scene, paper, frames=1):
 def test_what_stands_still_is_solved_once(paper):
     light = sequence(wall(), paper, frames=3)
     assert len(light.transports) == 1
-    readings = mean_electrons(paper, light, 3).buckets
+    readings = bucket_light(paper, light, 3).buckets
     assert readings.shape == (3, paper.pattern_plan.exposures)
     np.testing.assert_array_equal(readings[0], readings[2])
 
@@ -41,8 +42,8 @@ def test_an_approaching_wall_brightens_with_the_inverse_square(paper):
     speed = 20.0
     light = sequence(wall(velocity_m_s=(0.0, 0.0, -speed)), paper, frames=2)
     assert len(light.transports) == 2 * KEYS_PER_FRAME + 1
-    still = mean_electrons(paper, sequence(wall(), paper), 1)
-    moving = mean_electrons(paper, light, 2)
+    still = bucket_light(paper, sequence(wall(), paper), 1)
+    moving = bucket_light(paper, light, 2)
     times = exposure_times_s(paper, 2)
     dark = paper.detector.dark_electrons(paper.exposure_time_s)
     gain = (moving.buckets[:, :-1] - dark) / (still.buckets[:, :-1] - dark)
@@ -69,9 +70,14 @@ def test_ranges_are_those_of_the_frame_s_middle(paper):
 def test_flying_towards_a_wall_is_the_wall_coming_closer(paper):
     towards = replace(wall(), drone_velocity_m_s=(0.0, 0.0, 15.0))
     coming = wall(velocity_m_s=(0.0, 0.0, -15.0))
-    first, second = (mean_electrons(paper, sequence(s, paper), 1) for s in (towards, coming))
+    lights = [sequence(place, paper) for place in (towards, coming)]
+    first, second = (bucket_light(paper, light, 1) for light in lights)
     np.testing.assert_allclose(first.buckets, second.buckets, rtol=1e-5)
-    np.testing.assert_allclose(first.taps, second.taps, rtol=1e-5)
+    first, second = (spot_light(paper, light, 1) for light in lights)
+    np.testing.assert_allclose(first.steady_per_s, second.steady_per_s, rtol=1e-5)
+    frequency = paper.tof.modulation.frequencies_hz[0]
+    taps = [cw_taps(paper.tof, light, frequency) for light in (first, second)]
+    np.testing.assert_allclose(*taps, rtol=1e-5)
 
 
 def test_interpolation_weights_sum_to_one_and_hit_the_keys():

@@ -66,7 +66,7 @@ def test_fog_pulls_near_spots_closer_and_pushes_far_ones_away(warehouse, paper):
         reconstruction.reconstruct(simulation.capture).ranges.range_m
         - simulation.truth.spot_range_m
     )
-    quarter = c / (4 * paper.tof.modulation_frequency_hz)  # half the unambiguous range
+    quarter = c / (4 * paper.tof.modulation.frequencies_hz[0])  # half the unambiguous range
     near = simulation.truth.spot_range_m < 0.9 * quarter
     far = simulation.truth.spot_range_m > 1.2 * quarter
     assert near.any()

@@ -8,7 +8,13 @@ import yaml
 from scipy.constants import c, elementary_charge
 
 from reconstruction.errors import InputError
-from spisim.instrument import Instrument, list_presets, load_instrument
+from spisim.instrument import (
+    Instrument,
+    Spectrum,
+    list_presets,
+    load_instrument,
+    quantum_efficiency,
+)
 from spisim.instrument.load import PRESETS
 
 PAPER = (PRESETS / "paper.yaml").read_text(encoding="utf-8")
@@ -25,15 +31,20 @@ def load_text(folder: Path, text: str) -> Instrument:
     return load_instrument(path)
 
 
+def contrast(instrument: Instrument) -> float:
+    modulation, amplifier = instrument.tof.modulation, instrument.tof.detector.amplifier
+    return modulation.demodulation_contrast(modulation.frequencies_hz[0], amplifier.response)
+
+
 # What the paper says
 
 
 def test_table_1(paper: Instrument) -> None:
     detector = paper.detector
     assert "paper" in list_presets()
-    assert detector.photoactive_area_mm2 == 0.0707
+    assert detector.sensor.photoactive_area_mm2 == 0.0707
     assert detector.f_number == 0.95
-    assert detector.fill_factor == 0.35
+    assert detector.sensor.fill_factor == 0.35
     assert paper.projector.power_w == 6.4
     assert paper.projector.fov_deg == 20
     assert paper.filter.band_nm == (1544, 1556)
@@ -58,19 +69,19 @@ def test_one_frame_shows_127_patterns_and_one_dark(paper: Instrument) -> None:
     assert plan.exposures == 128
     assert np.unique(plan.index).size == 127
     assert plan.exposures * paper.exposure_time_s == pytest.approx(8.53e-3, rel=1e-3)
-    frame = paper.tof.periods / paper.tof.modulation_frequency_hz
-    assert frame == pytest.approx(128 / paper.projector.pattern_rate_hz, rel=2e-3)
+    assert paper.tof.frame_time_s == pytest.approx(128 / paper.projector.pattern_rate_hz, rel=2e-3)
 
 
 def test_ambiguity_is_the_paper_s_10_m(paper: Instrument) -> None:
-    assert c / (2 * paper.tof.modulation_frequency_hz) == pytest.approx(10)
+    assert c / (2 * paper.tof.modulation.frequencies_hz[0]) == pytest.approx(10)
 
 
 # What follows from it
 
 
 def test_quantum_efficiency(paper: Instrument) -> None:
-    assert paper.quantum_efficiency == pytest.approx(0.760, abs=5e-4)
+    efficiency = quantum_efficiency(paper.detector.sensor, paper.wavelength_nm)
+    assert efficiency == pytest.approx(0.760, abs=5e-4)
 
 
 def test_apertures_keep_the_etendue_of_the_photodiode(paper: Instrument) -> None:
@@ -89,7 +100,7 @@ def test_daylight_on_a_white_wall_gives_the_known_rate(paper: Instrument) -> Non
     radiance = paper.daylight_irradiance(100) / np.pi
     half_angle = np.radians(detector.field_of_view_deg / 2)
     power = radiance * detector.aperture_area_m2 * np.pi * np.sin(half_angle) ** 2
-    rate = power * detector.lens_transmittance * detector.electrons_per_joule
+    rate = power * paper.electrons_per_joule(detector, "daylight")
     assert rate == pytest.approx(1.085e11, rel=2e-3)
 
 
@@ -113,27 +124,26 @@ def test_adc_steps(paper: Instrument) -> None:
 
 def test_bright_spot_at_1_m_in_full_sun_fits_the_tap_s_range(paper: Instrument) -> None:
     tof, detector = paper.tof, paper.tof.detector
-    efficiency = detector.lens_transmittance * detector.electrons_per_joule * tof.tap_time_s
+    tap_time_s = tof.tap_time_s(tof.modulation.frequencies_hz[0])
+    efficiency = paper.electrons_per_joule(detector, "laser") * tap_time_s
     spot = paper.lasers.power_w * detector.aperture_area_m2 / np.pi * efficiency
     half_angle = np.radians(detector.field_of_view_deg / 2)
     sun = paper.daylight_irradiance(100) * detector.aperture_area_m2 * np.sin(half_angle) ** 2
     # The patterns, half on, light the field's share of the projector's square.
     lit = np.pi * np.tan(half_angle) ** 2 / (4 * paper.projector.tan_half_width**2)
     patterns = paper.projector.power_w / 2 * lit / paper.lasers.power_w * spot
-    highest = spot * (1 + tof.demodulation_contrast) + patterns + sun * efficiency
-    highest += detector.dark_electrons(tof.tap_time_s)
-    headroom = detector.adc.full_scale_electrons - (
-        detector.adc.offset_counts * detector.adc.electrons_per_count
-    )
+    highest = spot * (1 + contrast(paper)) + patterns + sun * efficiency
+    highest += detector.dark_electrons(tap_time_s)
+    headroom = detector.adc.headroom_electrons
     assert 0.7 * headroom < highest < headroom
     assert detector.adc.quantisation_noise_electrons < detector.amplifier_noise_electrons(
-        tof.tap_time_s
+        tap_time_s
     )
 
 
 def test_demodulation_contrast_of_a_quarter_period_tap(paper: Instrument) -> None:
-    assert paper.tof.demodulation_contrast == pytest.approx(np.sin(np.pi / 4) / (np.pi / 4))
-    np.testing.assert_allclose(np.degrees(paper.tof.tap_phases_rad), [0, 90, 180, 270])
+    assert contrast(paper) == pytest.approx(np.sin(np.pi / 4) / (np.pi / 4))
+    np.testing.assert_allclose(np.degrees(paper.tof.modulation.taps.phases_rad), [0, 90, 180, 270])
 
 
 def test_laser_directions_are_right_and_up(paper: Instrument) -> None:
@@ -158,7 +168,7 @@ def test_bucket_sees_the_corners_of_the_field_from_1_m_on(paper: Instrument) -> 
     w = paper.projector.tan_half_width * (1 - 1 / columns)  # centres of the outermost pixels
     h = paper.projector.tan_half_height * (1 - 1 / rows)
     corners = np.array([[x, y, 1.0] for x in (-w, w) for y in (-h, h)])
-    rays = corners - paper.detector.position_m
+    rays = corners - np.asarray(paper.detector.positions_m)
     angles = np.degrees(np.arccos(rays[:, 2] / np.linalg.norm(rays, axis=1)))
     assert angles.max() < paper.detector.field_of_view_deg / 2
 
@@ -167,6 +177,73 @@ def test_field_of_a_wide_pattern_has_square_pixels(paper: Instrument) -> None:
     wide = paper.projector.model_copy(update={"shape": (16, 64)})
     assert wide.tan_half_width == pytest.approx(np.tan(np.radians(10)))
     assert wide.tan_half_height == pytest.approx(wide.tan_half_width / 4)
+
+
+# Other instruments
+
+
+@pytest.mark.parametrize("name", list_presets())
+def test_every_preset_loads_and_survives_its_own_text(name: str, tmp_path: Path) -> None:
+    instrument = load_instrument(name)
+    assert load_text(tmp_path, instrument.text) == instrument
+
+
+def test_apertures_of_presets_are_lenses_that_exist() -> None:
+    fga015 = load_instrument("fga015")
+    assert fga015.detector.aperture_area_m2 == pytest.approx(np.pi * 0.0985e-3**2, rel=0.01)
+    assert fga015.tof.detector.aperture_area_m2 == pytest.approx(np.pi * 4e-3**2, rel=0.01)
+
+
+def test_led_in_the_band_by_its_spectrum() -> None:
+    assert load_instrument("fga015").in_band_fraction == pytest.approx(0.1022, abs=1e-4)
+    at_1460 = Spectrum(peak_nm=1460, fwhm_nm=110)
+    assert at_1460.fraction_within((1544, 1556)) == pytest.approx(0.0161, abs=1e-4)
+
+
+def test_apd_noise_and_primary_dark_current() -> None:
+    sensor = load_instrument("apd").detector.sensor
+    assert sensor.excess_noise_factor == pytest.approx(5.545)
+    assert sensor.dark_rate_hz == pytest.approx(2e-9 / elementary_charge)
+
+
+def test_responsivity_may_be_a_table(paper: Instrument, tmp_path: Path) -> None:
+    table = "responsivity_a_per_w: [[1500, 0.9], [1550, 0.95], [1600, 1.0]]"
+    tabled = load_text(tmp_path, PAPER.replace("responsivity_a_per_w: 0.95", table, 1))
+    flat = paper.electrons_per_joule(paper.detector, "daylight")
+    assert tabled.electrons_per_joule(tabled.detector, "daylight") == pytest.approx(flat, rel=1e-4)
+
+
+def test_aperture_and_f_number_are_two_words_for_one_lens(tmp_path: Path) -> None:
+    sensor = load_instrument("paper").detector.sensor
+    aperture = "aperture_diameter_mm: 0.5"
+    instrument = load_text(tmp_path, PAPER.replace("f_number: 0.95", aperture, 1))
+    detector = instrument.detector
+    etendue = detector.aperture_area_m2 * np.sin(np.radians(16)) ** 2
+    assert detector.working_f_number == pytest.approx(
+        np.sqrt(sensor.effective_area_m2 / etendue) / 2
+    )
+
+
+def test_lens_larger_than_the_etendue_allows(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"detector:.*aperture_diameter_mm 25.*0\.644 mm"):
+        load_text(tmp_path, PAPER.replace("f_number: 0.95", "aperture_diameter_mm: 25", 1))
+
+
+def test_shared_photodiode_stands_for_all_spots(tmp_path: Path) -> None:
+    head, tail = PAPER.split("    positions_m:\n      - [-0.00707", 1)
+    one = head + "    positions_m:\n      - [0.01, 0, 0]\n" + tail.split("\n", 4)[4]
+    instrument = load_text(tmp_path, one)
+    assert instrument.tof.detector.shared
+    np.testing.assert_array_equal(instrument.tof.detector.spot_positions_m, [[0.01, 0, 0]] * 4)
+    paper = load_instrument("paper")
+    assert instrument.tof.frame_time_s == pytest.approx(4 * paper.tof.frame_time_s)
+
+
+def test_leds_differ_as_they_should(paper: Instrument) -> None:
+    array = paper.projector.model_copy(update={"nonuniformity": 0.05})
+    shares = array.pixel_shares * 4096
+    assert shares.sum() == pytest.approx(4096)
+    assert shares.std() == pytest.approx(0.05, rel=0.05)
 
 
 # Files
@@ -207,13 +284,13 @@ def test_exposure_defaults_to_the_pattern_period_and_may_be_shorter(tmp_path: Pa
         (("[1544, 1556]", "[1556, 1544]"), ["filter.band_nm", "1500 to 1600"]),
         (("[1544, 1556]", "[1520, 1530]"), ["wavelength_nm", "band_nm"]),
         (("wavelength_nm: 1550", "wavelength_nm: 905"), ["wavelength_nm", "1500", "905"]),
-        (("f_number: 0.95", "f_number: 0"), ["detector.f_number", "greater than 0"]),
-        (("fill_factor: 0.35", "fill_factor: 35"), ["detector.fill_factor", "35"]),
+        (("f_number: 0.95", "f_number: 0.4"), ["detector.f_number", "0.5", "0.4"]),
+        (("fill_factor: 0.35", "fill_factor: 35"), ["detector.sensor.fill_factor", "35"]),
         (("responsivity_a_per_w: 0.95", "responsivity_a_per_w: 1.3"), ["electron per photon"]),
         (("bits: 16", "bits: 16.5"), ["detector.adc.bits", "16.5"]),
         (("    - [5, -5]\n", ""), ["lasers.directions_deg", "4"]),
         (("[5, -5]", "[5, -95]"), ["lasers.directions_deg[3][1]", "-95"]),
-        (("tap_width: 0.25", "tap_width: 1.25"), ["tof.tap_width", "1.25"]),
+        (("width: 0.25", "width: 1.25"), ["tof.modulation.taps.width", "1.25"]),
         (("periods: 128000", "periods: many"), ["tof.periods", "'many'"]),
         (("pattern_rate_hz: 15.0e+3", "pattern_rate_hz: 0"), ["projector.pattern_rate_hz"]),
     ],
@@ -223,6 +300,50 @@ def test_mistake_in_a_field(tmp_path: Path, wrong: tuple[str, str], parts: list[
     assert text != PAPER
     with pytest.raises(InputError) as caught:
         load_text(tmp_path, text)
+    message = str(caught.value)
+    for part in ["mine.yaml", *parts]:
+        assert part in message
+    assert len(message.splitlines()) == 1
+
+
+SPAD = (PRESETS / "spad.yaml").read_text(encoding="utf-8")
+HYBRID = (PRESETS / "hybrid.yaml").read_text(encoding="utf-8")
+MODULATION = "  modulation: {frequencies_hz: [15.0e+6]}\n  pattern_rate_hz"
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong", "parts"),
+    [
+        (SPAD, ("type: spad ", "type: sapd "), ["tof.detector.sensor", "sapd", "spad"]),
+        (SPAD, ("method: dtof", "method: cw"), ["tof"]),
+        (SPAD, ("900.0e+3", "950.0e+3"), ["repetition_rate_hz 950000", "at most"]),
+        (SPAD, ("detection_efficiency: 0.15", "detection_efficiency: 15"), ["more than 1"]),
+        (SPAD, ("bins: 800", "bins: 2"), ["tof.bins", "greater than or equal to 3"]),
+        (HYBRID, ("rise_time_s: 1.0e-9", "rise_time_s: 1.0e-7"), ["rise_time_s", "pulse_width_s"]),
+        (HYBRID, ("1.2e+6", "5.0e+6"), ["repetition_rate_hz 5e+06", "at most"]),
+        (HYBRID, ("  adc:\n    bits: 16", "  adcs:\n    bits: 16"), ["did you mean 'adc'"]),
+        (PAPER, ("in_band_fraction: 1.0", "nonuniformity: 0"), ["in_band_fraction or spectrum"]),
+        (PAPER, ("f_number: 0.95", "vignetting: 0"), ["f_number or aperture_diameter_mm"]),
+        (PAPER, ("    noise_pa", "    coupling: ac\n    noise_pa"), ["low_cut_hz"]),
+        (
+            PAPER,
+            ("  pattern_rate_hz", MODULATION.replace("15.0e+6", "15.0")),
+            ["projector.modulation.frequencies_hz", "at least 1.5e+04"],
+        ),
+        (
+            PAPER,
+            ("  pattern_rate_hz", MODULATION.replace("]", "], taps: {width: 0.5}")),
+            ["projector.modulation.taps", "width 0.25"],
+        ),
+    ],
+)
+def test_mistake_in_another_instrument(
+    tmp_path: Path, text: str, wrong: tuple[str, str], parts: list[str]
+) -> None:
+    changed = text.replace(*wrong, 1)
+    assert changed != text
+    with pytest.raises(InputError) as caught:
+        load_text(tmp_path, changed)
     message = str(caught.value)
     for part in ["mine.yaml", *parts]:
         assert part in message

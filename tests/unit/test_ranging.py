@@ -4,42 +4,43 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 from scipy.constants import c
 
+from fourspots import (
+    CHARGE,
+    DETECTORS,
+    DIRECTIONS,
+    GEOMETRY,
+    PATHS,
+    RANGES,
+    assert_scatter,
+    charge,
+    counts,
+)
 from reconstruction.ranging import measure_ranges
 from reconstruction.ranging.cw import demodulate
 from reconstruction.ranging.geometry import range_from_path
 from reconstruction.spots import CwSpots
 
 FREQUENCY = 15e6
-DIRECTIONS = np.array([[-0.2, -0.1, 1], [0.2, -0.1, 1], [-0.2, 0.1, 1], [0.2, 0.1, 1]])
-DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]
-DETECTORS = np.array([[0.1, 0, 0], [-0.1, 0, 0.02], [0, 0.1, 0], [0, 0, 0]])
-RANGES = np.array([1.5, 3.0, 5.0, 8.0])
 
 
-def spots(electrons, taps, phase_offset=0.4, noise=0.0):
+def spots(electrons, taps, phase_offset=0.4, **changes):
     """Spots of one frame with two electrons per count and an offset of 50 counts."""
     return CwSpots(
-        taps=electrons[None] / 2 + 50,
+        **GEOMETRY,
+        **(CHARGE | changes),
+        taps=counts(electrons[None]),
         saturated=np.zeros((1, 4, taps), dtype=bool),
-        directions=DIRECTIONS,
-        detector_positions_m=DETECTORS,
         tap_frequencies_hz=np.full(taps, FREQUENCY),
         tap_phases_rad=2 * np.pi * np.arange(taps) / taps,
         phase_offsets_rad=np.full(taps, phase_offset),
         periods=1000,
-        electrons_per_count=2.0,
-        offset_counts=50.0,
-        noise_electrons=noise,
-        excess_noise_factor=1.0,
     )
 
 
 def ideal(taps, phase_offset=0.4, amplitude=1e4, offset=5e4):
-    path = RANGES + np.linalg.norm(RANGES[:, None] * DIRECTIONS - DETECTORS, axis=1)
-    phase = 2 * np.pi * FREQUENCY * path / c + phase_offset
+    phase = 2 * np.pi * FREQUENCY * PATHS / c + phase_offset
     tap_phases = 2 * np.pi * np.arange(taps) / taps
     return offset + amplitude * np.cos(phase[:, None] - tap_phases)
 
@@ -72,39 +73,36 @@ def test_four_taps_reduce_to_the_arctangent_and_the_propagated_variance():
 
 
 def test_range_solves_the_triangle_and_its_slope_is_the_derivative():
-    path = RANGES + np.linalg.norm(RANGES[:, None] * DIRECTIONS - DETECTORS, axis=1)
-    range_m, slope = range_from_path(path, DIRECTIONS, DETECTORS)
+    range_m, slope = range_from_path(PATHS, DIRECTIONS, DETECTORS)
     assert np.allclose(range_m, RANGES)
     step = 1e-6
-    further, _ = range_from_path(path + step, DIRECTIONS, DETECTORS)
+    further, _ = range_from_path(PATHS + step, DIRECTIONS, DETECTORS)
     assert np.allclose(slope, (further - range_m) / step, rtol=1e-4)
 
 
-@pytest.mark.parametrize(("taps", "noise"), [(3, 0.0), (4, 150.0), (6, 300.0)])
-def test_sigma_is_the_scatter_of_20000_trials(taps, noise):
-    rng = np.random.default_rng(taps)
-    trials = 20_000
+@pytest.mark.parametrize(
+    ("taps", "noise", "excess"), [(3, 0.0, 1.0), (4, 150.0, 1.0), (6, 300.0, 1.0), (4, 200.0, 5.5)]
+)
+def test_sigma_is_the_scatter_of_20000_trials(taps, noise, excess):
     mean = ideal(taps)
-    recorded = rng.poisson(mean, (trials, *mean.shape)) + rng.normal(
-        0, noise, (trials, *mean.shape)
+    model = {"noise_electrons": noise, "excess_noise_factor": excess}
+    expected = measure_ranges(spots(mean, taps, **model))
+    everywhere = np.broadcast_to(mean, (20_000, *mean.shape))
+    recorded = charge(np.random.default_rng(taps), everywhere, excess, noise)
+    # all trials at once, through the functions that do the work
+    phase, _, _, _ = demodulate(recorded, recorded, 2 * np.pi * np.arange(taps) / taps - 0.4)
+    path = np.mod(phase, 2 * np.pi) * c / (2 * np.pi * FREQUENCY)
+    ranges, _ = range_from_path(path, DIRECTIONS, DETECTORS)
+    assert_scatter(ranges, RANGES, expected.sigma_m)
+
+
+def test_sigma_is_that_of_lange_and_seitz():
+    """sigma = c / (4 sqrt(2) pi f) sqrt(B) / A for four taps and shot noise (2001, eq. 11)."""
+    coaxial = replace(
+        spots(ideal(4), 4), detector_positions_m=np.zeros((4, 3)), excess_noise_factor=4.0
     )
-    template = spots(mean, taps, noise=noise)
-    measured = replace(
-        template,
-        taps=recorded / 2 + 50,
-        saturated=np.zeros(recorded.shape, dtype=bool),
-    )
-    ranges = [measure_ranges(measured, frame) for frame in range(0, trials, 40)]
-    sigma = np.median([r.sigma_m for r in ranges], axis=0)
-    # all trials at once, through the function that does the work
-    phase, _, _, _ = demodulate(recorded, np.ones(taps), template.tap_phases_rad)
-    path = np.mod(phase - 0.4, 2 * np.pi) * c / (2 * np.pi * FREQUENCY)
-    scatter = range_from_path(path, DIRECTIONS, DETECTORS)[0]
-    chi_squared = (scatter.std(axis=0, ddof=1) / sigma) ** 2 * (trials - 1)
-    z = (chi_squared - (trials - 1)) / np.sqrt(2 * (trials - 1))
-    assert np.abs(z).max() < stats.norm.isf(0.0005 / 4) + 1  # sigma itself is estimated to 0.5 %
-    bias = (scatter.mean(axis=0) - RANGES) / (sigma / np.sqrt(trials))
-    assert np.abs(bias).max() < stats.norm.isf(0.0005 / 4)
+    expected = c / (4 * np.sqrt(2) * np.pi * FREQUENCY) * np.sqrt(4.0 * 5e4) / 1e4
+    assert np.allclose(measure_ranges(coaxial).sigma_m, expected, rtol=1e-6)
 
 
 def test_a_saturated_tap_spoils_its_spot_only():
@@ -151,6 +149,6 @@ def test_frames_are_independent():
 
 
 def test_unknown_electronics_noise_counts_shot_noise_only():
-    known = measure_ranges(spots(ideal(4), 4, noise=0.0))
-    unknown = measure_ranges(spots(ideal(4), 4, noise=np.nan))
+    known = measure_ranges(spots(ideal(4), 4, noise_electrons=0.0))
+    unknown = measure_ranges(spots(ideal(4), 4, noise_electrons=np.nan))
     assert np.array_equal(known.sigma_m, unknown.sigma_m)

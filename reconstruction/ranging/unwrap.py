@@ -1,0 +1,76 @@
+"""From phases at one or several modulation frequencies to one path length.
+
+A phase tells the path but for a multiple of its wavelength c / f. Of all multiples within the range
+in which the phases do not repeat together, the one is taken under which the paths of all
+frequencies agree best, in the weighted least-squares sense (D. Droeschel, D. Holz, S. Behnke,
+"Multi-frequency phase unwrapping for time-of-flight cameras", IROS 2010; M. Hansard et al.,
+"Time-of-Flight Cameras", Springer 2012, ch. 2), by trying each.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import c
+
+from .ranges import LEAST_SIGNAL
+
+Floats = NDArray[np.float64]
+
+PHASE_ERROR_RAD = 0.05
+"""Systematic error that a phase may have beside its noise: harmonics, echoes of fog."""
+LONGEST_PATH_M = 80.0
+"""Paths beyond this are not considered where several frequencies could tell them."""
+
+
+def path_from_phases(
+    phases: Floats, sigmas: Floats, frequencies_hz: Floats
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Path length in metres, its standard deviation, and whether it is ambiguous, each (...,).
+
+    ``phases`` 2 pi f L / c and their standard deviations are (J, ...), the J frequencies (J,)
+    differ. A path is ambiguous where the frequencies contradict each other, or agree on another
+    path nearly as well: by LEAST_SIGNAL standard deviations, noise and PHASE_ERROR_RAD together.
+    """
+    columns = (-1,) + (1,) * (phases.ndim - 1)
+    metres_per_radian = (c / (2 * np.pi * frequencies_hz)).reshape(columns)
+    finest = int(np.argmax(frequencies_hz))
+    limit_m = unambiguous_path_m(frequencies_hz)
+    wraps = int(np.ceil(limit_m * frequencies_hz[finest] / c - 1e-9))
+    turns = 2 * np.pi * np.arange(wraps).reshape(-1, *([1] * (phases.ndim - 1)))
+    candidates = (np.mod(phases[finest], 2 * np.pi) + turns) * metres_per_radian[finest]
+
+    off = phases[:, None] - candidates / metres_per_radian[:, None]
+    off = (np.mod(off + np.pi, 2 * np.pi) - np.pi) * metres_per_radian[:, None]  # (J, wraps, ...)
+    sigmas = np.clip(sigmas, 1e-9, 1e9)  # without signal it is infinite
+    trusted = 1 / ((sigmas**2 + PHASE_ERROR_RAD**2) * metres_per_radian**2)
+    precise = 1 / (sigmas * metres_per_radian) ** 2
+    mean = (trusted[:, None] * off).sum(axis=0) / trusted.sum(axis=0)
+    misfit = (trusted[:, None] * (off - mean) ** 2).sum(axis=0)
+    misfit = np.where(candidates <= limit_m * (1 + 1e-9), misfit, np.inf)
+
+    best = misfit.argmin(axis=0)[None]
+    least, *others = np.sort(misfit, axis=0)[:2]
+    contradicted = least > LEAST_SIGNAL**2 * max(frequencies_hz.size - 1, 1)
+    rivalled = np.any([other - least < LEAST_SIGNAL**2 for other in others], axis=0)
+    path = np.take_along_axis(candidates, best, axis=0)[0]
+    correction = np.take_along_axis(off, best[None], axis=1)[:, 0]
+    total = precise.sum(axis=0)
+    path = path + (precise * correction).sum(axis=0) / total
+    return path, 1 / np.sqrt(total), contradicted | rivalled
+
+
+def unambiguous_path_m(frequencies_hz: Floats) -> float:
+    """Path length at which the phases of all frequencies repeat, in metres.
+
+    That is c / f of a single one. Of several it is the first multiple of the shortest wavelength at
+    which no phase differs by more than `path_from_phases` could tell, LONGEST_PATH_M at most.
+    """
+    shortest = c / float(frequencies_hz.max())
+    unlike = LEAST_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
+    path = shortest
+    while True:
+        cycles = path * frequencies_hz / c
+        if np.abs(cycles - np.round(cycles)).max() < unlike:
+            return path
+        if path > LONGEST_PATH_M:
+            return LONGEST_PATH_M
+        path += shortest

@@ -1,0 +1,169 @@
+"""Bucket readings of every kind of detector against the light budget."""
+
+import numpy as np
+import pytest
+import yaml
+
+import reconstruction
+import worlds
+from reconstruction.capture import Capture
+from spisim.config import parse_model
+from spisim.instrument import Instrument, load_instrument
+from spisim.measurement import LightSequence, bucket_light, record, trace
+from spisim.scene import Ambient, Scene
+from spisim.transport import GroundTruth, ground_truth
+
+PLACE = worlds.scene(worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=20, sun_direction=(0, 0, 1)))
+FRAMES = 1000
+
+
+def changed(name: str, **parts: dict) -> Instrument:
+    """A preset with some fields replaced, checked like a file."""
+    fields = yaml.safe_load(load_instrument(name).text)
+    for path, values in parts.items():
+        section = fields
+        *parents, last = path.split("__")
+        for part in parents:
+            section = section[part]
+        section[last] = values
+    return parse_model(yaml.safe_dump(fields), Instrument, "test")
+
+
+def still(instrument: Instrument, place: Scene = PLACE) -> LightSequence:
+    return trace(place, instrument, frames=1, spp=16, noise=None, seed=0, progress=None)
+
+
+@pytest.fixture(scope="module")
+def truth() -> GroundTruth:
+    return ground_truth(PLACE, load_instrument("paper"))
+
+
+def capture_of(instrument: Instrument, truth: GroundTruth, *, noise: bool, frames: int) -> Capture:
+    light = still(instrument)
+    return record(PLACE, instrument, light, truth, seed=5, noise=noise, frames=frames)
+
+
+COUNTER = {
+    "type": "spad",
+    "photoactive_area_mm2": 2.0e-4,
+    "detection_efficiency": 0.15,
+    "dark_count_rate_hz": 2500,
+    "dead_time_s": 50e-9,
+    "afterpulse_probability": 0.04,
+}
+AC = {"noise_pa_per_sqrt_hz": 0.2, "coupling": "ac", "low_cut_hz": 5.0}
+SIGNED_ADC = {"bits": 16, "full_scale_electrons": 2e8, "offset_counts": 32768}
+
+
+def instruments() -> list[Instrument]:
+    counter = yaml.safe_load(load_instrument("paper").text)["detector"]
+    counter = {k: v for k, v in counter.items() if k not in ("amplifier", "adc")}
+    return [
+        changed("paper"),
+        changed("apd"),
+        changed("paper", detector__amplifier=AC, detector__adc=SIGNED_ADC),
+        changed("paper", detector=counter | {"sensor": COUNTER}),
+    ]
+
+
+@pytest.mark.parametrize("instrument", instruments(), ids=["pin", "apd", "ac", "spad"])
+def test_noise_is_what_the_capture_says(instrument: Instrument, truth: GroundTruth) -> None:
+    """Means and variances of many frames against the noise-free readings and `variance`."""
+    noisy = capture_of(instrument, truth, noise=True, frames=FRAMES).buckets
+    ideal = capture_of(instrument, truth, noise=False, frames=FRAMES).buckets
+    assert not noisy.saturated.any()
+    signal = noisy.signal
+    z = worlds.z_score_exact(signal, ideal.signal.mean(axis=0))
+    assert np.abs(z).max() < 5  # of 128 readings
+    model = np.maximum(noisy.variance.mean(axis=0), 1e-12)
+    ratio = (signal.var(axis=0, ddof=1) / model - 1) / np.sqrt(2 / (FRAMES - 1))
+    assert np.abs(ratio).max() < 5
+    assert abs(ratio.mean()) * np.sqrt(ratio.size) < 4
+
+
+@pytest.mark.parametrize("instrument", instruments()[2:], ids=["ac", "spad"])
+def test_every_detector_gives_an_image(instrument: Instrument) -> None:
+    place = worlds.scene(*worlds.room())
+    light = still(instrument, place)
+    truth = ground_truth(place, instrument)
+    capture = record(place, instrument, light, truth, seed=1, noise=False)
+    metrics = reconstruction.evaluate(reconstruction.reconstruct(capture), truth=capture.truth)
+    assert metrics["image"]["correlation"] > 0.9
+
+
+def test_coupling_out_the_sun_leaves_room_in_the_converter(truth: GroundTruth) -> None:
+    narrow = {"bits": 16, "full_scale_electrons": 5e6, "offset_counts": 32768}
+    dc = changed("paper", detector__adc=narrow)
+    ac = changed("paper", detector__adc=narrow, detector__amplifier=AC)
+    assert capture_of(dc, truth, noise=True, frames=1).buckets.saturated.any()
+    assert not capture_of(ac, truth, noise=True, frames=1).buckets.saturated.any()
+
+
+def test_counter_at_its_limit_is_flagged(truth: GroundTruth) -> None:
+    counter = yaml.safe_load(load_instrument("paper").text)["detector"]
+    counter = {k: v for k, v in counter.items() if k not in ("amplifier", "adc")}
+    slow = changed("paper", detector=counter | {"sensor": COUNTER | {"dead_time_s": 10e-6}})
+    assert capture_of(slow, truth, noise=True, frames=1).buckets.saturated.all()
+
+
+def test_blocked_light_leaves_dark_and_read_noise() -> None:
+    dark = worlds.scene(worlds.plane(4.0, 0.0))
+    for instrument in instruments()[:2]:
+        light = bucket_light(instrument, still(instrument, dark), 1)
+        expected = instrument.detector.dark_electrons(instrument.exposure_time_s)
+        np.testing.assert_allclose(light.buckets, expected, rtol=1e-12)
+        capture = record(
+            dark,
+            instrument,
+            still(instrument, dark),
+            ground_truth(dark, instrument),
+            seed=2,
+            frames=500,
+        )
+        electrons = capture.buckets.signal
+        variance = expected * instrument.detector.sensor.excess_noise_factor
+        variance += capture.buckets.noise_electrons**2
+        ratio = (electrons.var() / variance - 1) / np.sqrt(2 / electrons.size)
+        assert abs(ratio) < 4
+
+
+def test_twice_the_sun_is_twice_the_background() -> None:
+    paper = load_instrument("paper")
+    dark = paper.detector.dark_electrons(paper.exposure_time_s)
+    levels = []
+    for klx in (10, 20):
+        ambient = Ambient(sun_klx=klx, sun_direction=(0, 0, 1))
+        place = worlds.scene(worlds.plane(4.0, 0.5), ambient=ambient)
+        light = bucket_light(paper, still(paper, place), 1)
+        levels.append(light.buckets[0, -1] - dark)  # the dark exposure
+    assert levels[1] == pytest.approx(2 * levels[0], rel=1e-6)
+
+
+def test_leaking_pixels_cost_contrast_and_nothing_else() -> None:
+    place = worlds.scene(*worlds.room())
+    black, grey = changed("paper"), changed("paper", projector__on_off_contrast=5.0)
+    images = [bucket_light(one, still(one, place), 1) for one in (black, grey)]
+    np.testing.assert_allclose(images[1].image, 0.8 * images[0].image, rtol=1e-12)
+    plan = black.pattern_plan
+    decoded = [plan.decoder @ light.buckets[0] for light in images]
+    np.testing.assert_allclose(decoded[1], 0.8 * decoded[0], atol=1e-6 * decoded[0].max())
+
+
+def test_taps_of_every_pattern_hold_the_range_of_every_pixel() -> None:
+    """Full basis, no noise: a plane's range at every pixel, and the bucket is the taps' sum."""
+    modulation = {"frequencies_hz": [15e6], "taps": {"width": 0.25}}
+    plan = {"patterns": 256, "order": "sequency-2d", "polarity": "differential"}
+    instrument = changed(
+        "paper", projector__shape=[16, 16], projector__modulation=modulation, plan=plan
+    )
+    place = worlds.scene(worlds.plane(4.0, 0.5))
+    truth = ground_truth(place, instrument)
+    light = trace(place, instrument, frames=1, spp=1024, noise=None, seed=0, progress=None)
+    capture = record(place, instrument, light, truth, seed=0, noise=False)
+    taps = capture.pattern_taps
+    assert taps is not None
+    assert taps.taps.shape == (1, 512, 4)
+    total = taps.electrons(taps.taps).sum(axis=-1)
+    np.testing.assert_allclose(total, capture.buckets.signal, rtol=1e-9)
+    result = reconstruction.reconstruct(capture)
+    np.testing.assert_allclose(result.range_dense_m, truth.range_m, atol=1e-3)
