@@ -17,6 +17,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from reconstruction.errors import InputError
+from reconstruction.files import write_atomically
+
 
 @dataclass(frozen=True)
 class Table:
@@ -122,15 +125,24 @@ def report(
 def paste(path: Path, name: str, around: dict[str, Any], tables: Sequence[Table]) -> None:
     """Replace what stands between `<!-- name -->` and `<!-- /name -->` in a Markdown file.
 
-    Raises ValueError where the two marks are missing.
+    Raises InputError as `around_marks`.
+    """
+    before, after = around_marks(path, name)
+    body = "\n".join([surroundings_line(around), "", *(table.markdown() for table in tables)])
+    write_atomically(path, f"{before}\n\n{body}\n{after}".encode())
+
+
+def around_marks(path: Path, name: str) -> tuple[str, str]:
+    """Text up to the mark `<!-- name -->` and from `<!-- /name -->` on, marks included.
+
+    Raises InputError where a mark is missing, OSError where the file is.
     """
     opening, closing = f"<!-- {name} -->", f"<!-- /{name} -->"
-    before, found, rest = path.read_text().partition(opening)
+    before, found, rest = path.read_text(encoding="utf-8").partition(opening)
     _, ended, after = rest.partition(closing)
     if not (found and ended):
-        raise ValueError(f"{path} lacks the marks {opening} and {closing}")
-    body = "\n".join([surroundings_line(around), "", *(table.markdown() for table in tables)])
-    path.write_text(f"{before}{opening}\n\n{body}\n{closing}{after}")
+        raise InputError(f"{path} lacks the marks {opening} and {closing}")
+    return before + opening, closing + after
 
 
 def _processor() -> str:

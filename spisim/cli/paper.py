@@ -40,10 +40,12 @@ def command(
     """
     from reconstruction.files import require_folder, write_atomically
     from spisim.budget.plots import png_bytes
-    from spisim.measured import checks_table, paste, report, surroundings
+    from spisim.measured import around_marks, checks_table, paste, report, surroundings
     from spisim.paper import RESULTS
 
     require_folder(output)
+    if markdown is not None:
+        around_marks(markdown, "paper")
     names = list(RESULTS) if which is Which.all else [which.value]
     results = {name: RESULTS[name]() for name in names}
     for name, result in results.items():
