@@ -191,7 +191,7 @@ def _panel(axes: Axes, diode: str, reach: Floats) -> None:
         low, high = PAPER_M[diode, place]
         left, right = indices[0] - 0.45, indices[-1] + 0.45
         axes.fill_between([left, right], low, high, color="0.85", zorder=0)
-        axes.text(left + 0.04, high, f" {place}", va="bottom", fontsize=9, color="0.4")
+        axes.text(left, 9.4, f" {place}", fontsize=9, color="0.4")
     for k, (rho, colour) in enumerate(zip(REFLECTANCES, COLOURS, strict=True)):
         bars = axes.bar(
             places + 0.26 * (k - 1), reach[:, k], 0.24, color=colour, label=f"ρ = {rho:g}"
