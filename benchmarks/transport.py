@@ -22,13 +22,13 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from alternatives import DualVolpath, TransientSpots
-from common import Check, Table, checks_table, paste, report, surroundings
 from efficiency import Floats, Method, Series, measure, ratio, z_score
 from scipy.constants import c
 
 import spisim
 from reconstruction.patterns import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR, Atmosphere, fog
+from spisim.measured import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport import solve
 from spisim.transport.effort import Paths

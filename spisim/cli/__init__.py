@@ -6,9 +6,11 @@ import typer
 from typer.core import TyperGroup
 
 from . import (
+    budget,
     demo,
     doctor,
     evaluate,
+    paper,
     picture,
     reconstruct,
     scenes,
@@ -54,7 +56,21 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for module in (demo, simulate, transport, picture, reconstruct, evaluate, scenes, schema, doctor):
+COMMANDS = (
+    demo,
+    simulate,
+    transport,
+    picture,
+    reconstruct,
+    evaluate,
+    budget,
+    paper,
+    scenes,
+    schema,
+    doctor,
+)
+
+for module in COMMANDS:
     name = module.__name__.rpartition(".")[2]
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
 

@@ -11,7 +11,7 @@ from .console import results
 def print_errors(metrics: Mapping[str, Any]) -> None:
     """Print image, range and depth errors, as `reconstruction.evaluate` returns them."""
     image = metrics["image"]
-    table = _table("image", "reconstructed", "zero-filled")
+    table = plain_table("image", "reconstructed", "zero-filled")
     names = {"correlation": "correlation", "nrmse": "NRMSE", "psnr_db": "PSNR, dB"}
     for key, name in names.items():
         table.add_row(name, _number(image[key]), _number(image["zero_filled"][key]))
@@ -19,7 +19,7 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
     noise = _percent(metrics["truth"]["image_noise"])
     results.print(f"noise of the true image, RMS: {noise}\n", style="dim")
     if metrics.get("spots"):
-        table = _table("spot", "true, m", "measured, m", "error, cm", "sigma, cm")
+        table = plain_table("spot", "true, m", "measured, m", "error, cm", "sigma, cm")
         for k, spot in enumerate(metrics["spots"]):
             measured = _number(spot["range_m"]) if spot["status"] == "ok" else spot["status"]
             metres = _number(spot["true_m"]), measured
@@ -29,7 +29,7 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
     if metrics.get("depth"):
         titles = {"anchored": "anchored", "nearest": "nearest spot", "dense": "every pixel"}
         maps = metrics["depth"].items()
-        table = _table("depth", *(titles[title] for title, _ in maps))
+        table = plain_table("depth", *(titles[title] for title, _ in maps))
         names = {"mae_m": "mean error, m", "rmse_m": "RMS error, m"}
         shares = {
             "median_relative": "median error",
@@ -43,7 +43,8 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
         results.print(table)
 
 
-def _table(first: str, *columns: str) -> Table:
+def plain_table(first: str, *columns: str) -> Table:
+    """A table without lines, its first column of words and the others of numbers."""
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
     table.add_column(first, min_width=21)
     for column in columns:

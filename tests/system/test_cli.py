@@ -30,6 +30,8 @@ COMMANDS = [
     "transport",
     "reconstruct",
     "evaluate",
+    "budget",
+    "paper",
     "scenes",
     "schema",
     "doctor",

@@ -1,4 +1,7 @@
-"""What every benchmark needs: tables, checks, the machine it ran on, results pasted into docs."""
+"""Figures that are promised: tables, checks, the machine they were measured on, docs.
+
+Benchmarks and `spisim paper` end in the same way.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,16 @@ import datetime
 import json
 import os
 import platform
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+from reconstruction.errors import InputError
+from reconstruction.files import write_atomically
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,7 @@ class Table:
     def text(self) -> str:
         """For a terminal."""
         if not self.columns:
-            return f"{self.title}\n"
+            return f"{textwrap.fill(self.title, 100)}\n"
         lines = [self.columns, *self.rows]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
         cells = ("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
@@ -118,15 +125,24 @@ def report(
 def paste(path: Path, name: str, around: dict[str, Any], tables: Sequence[Table]) -> None:
     """Replace what stands between `<!-- name -->` and `<!-- /name -->` in a Markdown file.
 
-    Raises ValueError where the two marks are missing.
+    Raises InputError as `around_marks`.
+    """
+    before, after = around_marks(path, name)
+    body = "\n".join([surroundings_line(around), "", *(table.markdown() for table in tables)])
+    write_atomically(path, f"{before}\n\n{body}\n{after}".encode())
+
+
+def around_marks(path: Path, name: str) -> tuple[str, str]:
+    """Text up to the mark `<!-- name -->` and from `<!-- /name -->` on, marks included.
+
+    Raises InputError where a mark is missing, OSError where the file is.
     """
     opening, closing = f"<!-- {name} -->", f"<!-- /{name} -->"
-    before, found, rest = path.read_text().partition(opening)
+    before, found, rest = path.read_text(encoding="utf-8").partition(opening)
     _, ended, after = rest.partition(closing)
     if not (found and ended):
-        raise ValueError(f"{path} lacks the marks {opening} and {closing}")
-    body = "\n".join([surroundings_line(around), "", *(table.markdown() for table in tables)])
-    path.write_text(f"{before}{opening}\n\n{body}\n{closing}{after}")
+        raise InputError(f"{path} lacks the marks {opening} and {closing}")
+    return before + opening, closing + after
 
 
 def _processor() -> str:

@@ -1,0 +1,29 @@
+"""What an instrument can do, in closed form: light, noise, range, eye safety.
+
+For a flat Lambertian target across the optical axis that fills the field. `spisim.transport` and
+`spisim.measurement` answer the same questions for any scene; where both apply, they agree.
+"""
+
+from spisim.budget.eye_safety import LaserSafety, RiskGroup, array_risk_group, laser_safety
+from spisim.budget.findings import budget_warnings
+from spisim.budget.link import BucketLink, SpotLink, Target, bucket_link, spot_link
+from spisim.budget.noise import NoiseBudget, bucket_noise, spot_noise
+from spisim.budget.ranging import longest_range_m, range_sigma_m
+
+__all__ = [
+    "BucketLink",
+    "LaserSafety",
+    "NoiseBudget",
+    "RiskGroup",
+    "SpotLink",
+    "Target",
+    "array_risk_group",
+    "bucket_link",
+    "bucket_noise",
+    "budget_warnings",
+    "laser_safety",
+    "longest_range_m",
+    "range_sigma_m",
+    "spot_link",
+    "spot_noise",
+]

@@ -1,0 +1,172 @@
+"""The paper's equations (1) to (3), as printed and corrected.
+
+"Evaluation of a 3D imaging vision system based on a single-pixel InGaAs detector and the
+Time-of-Flight principle for drones". Eq. (1) counts the electrons of a photodiode behind a lens
+that looks at a lit Lambertian target, Eq. (2) its noise, Eq. (3) the scatter of a range.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.constants import c, elementary_charge
+
+from spisim.instrument import Apd, Instrument, Pin
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Flood:
+    """A flood light and one photodiode behind a lens, as in Eq. (1), clear air.
+
+    `half_angle_deg` is α_FOV: the light covers the disc π z² tan²α evenly. Table 1 has 20° and does
+    not say whether that is the half or the full angle. Breaks where the photodiode sees less, or
+    more, than the disc.
+    """
+
+    power_w: float
+    half_angle_deg: float
+    effective_area_m2: float  # A_ph, fill factor included
+    f_number: float
+    electrons_per_joule: float  # QE λ / hc times the lens's transmittance
+    daylight_w_per_m2: float  # in the filter's band, on the target
+    dark_per_s: float
+    noise_a_per_sqrt_hz: float  # of the amplifier, one-sided, at its input
+    gain: float = 1.0
+    excess_noise_factor: float = 1.0
+
+    @classmethod
+    def of(
+        cls,
+        instrument: Instrument,
+        *,
+        power_w: float,
+        half_angle_deg: float,
+        illuminance_klx: float,
+        noise_a_per_sqrt_hz: float,
+        sensor: Pin | Apd | None = None,
+    ) -> Flood:
+        """Lens, filter and photodiode of an instrument's bucket detector, or another `sensor`."""
+        detector = instrument.detector
+        diode = sensor or detector.sensor
+        assert detector.f_number is not None
+        wavelength = instrument.wavelength_nm
+        through = detector.lens_transmittance * instrument.filter.transmittance
+        return cls(
+            power_w=power_w,
+            half_angle_deg=half_angle_deg,
+            effective_area_m2=diode.effective_area_m2,
+            f_number=detector.f_number,
+            electrons_per_joule=through * float(diode.electrons_per_joule(wavelength)),
+            daylight_w_per_m2=instrument.daylight_irradiance(illuminance_klx),
+            dark_per_s=diode.dark_rate_hz,
+            noise_a_per_sqrt_hz=noise_a_per_sqrt_hz,
+            gain=diode.gain,
+            excess_noise_factor=diode.excess_noise_factor,
+        )
+
+    @property
+    def signal_per_s(self) -> float:
+        """Electrons/s of the light, from a white target at 1 m; they fall with z⁻²."""
+        disc_m2 = math.pi * math.tan(math.radians(self.half_angle_deg)) ** 2
+        return self._per_irradiance * self.power_w / disc_m2
+
+    @property
+    def background_per_s(self) -> float:
+        """Electrons/s of daylight, from a white target at any distance."""
+        return self._per_irradiance * self.daylight_w_per_m2
+
+    @property
+    def _per_irradiance(self) -> float:
+        return self.electrons_per_joule * self.effective_area_m2 / (4 * self.f_number**2)
+
+    def read_noise_electrons(self, time_s: ArrayLike) -> Floats:
+        """Rms charge of the amplifier in a window, in primary electrons."""
+        charge = self.noise_a_per_sqrt_hz * np.sqrt(np.asarray(time_s) / 2)
+        return np.asarray(charge / (elementary_charge * self.gain))
+
+
+def eq1(flood: Flood, time_s: ArrayLike, distance_m: ArrayLike, reflectance: ArrayLike) -> Floats:
+    """Eq. (1) corrected: electrons of signal and background together in the time T_int.
+
+    E = ρ T_int [S / z² + B]: T_int once, and the light in the filter's band in place of δ(λ - λ₂).
+    """
+    rate = flood.signal_per_s / np.square(distance_m) + flood.background_per_s
+    return np.asarray(np.asarray(reflectance) * np.asarray(time_s) * rate)
+
+
+def eq1_as_printed(
+    flood: Flood, time_s: ArrayLike, distance_m: ArrayLike, reflectance: ArrayLike
+) -> Floats:
+    """Eq. (1) as printed, with T_int both in front of the bracket and in it: in electron seconds.
+
+    No count, then; and its dependence on T_int is squared.
+    """
+    return eq1(flood, time_s, distance_m, reflectance) * np.asarray(time_s)
+
+
+def eq2(flood: Flood, time_s: ArrayLike, reflectance: ArrayLike) -> Floats:
+    """Eq. (2): noise floor, electrons rms, of background and dark shot noise and read noise.
+
+    The paper calls it a variance. The shot noise of the signal is not in it.
+    """
+    background = np.asarray(reflectance) * flood.background_per_s
+    shot = flood.excess_noise_factor * (background + flood.dark_per_s) * np.asarray(time_s)
+    return np.sqrt(shot + flood.read_noise_electrons(time_s) ** 2)
+
+
+def tap_factor(width: float) -> float:
+    """F(x) = √x sinc(x) of Eq. (3), x = T_TAP / T_p: 0.4502 at ¼ and ½, at most 0.4803."""
+    return math.sqrt(width) * float(np.sinc(width))
+
+
+def eq3(
+    d_max_m: float,
+    signal: ArrayLike,
+    background: ArrayLike,
+    periods: ArrayLike,
+    tap_width: float,
+    *,
+    excess_noise_factor: float = 1.0,
+    tap_noise: float = 0.0,
+) -> Floats:
+    """Eq. (3): standard deviation of a range, m.
+
+    σ = d_max / A_R √((A_R + 2B) / N_acc) / (2π F(x)) holds for four taps of width x of a period,
+    each for all N_acc periods, if `signal` A_R are the electrons that would arrive in a period at
+    the peak of the raised cosine, twice the mean, and `background` B those that do arrive.
+    d_max = c / 2f. As printed it has neither amplifier nor avalanche; with the noise factor F_x and
+    the rms electrons `tap_noise` of a tap in one period, F_x (A_R + 2B) + 2 σ_tap² / x stands under
+    the root.
+    """
+    signal = np.asarray(signal, dtype=np.float64)
+    shot = excess_noise_factor * (signal + 2 * np.asarray(background))
+    noise = np.sqrt((shot + 2 * tap_noise**2 / tap_width) / np.asarray(periods))
+    return np.asarray(d_max_m / signal * noise / (2 * math.pi * tap_factor(tap_width)))
+
+
+def range_sigma_eq3_m(
+    flood: Flood,
+    distance_m: ArrayLike,
+    reflectance: ArrayLike,
+    periods: ArrayLike,
+    *,
+    d_max_m: float,
+    tap_width: float,
+) -> Floats:
+    """Eq. (3) with A_R and B from Eq. (1), the light's power being its peak, amplifier included."""
+    period_s = 2 * d_max_m / c
+    reflectance = np.asarray(reflectance)
+    return eq3(
+        d_max_m,
+        reflectance * flood.signal_per_s / np.square(distance_m) * period_s,
+        (reflectance * flood.background_per_s + flood.dark_per_s) * period_s,
+        periods,
+        tap_width,
+        excess_noise_factor=flood.excess_noise_factor,
+        tap_noise=float(flood.read_noise_electrons(tap_width * period_s)),
+    )

@@ -1,0 +1,244 @@
+"""How much light comes back from a flat target, and how many electrons it makes.
+
+A surface of reflectance ρ that receives the irradiance E is seen with the radiance ρ E / π from
+everywhere (Lambert). A patch that receives the power P therefore sends
+
+    P ρ A cosθ_s cosθ_d cosᵐθ_d / (π r²)
+
+onto an aperture of area A at the distance r, θ_s and θ_d being the angles to the normal of the
+target and to the axis of the detector, and m the detector's vignetting. Daylight that fills a field
+of half angle θ puts ρ E / π · A · 2π (1 - cosᵐ⁺²θ) / (m + 2) onto it, which is ρ E A sin²θ for a
+hard edge. With A from the étendue this is τ ρ E A_ph / (4 N²) of the paper's Eq. (1).
+
+Breaks where the target does not fill the field; where fog scatters light back, as only what it
+takes from the direct way, exp(-σ (way out + way back)), is counted; for daylight in fog, which is
+taken to be as bright as without, scattered daylight making up for what is lost; and where part of a
+laser's spot lies outside of its photodiode's field, or nearer than many diameters of the lens, as
+spots and lenses are taken as points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.patterns import mean_illumination
+from spisim.instrument import Detector, Instrument
+
+Floats = NDArray[np.float64]
+
+#: Directions at which the field of a ranging detector is probed for the projector's light. Pixels
+#: have edges, and with a lens taken as a point, so many find it to 0.2 %.
+FIELD_SAMPLES = 512
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A flat Lambertian target, and what is between it and the instrument.
+
+    All fields are numbers or arrays that broadcast together, to the shape (...) of the results.
+    """
+
+    distance_m: float | Floats  # of its plane, along the optical axis
+    reflectance: float | Floats = 0.5
+    illuminance_klx: float | Floats = 0.0  # daylight on the target
+    extinction_per_m: float | Floats = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class BucketLink:
+    """Light of one exposure with all pixels on, settled, on the way to the bucket detector (...).
+
+    Powers are in-band and in front of the filter, summed over all photodiodes.
+    """
+
+    emitted_w: float
+    irradiance_w_per_m2: Floats  # mean over the lit field, on the target
+    signal_w: Floats
+    daylight_w: Floats
+    signal_electrons: Floats
+    daylight_electrons: Floats
+    dark_electrons: float
+
+
+@dataclass(frozen=True, eq=False)
+class SpotLink:
+    """Light of the four spots on the way to their detectors (..., 4), in front of the filter.
+
+    Rates are primary electrons per second; the echo's is that while the laser is on.
+    """
+
+    path_m: Floats  # whole optical path, laser to target to detector
+    range_per_path: Floats  # change of the range along the laser's ray with that of the path
+    echo_w: Floats
+    daylight_w: Floats
+    patterns_w: Floats  # of the projector, on average over its patterns
+    echo_per_s: Floats
+    daylight_per_s: Floats
+    patterns_per_s: Floats
+    dark_per_s: float
+
+    @property
+    def steady_per_s(self) -> Floats:
+        """All but the echo (..., 4)."""
+        return self.daylight_per_s + self.patterns_per_s + self.dark_per_s
+
+
+def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
+    """Light and electrons of one exposure with all pixels on."""
+    projector, detector = instrument.projector, instrument.detector
+    powers = instrument.pixel_powers_w.ravel()
+    rays = _pixel_rays(instrument)
+    distance, extinction = (
+        np.asarray(value, dtype=np.float64)[..., None]
+        for value in (target.distance_m, target.extinction_per_m)
+    )
+    points = distance[..., None] * rays  # (..., pixels, 3)
+    way_out = np.linalg.norm(points, axis=-1)
+    axis = np.array([0.0, 0.0, 1.0])
+    per_white_w = np.zeros(np.broadcast_shapes(way_out.shape[:-1], extinction.shape[:-1]))
+    for position in np.asarray(detector.positions_m):
+        share, way_back = _seen(detector, position, axis, points)
+        per_white_w = per_white_w + (share * np.exp(-extinction * (way_out + way_back))) @ powers
+    lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * distance[..., 0] ** 2
+    signal = target.reflectance * per_white_w
+    daylight = len(detector.positions_m) * _daylight_w(instrument, detector, target)
+    time_s = instrument.exposure_time_s
+    return BucketLink(
+        emitted_w=float(powers.sum()),
+        irradiance_w_per_m2=powers.sum() / lit_m2,
+        signal_w=signal,
+        daylight_w=daylight,
+        signal_electrons=signal * time_s * instrument.electrons_per_joule(detector, "projector"),
+        daylight_electrons=daylight * time_s * instrument.electrons_per_joule(detector, "daylight"),
+        dark_electrons=len(detector.positions_m) * detector.dark_electrons(time_s),
+    )
+
+
+def spot_link(instrument: Instrument, target: Target) -> SpotLink:
+    """Light of lasers, sun and patterns on the four ranging detectors."""
+    detector, directions = instrument.tof.detector, instrument.lasers.directions
+    positions, axes = detector.spot_positions_m, _spot_axes(instrument)
+    distance, extinction, reflectance = (
+        np.asarray(value, dtype=np.float64)[..., None]
+        for value in (target.distance_m, target.extinction_per_m, target.reflectance)
+    )
+    points = distance[..., None] / directions[:, 2:] * directions  # (..., 4, 3)
+    way_out = np.linalg.norm(points, axis=-1)
+    share, way_back = _seen(detector, positions, axes, points)
+    along_ray = np.sum(directions * (points - positions), axis=-1)
+    path = way_out + way_back
+    echo = instrument.lasers.power_w * reflectance * share * np.exp(-extinction * path)
+    daylight = _daylight_w(instrument, detector, target)[..., None] * np.ones(4)
+    patterns = reflectance * _pattern_light_w(instrument, axes, distance, extinction)
+    echo, daylight, patterns = np.broadcast_arrays(echo, daylight, patterns)
+    return SpotLink(
+        path_m=path,
+        range_per_path=1 / (1 + along_ray / way_back),
+        echo_w=echo,
+        daylight_w=daylight,
+        patterns_w=patterns,
+        echo_per_s=echo * instrument.electrons_per_joule(detector, "laser"),
+        daylight_per_s=daylight * instrument.electrons_per_joule(detector, "daylight"),
+        patterns_per_s=patterns * instrument.electrons_per_joule(detector, "projector"),
+        dark_per_s=detector.sensor.dark_rate_hz,
+    )
+
+
+def _seen(
+    detector: Detector, position: Floats, axis: Floats, points: Floats
+) -> tuple[Floats, Floats]:
+    """Share of the light of white patches at `points` (..., 3) on the aperture; the way to it."""
+    offset = points - position
+    way = np.linalg.norm(offset, axis=-1)
+    at_target, at_detector = offset[..., 2] / way, np.sum(offset * axis, axis=-1) / way
+    inside = at_detector >= np.cos(np.radians(detector.field_of_view_deg) / 2)
+    response = np.maximum(at_detector, 0) ** (1 + detector.vignetting) * inside
+    return detector.aperture_area_m2 * at_target * response / (np.pi * way**2), way
+
+
+def _daylight_w(instrument: Instrument, detector: Detector, target: Target) -> Floats:
+    """Daylight (...) on one aperture whose field the target fills."""
+    irradiance = instrument.daylight_irradiance(1.0) * np.asarray(target.illuminance_klx)
+    radiance = target.reflectance * irradiance / np.pi
+    return np.asarray(radiance * detector.aperture_area_m2 * _solid_angle(detector))
+
+
+def _solid_angle(detector: Detector) -> float:
+    """∫ cosθ cosᵐθ dΩ over the field."""
+    power = detector.vignetting + 2
+    cosine = np.cos(np.radians(detector.field_of_view_deg) / 2)
+    return float(2 * np.pi * (1 - cosine**power) / power)
+
+
+def _pattern_light_w(
+    instrument: Instrument, axes: Floats, distance: Floats, extinction: Floats
+) -> Floats:
+    """Power (..., 4) that the patterns, on average, send onto the detectors from a white target.
+
+    The radiance is averaged over directions that fill the field evenly in projected solid angle.
+    """
+    detector = instrument.tof.detector
+    probes = _directions_within(axes, np.radians(detector.field_of_view_deg) / 2)  # (4, n, 3)
+    positions = detector.spot_positions_m[:, None]
+    way_back = (distance[..., None] - positions[..., 2]) / probes[..., 2]
+    points = positions + way_back[..., None] * probes  # (..., 4, n, 3)
+    irradiance = _pattern_irradiance(instrument, points)
+    way = np.linalg.norm(points, axis=-1) + way_back
+    vignetted = np.sum(probes * axes[:, None], axis=-1) ** detector.vignetting
+    light = irradiance * np.exp(-extinction[..., None] * way) * vignetted
+    sine2 = np.sin(np.radians(detector.field_of_view_deg) / 2) ** 2
+    return np.asarray(light.mean(axis=-1) * detector.aperture_area_m2 * sine2)
+
+
+def _pattern_irradiance(instrument: Instrument, points: Floats) -> Floats:
+    """Irradiance (...) of the patterns, on average, at points (..., 3) of a target across z.
+
+    A pixel lights a rectangle of the plane evenly, as much of it as of the image plane.
+    """
+    projector = instrument.projector
+    height, width = projector.shape
+    powers = instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan)
+    x, y = (points[..., k] / points[..., 2] for k in (0, 1))
+    column = np.floor((x / projector.tan_half_width + 1) / 2 * width).astype(int)
+    row = np.floor((y / projector.tan_half_height + 1) / 2 * height).astype(int)
+    lit = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    power = np.where(lit, powers[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0)
+    pixel_area = 4 * projector.tan_half_width * projector.tan_half_height / (height * width)
+    return np.asarray(power / (pixel_area * points[..., 2] ** 2))
+
+
+def _directions_within(axes: Floats, half_angle: float) -> Floats:
+    """Unit vectors (4, n, 3) around each axis, even in projected solid angle (a sunflower)."""
+    count = np.arange(FIELD_SAMPLES)
+    sine = np.sin(half_angle) * np.sqrt((count + 0.5) / FIELD_SAMPLES)
+    turn = GOLDEN_ANGLE * count
+    across = np.cross(axes, [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    up = np.cross(axes, across)
+    return np.asarray(
+        np.sqrt(1 - sine**2)[:, None] * axes[:, None]
+        + (sine * np.cos(turn))[:, None] * across[:, None]
+        + (sine * np.sin(turn))[:, None] * up[:, None]
+    )
+
+
+def _pixel_rays(instrument: Instrument) -> Floats:
+    """Points (pixels, 3) at unit depth in the centres of the virtual pixels."""
+    projector = instrument.projector
+    height, width = projector.shape
+    x = (2 * (np.arange(width) + 0.5) / width - 1) * projector.tan_half_width
+    y = (2 * (np.arange(height) + 0.5) / height - 1) * projector.tan_half_height
+    grid_x, grid_y = np.meshgrid(x, y)
+    return np.stack([grid_x, grid_y, np.ones_like(grid_x)], axis=-1).reshape(-1, 3)
+
+
+def _spot_axes(instrument: Instrument) -> Floats:
+    """Where the four ranging detectors look (4, 3)."""
+    directions = instrument.lasers.directions
+    if instrument.tof.detector.shared:
+        return np.broadcast_to([0.0, 0.0, 1.0], directions.shape).astype(np.float64)
+    return directions

@@ -1,0 +1,174 @@
+"""The budget as one picture: the image above, the ranges below."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from spisim.budget.link import Target, bucket_link, spot_link
+from spisim.budget.noise import SOURCES, NoiseBudget, bucket_noise, spot_noise
+from spisim.budget.ranging import last_below, longest_range_m, range_sigma_m
+from spisim.instrument import Instrument
+
+Floats = NDArray[np.float64]
+
+NEAREST_M, FARTHEST_M = 0.5, 30.0
+REFLECTANCES: Mapping[float, str] = {0.2: "#1f5f8b", 0.5: "#d1762c", 0.8: "#3f8f4f"}
+COLOURS = dict(
+    zip(
+        SOURCES,
+        ("#f2b134", "#e4572e", "#a23b72", "#7a6c5d", "#3d5a80", "#98c1d9"),
+        strict=True,
+    )
+)
+#: Axes of the maps.
+MAP_REFLECTANCE = np.linspace(0.05, 1.0, 20)
+MAP_ILLUMINANCE_KLX = np.geomspace(0.1, 120.0, 25)
+IMAGE_SNR = 10.0
+
+
+def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: float) -> Figure:
+    """SNR, range and noise against distance, and reach by reflectance and daylight.
+
+    `target` gives the reflectance of the noise panels, the daylight of all panels against distance
+    and the fog; its distance is marked. `limit_m` is the scatter of ranges that is asked for.
+    """
+    figure = Figure(figsize=(15, 8.5), layout="constrained")
+    light = f"{target.illuminance_klx:g} klx daylight"
+    air = (
+        ""
+        if not target.extinction_per_m
+        else f", fog with an extinction of {target.extinction_per_m:.3g} per metre"
+    )
+    figure.suptitle(f"{name}: {light}{air}", fontsize=13)
+    (snr, image_noise, image_map), (sigma, spot_noise_axes, spot_map) = figure.subplots(2, 3)
+    distance = np.geomspace(NEAREST_M, FARTHEST_M, 200)
+    _image_panel(snr, instrument, target, distance)
+    _range_panel(sigma, instrument, target, distance, limit_m)
+    same = Target(distance, target.reflectance, target.illuminance_klx, target.extinction_per_m)
+    bucket = bucket_noise(instrument, bucket_link(instrument, same))
+    spots = spot_noise(instrument, spot_link(instrument, same))
+    _noise_panel(image_noise, distance, bucket, "image: noise of one exposure")
+    _noise_panel(spot_noise_axes, distance, spots, f"spots: noise of one {_reading(instrument)}")
+    for axes in (snr, sigma, image_noise, spot_noise_axes):
+        axes.axvline(float(target.distance_m), color="0.5", lw=1, ls=":")
+    reach = _image_reach(instrument, target)
+    _map_panel(image_map, reach, f"image: distance with SNR {IMAGE_SNR:g} per exposure")
+    longest = _range_reach(instrument, target, limit_m)
+    _map_panel(spot_map, longest, f"spots: distance with σ of range {100 * limit_m:g} cm")
+    return figure
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """The figure as a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return buffer.getvalue()
+
+
+def distance_axis(axes: Axes, nearest_m: float, farthest_m: float) -> None:
+    """Logarithmic axis of distances, labelled in plain numbers."""
+    axes.set_xscale("log")
+    axes.set_xlim(nearest_m, farthest_m)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlabel("distance, m")
+    axes.grid(alpha=0.25)
+
+
+def _reading(instrument: Instrument) -> str:
+    return {"cw": "tap", "pulsed": "window", "dtof": "echo"}[instrument.tof.method]
+
+
+def _image_panel(axes: Axes, instrument: Instrument, target: Target, distance: Floats) -> None:
+    for reflectance, colour in REFLECTANCES.items():
+        budget = bucket_noise(
+            instrument, bucket_link(instrument, _with(target, distance, reflectance))
+        )
+        axes.plot(distance, budget.snr, color=colour, label=f"reflectance {reflectance:g}")
+    axes.axhline(1, color="0.3", lw=1)
+    axes.set(title="image: SNR of one exposure, all pixels on", ylabel="SNR", yscale="log")
+    distance_axis(axes, NEAREST_M, FARTHEST_M)
+    axes.legend(frameon=False)
+
+
+def _range_panel(
+    axes: Axes, instrument: Instrument, target: Target, distance: Floats, limit_m: float
+) -> None:
+    for reflectance, colour in REFLECTANCES.items():
+        sigma = range_sigma_m(instrument, _with(target, distance, reflectance)).max(axis=-1)
+        finite = np.where(np.isfinite(sigma), 100 * sigma, np.nan)
+        axes.plot(distance, finite, color=colour, label=f"reflectance {reflectance:g}")
+    axes.axhline(100 * limit_m, color="0.3", lw=1)
+    axes.set(title=f"spots: σ of range, {instrument.tof.method}", ylabel="σ, cm", yscale="log")
+    axes.set_ylim(1e-2, 1e3)
+    distance_axis(axes, NEAREST_M, FARTHEST_M)
+    axes.legend(frameon=False)
+
+
+def _noise_panel(axes: Axes, distance: Floats, budget: NoiseBudget, title: str) -> None:
+    """Shares of the variance, stacked; the sum of all is the whole."""
+    worst = {k: v if v.ndim == 1 else v.mean(axis=-1) for k, v in budget.variances.items()}
+    total = sum(worst.values())
+    shares = [100 * variance / total for variance in worst.values()]
+    axes.stackplot(
+        distance, shares, labels=list(worst), colors=[COLOURS[source] for source in worst]
+    )
+    axes.set(title=title, ylabel="share of the variance, %", ylim=(0, 100))
+    distance_axis(axes, NEAREST_M, FARTHEST_M)
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles[::-1], labels[::-1], loc="lower right", fontsize=8, framealpha=0.9)
+
+
+def _image_reach(instrument: Instrument, target: Target) -> Floats:
+    distance = np.geomspace(NEAREST_M, 10 * FARTHEST_M, 80)
+    grid = Target(
+        distance,
+        MAP_REFLECTANCE[:, None, None],
+        MAP_ILLUMINANCE_KLX[:, None],
+        target.extinction_per_m,
+    )
+    noise = bucket_noise(instrument, bucket_link(instrument, grid))
+    return last_below(distance, 1 / np.maximum(noise.snr, 1e-300), 1 / IMAGE_SNR)
+
+
+def _range_reach(instrument: Instrument, target: Target, limit_m: float) -> Floats:
+    return np.array(
+        [
+            longest_range_m(
+                instrument,
+                limit_m,
+                reflectance=reflectance,
+                illuminance_klx=MAP_ILLUMINANCE_KLX,
+                extinction_per_m=float(target.extinction_per_m),
+            )
+            for reflectance in MAP_REFLECTANCE
+        ]
+    )
+
+
+def _map_panel(axes: Axes, reach: Floats, title: str) -> None:
+    axes.set(title=title, xlabel="daylight, klx", ylabel="reflectance", xscale="log")
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    shown = np.where(reach > 0, reach, np.nan)
+    picture = axes.pcolormesh(
+        MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, shown, cmap="viridis", shading="gouraud"
+    )
+    if np.isfinite(shown).any() and np.nanmax(shown) > 1.05 * np.nanmin(shown):
+        lines: Any = axes.contour(
+            MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, shown, colors="white", linewidths=0.8
+        )
+        axes.clabel(lines, fmt="%g m", fontsize=8)
+    axes.figure.colorbar(picture, ax=axes, label="m")
+
+
+def _with(target: Target, distance: Floats, reflectance: float) -> Target:
+    return Target(distance, reflectance, target.illuminance_klx, target.extinction_per_m)

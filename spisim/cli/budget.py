@@ -1,0 +1,242 @@
+"""`spisim budget`: what an instrument can do, in closed form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .console import messages, print_json, results, warn
+from .options import Json
+from .tables import plain_table
+
+if TYPE_CHECKING:
+    from spisim.budget import Target
+    from spisim.instrument import Instrument
+
+EXAMPLE = "spisim budget fga015 --range 4 --illuminance 20 -o budget.png"
+
+#: The paper's goal for the scatter of ranges.
+LIMIT_M = 0.01
+CAVEAT = "An engineering check, no certification: that takes the standards and measurements."
+
+
+def command(
+    instrument: Annotated[
+        str, typer.Argument(metavar="INSTRUMENT", help="An instrument file, or a preset's name.")
+    ] = "paper",
+    distance: Annotated[
+        float, typer.Option("--range", min=0.01, max=1e4, metavar="M", help="Of the target.")
+    ] = 5.0,
+    reflectance: Annotated[
+        float, typer.Option(min=0.001, max=1, metavar="X", help="Of the target, at 1550 nm.")
+    ] = 0.5,
+    illuminance: Annotated[
+        float, typer.Option(min=0, max=200, metavar="KLX", help="Daylight on the target.")
+    ] = 100.0,
+    visibility: Annotated[
+        float | None, typer.Option(metavar="M", help="Fog of this visibility; clear without.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="PNG", help="Picture to draw.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Light, noise, range and eye safety of an instrument that faces a flat wall."""
+    from reconstruction.files import require_file, write_atomically
+    from spisim.atmosphere import CLEAR, fog
+    from spisim.budget import Target, budget_warnings
+    from spisim.instrument import load_instrument
+
+    if output is not None:
+        require_file(output)
+    carried = load_instrument(instrument)
+    air = CLEAR if visibility is None else fog(visibility, "moderate-radiation")
+    target = Target(distance, reflectance, illuminance, air.extinction_per_m)
+    figures = summarise(carried, target)
+    warn(warnings := budget_warnings(carried, target))
+    if output is not None:
+        from spisim.budget.plots import budget_figure, png_bytes
+
+        name = Path(instrument).stem
+        write_atomically(output, png_bytes(budget_figure(carried, target, name, LIMIT_M)))
+    if json:
+        print_json({"instrument": instrument, **figures, "warnings": warnings, "written": output})
+        return
+    _print(figures)
+    if output is not None:
+        messages.print(f"Wrote {output}.", soft_wrap=True)
+
+
+def summarise(instrument: Instrument, target: Target) -> dict[str, Any]:
+    """Everything about one target as plain numbers; spots are the mean of four, σ the worst."""
+    from spisim.budget import (
+        bucket_link,
+        bucket_noise,
+        longest_range_m,
+        range_sigma_m,
+        spot_link,
+        spot_noise,
+    )
+
+    bucket, spots = bucket_link(instrument, target), spot_link(instrument, target)
+    longest = longest_range_m(
+        instrument,
+        LIMIT_M,
+        reflectance=target.reflectance,
+        illuminance_klx=target.illuminance_klx,
+        extinction_per_m=float(target.extinction_per_m),
+    )
+    return {
+        "target": vars(target),
+        "image": {
+            "emitted_w": bucket.emitted_w,
+            "irradiance_w_per_m2": float(bucket.irradiance_w_per_m2),
+            "signal_w": float(bucket.signal_w),
+            "daylight_w": float(bucket.daylight_w),
+            **_noise(bucket_noise(instrument, bucket)),
+        },
+        "spots": {
+            "emitted_w": instrument.lasers.power_w,
+            "signal_w": float(spots.echo_w.mean()),
+            "daylight_w": float(spots.daylight_w.mean()),
+            "patterns_w": float(spots.patterns_w.mean()),
+            **_noise(spot_noise(instrument, spots)),
+        },
+        "range": {
+            "method": instrument.tof.method,
+            "frame_time_s": instrument.tof.frame_time_s,
+            "sigma_m": float(range_sigma_m(instrument, target).max()),
+            "limit_m": LIMIT_M,
+            "longest_m": float(longest),
+            "unambiguous_m": instrument.tof.unambiguous_range_m,
+        },
+        "eye_safety": _safety(instrument),
+    }
+
+
+def _noise(budget: Any) -> dict[str, Any]:
+    source, share = budget.dominating
+    return {
+        "signal_electrons": float(budget.signal_electrons.mean()),
+        "noise_electrons": {
+            name: float(variance.mean() ** 0.5) for name, variance in budget.variances.items()
+        },
+        "total_noise_electrons": float((budget.total_electrons**2).mean() ** 0.5),
+        "snr": float(budget.snr.mean()),
+        "dominating": {"source": source, "share_of_variance": share},
+    }
+
+
+def _safety(instrument: Instrument) -> dict[str, Any]:
+    from spisim.budget import array_risk_group, laser_safety
+
+    lasers, array = laser_safety(instrument), array_risk_group(instrument)
+    declared = instrument.eye_safety
+    return {
+        "lasers": {**vars(lasers), "declared": declared.laser_class},
+        "array": {**vars(array), "declared": declared.risk_group},
+        "caveat": CAVEAT,
+    }
+
+
+def _print(figures: dict[str, Any]) -> None:
+    target, image, spots = figures["target"], figures["image"], figures["spots"]
+    fog = target["extinction_per_m"]
+    air = f"fog that takes {fog:.3g} per metre" if fog else "clear air"
+    results.print(
+        f"A wall of reflectance {target['reflectance']:g} at {target['distance_m']:g} m, "
+        f"{target['illuminance_klx']:g} klx of daylight, {air}\n",
+        soft_wrap=True,
+    )
+    _print_light(image, spots)
+    _print_noise(image, spots)
+    _print_range(figures["range"])
+    _print_safety(figures["eye_safety"])
+
+
+def _print_light(image: dict[str, Any], spots: dict[str, Any]) -> None:
+    table = plain_table("light, in the filter's band", "image", "each spot")
+    rows = {
+        "emitted, W": "emitted_w",
+        "on the wall, W/m²": "irradiance_w_per_m2",
+        "back on the aperture, W": "signal_w",
+        "of daylight, W": "daylight_w",
+        "of the patterns, W": "patterns_w",
+        "signal, electrons": "signal_electrons",
+    }
+    for title, key in rows.items():
+        table.add_row(title, *(_short(side.get(key)) for side in (image, spots)))
+    results.print(table)
+    results.print(
+        "A reading is one exposure with all pixels on (image); a tap, window or echo (spots).\n",
+        style="dim",
+        soft_wrap=True,
+    )
+
+
+def _print_noise(image: dict[str, Any], spots: dict[str, Any]) -> None:
+    table = plain_table("noise, electrons rms", "image", "each spot")
+    sources = dict.fromkeys([*spots["noise_electrons"], *image["noise_electrons"]])
+    for source in sources:
+        table.add_row(
+            source, *(_short(side["noise_electrons"].get(source)) for side in (image, spots))
+        )
+    table.add_row("together", *(_short(side["total_noise_electrons"]) for side in (image, spots)))
+    table.add_row("signal over noise", *(_short(side["snr"]) for side in (image, spots)))
+    results.print(table)
+    for title, side in (("Image", image), ("Spots", spots)):
+        most = side["dominating"]
+        share = 100 * most["share_of_variance"]
+        words = f"the noise of the {most['source']} dominates, {share:.0f} % of the variance."
+        results.print(f"{title}: {words}")
+    results.print()
+
+
+def _print_range(ranges: dict[str, Any]) -> None:
+    table = plain_table("range", ranges["method"])
+    sigma, longest = ranges["sigma_m"], ranges["longest_m"]
+    table.add_row("standard deviation, cm", _short(100 * sigma))
+    goal = f"longest with less than {100 * ranges['limit_m']:g} cm, m"
+    table.add_row(goal, _short(longest) if longest else "none")
+    table.add_row("unambiguous up to, m", _short(ranges["unambiguous_m"]))
+    table.add_row("time of a frame, ms", _short(1e3 * ranges["frame_time_s"]))
+    results.print(table)
+    results.print()
+
+
+def _print_safety(safety: dict[str, Any]) -> None:
+    lasers, array = safety["lasers"], safety["array"]
+    table = plain_table("eye safety", "value", "of the limit", "result", "declared")
+    mean, pulse = 100 * lasers["mean_margin"], 100 * lasers["pulse_margin"]
+    table.add_row(
+        f"lasers, mean of {lasers['beams']}, W",
+        _short(lasers["mean_w"]),
+        f"{mean:.3g} %",
+        f"class {lasers['laser_class']}",
+        _declared("class", lasers["declared"]),
+    )
+    table.add_row("lasers, one pulse, J", _short(lasers["pulse_j"]), f"{pulse:.2g} %", "", "")
+    table.add_row(
+        "array at 0.2 m, W/m²",
+        _short(array["irradiance_w_per_m2"]),
+        f"{100 * array['margin']:.0f} %",
+        "exempt" if array["risk_group"] == "exempt" else f"risk group {array['risk_group']}",
+        _declared("risk group", array["declared"]),
+    )
+    results.print(table)
+    results.print(
+        "Limits: class 1 of IEC 60825-1, and the exempt group of IEC 62471 (all day long). "
+        + safety["caveat"],
+        style="dim",
+        soft_wrap=True,
+    )
+
+
+def _declared(what: str, value: str | None) -> str:
+    return "–" if value is None else f"{what} {value}"
+
+
+def _short(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}"

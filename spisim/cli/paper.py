@@ -1,0 +1,63 @@
+"""`spisim paper`: the paper's results, computed and compared."""
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .console import messages
+from .options import Json
+
+EXAMPLE = "spisim paper fig2 -o out/paper"
+
+PACKAGES = ("spisim", "numpy", "scipy")
+
+
+class Which(Enum):
+    """A result of the paper, or all."""
+
+    fig2 = "fig2"
+    table2 = "table2"
+    fig3 = "fig3"
+    all = "all"
+
+
+def command(
+    which: Annotated[Which, typer.Argument(help="Which result.")] = Which.all,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of the figures.")
+    ] = Path("out/paper"),
+    markdown: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Paste the tables between this file's paper marks."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compute the paper's results and put them beside its numbers; exit 1 if a check fails.
+
+    Draws each figure as PNG. With --json the last line is one JSON object with all checks.
+    """
+    from reconstruction.files import require_folder, write_atomically
+    from spisim.budget.plots import png_bytes
+    from spisim.measured import around_marks, checks_table, paste, report, surroundings
+    from spisim.paper import RESULTS
+
+    require_folder(output)
+    if markdown is not None:
+        around_marks(markdown, "paper")
+    names = list(RESULTS) if which is Which.all else [which.value]
+    results = {name: RESULTS[name]() for name in names}
+    for name, result in results.items():
+        write_atomically(output / f"{name}.png", png_bytes(result.figure))
+    checks = [check for result in results.values() for check in result.checks]
+    tables = [table for result in results.values() for table in result.tables]
+    tables.append(checks_table(checks))
+    around = surroundings(PACKAGES)
+    report(around, tables, checks, as_json=json)
+    if markdown is not None:
+        paste(markdown, "paper", around, tables)
+    pictures = ", ".join(f"{name}.png" for name in results)
+    messages.print(f"Wrote {pictures} into {output}.", soft_wrap=True)
+    if not all(check.holds for check in checks):
+        raise typer.Exit(1)
