@@ -93,15 +93,19 @@ class Projector:
 
     def pencil(self, lane: Any, sampler: Any) -> Any:
         """A ray through the lane's pixel."""
+        return self._through(lane, sampler.next_2d(), sampler)
+
+    def _through(self, lane: Any, jitter: Any, sampler: Any) -> Any:
+        """A ray through a place in the lane's pixel."""
         cell = self.cell(lane)
         height, width = self.shape
-        jitter = stratified(lane // self.pixels, self.samples, sampler)
         x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
         y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
         return self._ray(x, y, sampler)
 
     def launch(self, lane: Any, sampler: Any) -> Launch:
-        ray = self.pencil(lane, sampler)
+        jitter = stratified(lane // self.pixels, self.samples, sampler)
+        ray = self._through(lane, jitter, sampler)
         return Launch(
             origin=ray.o,
             direction=ray.d,

@@ -22,6 +22,7 @@ from spisim.transport.beams import Beams
 from spisim.transport.direct import direct_light
 from spisim.transport.effort import Effort, Estimate, repeat
 from spisim.transport.ends import Detectors, Projector
+from spisim.transport.points import Points
 from spisim.transport.rays import FogRays
 from spisim.transport.tally import (
     HistogramTally,
@@ -97,7 +98,7 @@ def transport_image(
         outward = inward = alone
         if strategy is Strategy.BOTH:
             outward, inward = _second_on_or_behind_glass, _second_on
-            direct_light(world, near, far, *lanes(near.lanes, seeds[2]), deposit)
+            direct_light(world, near, far, *points(near.lanes, pixels, seeds[2]), deposit)
             if max_vertices == 1:
                 return _read(tallies, detector.area_m2)
         if strategy is not Strategy.DETECTOR:
@@ -132,7 +133,7 @@ def spot_histogram(
         deposit = _into(tallies)
         near = Beams.of(world, beams, samples)
         far = Detectors.of(detectors, samples)
-        direct_light(world, near, far, *lanes(near.lanes, seeds[2]), deposit)
+        direct_light(world, near, far, *points(near.lanes, count, seeds[2]), deposit)
         if max_vertices > 1:
             weight = _balanced if strategy is Strategy.BOTH else alone
             if strategy is not Strategy.DETECTOR:
@@ -185,6 +186,12 @@ def lanes(count: int, seed: int) -> tuple[Any, Any]:
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(dr.opaque(mi.UInt32, seed), count)
     return dr.arange(mi.UInt32, count), sampler
+
+
+def points(count: int, cells: int, seed: int) -> tuple[Any, Any]:
+    """Lane numbers, cell by cell in turn, and a low-discrepancy sequence for every cell."""
+    lane = dr.arange(mi.UInt32, count)
+    return lane, Points.of(lane // cells, lane % cells, dr.opaque(mi.UInt32, seed))
 
 
 def alone(others: Any, vertex: Any, crossed: Any) -> Any:
