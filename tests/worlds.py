@@ -88,7 +88,7 @@ def beams(*directions, origin=(0.0, 0.0, 0.0)):
     return BeamView(np.broadcast_to(np.array(origin, dtype=float), headings.shape), headings)
 
 
-def pixel_weights(view, weight, oversampling=128):
+def pixel_weights(view, weight, oversampling=16):
     """Integral of `weight(x, y)` over each virtual pixel, image plane at unit distance."""
     height, width = (side * oversampling for side in view.shape)
     x = (2 * (np.arange(width) + 0.5) / width - 1) * view.tan_half_width

@@ -21,7 +21,7 @@ import numpy as np
 from spisim.transport.beams import Beams
 from spisim.transport.direct import direct_light
 from spisim.transport.effort import Effort, Estimate, repeat
-from spisim.transport.ends import Detectors, Projector
+from spisim.transport.ends import Detectors, JointDetectors, Projector
 from spisim.transport.points import Points
 from spisim.transport.rays import FogRays
 from spisim.transport.tally import (
@@ -80,8 +80,9 @@ def transport_image(
     max_vertices: int = MAX_VERTICES,
     progress: Callable[[float], None] | None = None,
 ) -> Estimate:
-    """Fraction of each virtual pixel's power that reaches the detector: `image` (H·W,).
+    """Fraction of each virtual pixel's power that reaches the detectors: `image` (H·W,).
 
+    Several detectors are alike, and their light is added up.
     `effort` counts paths per virtual pixel from each end that takes part. What else is `wanted`
     comes under the names of `spisim.transport.tally`.
     """
@@ -91,7 +92,7 @@ def transport_image(
         tallies = wanted.tallies(pixels)
         deposit = _into(tallies)
         near = Projector.of(projector, samples)
-        far = Detectors.of(detector, samples * pixels)
+        far = JointDetectors.of(detector, -(-samples * pixels // len(detector.positions_m)))
         # In clear air there is no fog to connect to.
         bridged = strategy is Strategy.BOTH and bool(world.media.parts)
         rays = FogRays(world, near) if bridged else None

@@ -42,12 +42,12 @@ class Transport:
     `*_error` are standard errors of the Monte Carlo estimate.
     """
 
-    image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detector's aperture
+    image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detectors' apertures
     image_error: Floats
     spot_histogram: Floats  # (4, bins): fraction of a laser's power on its detector's aperture
     spot_histogram_error: Floats
     path_length_m: Floats  # (bins,): whole optical path, emitter to detector
-    daylight_w: float  # in-band power of sun and sky on the bucket detector's aperture
+    daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
     spot_daylight_w: Floats  # (4,)
     spot_crosstalk_w: Floats  # (4,): mean power of the projector's patterns there
     paths: int
@@ -127,7 +127,7 @@ def solve(
         spot_histogram=spots.mean["histogram"],
         spot_histogram_error=spots.error["histogram"],
         path_length_m=bins.centres_m,
-        daylight_w=float(bucket_daylight[0]),
+        daylight_w=float(bucket_daylight.sum()),
         spot_daylight_w=spot_daylight,
         spot_crosstalk_w=crosstalk,
         paths=image.paths + spots.paths,

@@ -42,6 +42,7 @@ class ProjectorView:
 class DetectorView:
     """Disc apertures in the world: positions and optical axes (detectors, 3), area and field.
 
+    Area (of each) and field are the same for all.
     `vignetting` m: inside its hard edge the field falls off with cos^m of the angle to the axis.
     """
 
@@ -79,6 +80,7 @@ class InstrumentView:
         """`pose` (4, 4): world from optical frame."""
         rotation, origin = pose[:3, :3], pose[:3, 3]
         headings = instrument.lasers.directions @ rotation.T
+        apertures = origin + np.atleast_2d(instrument.detector.position_m) @ rotation.T
         return cls(
             projector=ProjectorView(
                 pose,
@@ -89,8 +91,8 @@ class InstrumentView:
                 instrument.projector.focus_m,
             ),
             bucket=DetectorView(
-                origin + np.atleast_2d(instrument.detector.position_m) @ rotation.T,
-                rotation[None, :, 2],
+                apertures,
+                np.repeat(rotation[None, :, 2], len(apertures), axis=0),
                 instrument.detector.aperture_area_m2,
                 np.radians(instrument.detector.field_of_view_deg) / 2,
                 instrument.detector.vignetting,
