@@ -45,8 +45,8 @@ class DualVolpath:
         """Transport image (H, W) from `samples` paths per pixel."""
         camera = Projector.of(self._projector, samples)
         lane, sampler = lanes(camera.lanes, seed)
-        ray = camera.pencil(lane, sampler)
-        radiance = self._renderer.radiance(ray.o, ray.d, sampler).numpy()
+        launch = camera.launch(lane, sampler)
+        radiance = self._renderer.radiance(launch.origin, launch.direction, sampler).numpy()
         per_path = np.asarray(radiance, np.float64).reshape(samples, *self._projector.shape)
         return np.asarray(per_path.mean(axis=0) * self._area_m2)
 

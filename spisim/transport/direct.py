@@ -37,7 +37,7 @@ class Pencils(Protocol):
 def direct_light(
     world: World, source: Pencils, detectors: Detectors, lane: Any, sampler: Any, deposit: Deposit
 ) -> None:
-    """Deposit what each lane's ray sends to the lane's detector by scattering once.
+    """Deposit what each lane's ray sends to one of the detectors by scattering once.
 
     The ray is followed to the first surface, be it a pane or not.
 
@@ -47,9 +47,10 @@ def direct_light(
     media = world.media
     ray, cell = source.pencil(lane, sampler), source.cell(lane)
     si, reach = world.first_surface(ray)
+    number = detectors.choose(lane, sampler)
     context = mi.BSDFContext(mi.TransportMode.Importance)
 
-    end = detectors.connect(lane, si.p, sampler)
+    end = detectors.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
     reflected = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
     value = reflected.x * end.importance
@@ -61,7 +62,7 @@ def direct_light(
     if not media.parts:
         return
 
-    near, far = detectors.overlap(lane, ray, reach)
+    near, far = detectors.overlap(number, ray, reach)
     angular = EquiAngular.about(end.point, ray, far, near)
     choice = sampler.next_1d()
     distance = dr.select(
@@ -70,7 +71,7 @@ def direct_light(
     density = 0.5 * (angular.density(distance) + dr.rcp(far - near))
     point = mi.Point3f(ray(distance))
     medium = media.pick(point, sampler.next_1d())
-    end = detectors.connect(lane, point, sampler)
+    end = detectors.connect_to(number, point, sampler)
     towards, gap = direction_to(point, end.point)
     value = media.albedo(medium) * media.extinction_at(point) * end.importance / density
     lit = (value > 0) & (far > near)

@@ -15,7 +15,7 @@ An end offers `launch`, which starts paths, and `density`, the number density wi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -93,15 +93,19 @@ class Projector:
 
     def pencil(self, lane: Any, sampler: Any) -> Any:
         """A ray through the lane's pixel."""
+        return self._through(lane, sampler.next_2d(), sampler)
+
+    def _through(self, lane: Any, jitter: Any, sampler: Any) -> Any:
+        """A ray through a place in the lane's pixel."""
         cell = self.cell(lane)
         height, width = self.shape
-        jitter = stratified(lane // self.pixels, self.samples, sampler)
         x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
         y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
         return self._ray(x, y, sampler)
 
     def launch(self, lane: Any, sampler: Any) -> Launch:
-        ray = self.pencil(lane, sampler)
+        jitter = stratified(lane // self.pixels, self.samples, sampler)
+        ray = self._through(lane, jitter, sampler)
         return Launch(
             origin=ray.o,
             direction=ray.d,
@@ -172,7 +176,7 @@ class Projector:
 
 @dataclass(frozen=True, eq=False)
 class Detectors:
-    """Disc apertures with a conical field of view.
+    """Disc apertures with a conical field of view; every lane has its own one.
 
     W(ω) = g(θ) cosθ inside the field, per unit aperture area, with g = cos^m θ: m = 0 is a hard
     edge alone, larger m a vignetting lens. Directions are launched in proportion to cosθ,
@@ -188,7 +192,7 @@ class Detectors:
     samples: int
 
     @classmethod
-    def of(cls, view: DetectorView, samples: int) -> Detectors:
+    def of(cls, view: DetectorView, samples: int) -> Self:
         """Take detectors' places in the world from their numbers."""
         frames = mi.Frame3f(mi.Vector3f(view.axes.T.astype(np.float32)))
         positions = mi.Point3f(view.positions_m.T.astype(np.float32))
@@ -208,13 +212,14 @@ class Detectors:
         return self.count * self.samples
 
     def launch(self, lane: Any, sampler: Any) -> Launch:
-        frame = self._frame(lane)
+        number = lane % self.count
+        frame = self._frame(number)
         disc = mi.warp.square_to_uniform_disk_concentric(
             stratified(lane // self.count, self.samples, sampler)
         ) * dr.sqrt(self.sine2)
         cosine = dr.safe_sqrt(1 - dr.squared_norm(disc))
         return Launch(
-            origin=self._aperture_point(lane, frame, sampler),
+            origin=self._aperture_point(number, frame, sampler),
             direction=frame.to_world(mi.Vector3f(disc.x, disc.y, cosine)),
             beta=dr.pi * self.sine2 / self.samples * self._response(cosine),
             length_m=mi.Float(0),
@@ -227,8 +232,21 @@ class Detectors:
         return launch.state
 
     def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
-        frame = self._frame(lane)
-        point = self._aperture_point(lane, frame, sampler)
+        return self.connect_to(self.choose(lane, sampler), vertex, sampler)
+
+    @property
+    def choices(self) -> int:
+        """Among how many detectors `choose` draws one."""
+        return 1
+
+    def choose(self, lane: Any, sampler: Any) -> Any:
+        """Number of the detector that the lane's path is connected to."""
+        return lane % self.count
+
+    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+        """The detector that was chosen, as seen from a vertex."""
+        frame = self._frame(number)
+        point = self._aperture_point(number, frame, sampler)
         towards = mi.Vector3f(vertex - point)
         squared = dr.squared_norm(towards)
         cosine = dr.dot(frame.n, towards) * dr.rsqrt(squared)
@@ -236,22 +254,22 @@ class Detectors:
         seen = dr.select(inside, cosine / squared, 0)
         return Connection(
             point=point,
-            importance=seen * self._response(cosine),
+            importance=seen * self._response(cosine) * self.choices,
             density=self._density(seen),
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
             cell=None,
         )
 
-    def overlap(self, lane: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
-        """Part (near, far) of a ray that may lie in the field of the lane's detector.
+    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+        """Part (near, far) of a ray that may lie in the field of a detector.
 
         Exact for a beam that stays in the field once it has entered, as laser and detector
         pointing the same way do; otherwise the whole of the ray. The aperture counts as widened
         by its radius, which moves the entry closer.
         """
-        axis = self._frame(lane).n
-        apex = dr.gather(mi.Point3f, self.positions, lane % self.count)
+        axis = self._frame(number).n
+        apex = dr.gather(mi.Point3f, self.positions, number)
         apex -= axis * (self.radius_m * dr.safe_sqrt(1 - self.sine2) / dr.sqrt(self.sine2))
         offset = ray.o - apex
         cosine2 = 1 - self.sine2
@@ -264,18 +282,35 @@ class Detectors:
         return near, reach
 
     def _density(self, cosine: Any) -> Any:
-        return cosine * (self.samples * dr.inv_pi) / self.sine2
+        return cosine * (self.choices * self.samples * dr.inv_pi) / self.sine2
 
     def _response(self, cosine: Any) -> Any:
         return dr.power(dr.maximum(cosine, 1e-6), self.vignetting)
 
-    def _frame(self, lane: Any) -> Any:
-        return dr.gather(mi.Frame3f, self.frames, lane % self.count)
+    def _frame(self, number: Any) -> Any:
+        return dr.gather(mi.Frame3f, self.frames, number)
 
-    def _aperture_point(self, lane: Any, frame: Any, sampler: Any) -> Any:
+    def _aperture_point(self, number: Any, frame: Any, sampler: Any) -> Any:
         disc = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * self.radius_m
-        centre = dr.gather(mi.Point3f, self.positions, lane % self.count)
+        centre = dr.gather(mi.Point3f, self.positions, number)
         return centre + frame.to_world(mi.Vector3f(disc.x, disc.y, 0))
+
+
+class JointDetectors(Detectors):
+    """Detectors whose light adds up: a path may end in any of them.
+
+    Paths start from all in turn and are connected to one at random. Densities are per aperture
+    area of all together, which is the same factor for those that start and those that end here.
+    """
+
+    @property
+    def choices(self) -> int:
+        return self.count
+
+    def choose(self, lane: Any, sampler: Any) -> Any:
+        if self.count == 1:
+            return mi.UInt32(0)
+        return dr.minimum(mi.UInt32(sampler.next_1d() * self.count), self.count - 1)
 
 
 @dataclass(frozen=True, eq=False)

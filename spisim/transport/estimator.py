@@ -21,7 +21,8 @@ import numpy as np
 from spisim.transport.beams import Beams
 from spisim.transport.direct import direct_light
 from spisim.transport.effort import Effort, Estimate, repeat
-from spisim.transport.ends import Detectors, Projector
+from spisim.transport.ends import Detectors, JointDetectors, Projector
+from spisim.transport.points import Points
 from spisim.transport.rays import FogRays
 from spisim.transport.tally import (
     HistogramTally,
@@ -79,8 +80,9 @@ def transport_image(
     max_vertices: int = MAX_VERTICES,
     progress: Callable[[float], None] | None = None,
 ) -> Estimate:
-    """Fraction of each virtual pixel's power that reaches the detector: `image` (H·W,).
+    """Fraction of each virtual pixel's power that reaches the detectors: `image` (H·W,).
 
+    Several detectors are alike, and their light is added up.
     `effort` counts paths per virtual pixel from each end that takes part. What else is `wanted`
     comes under the names of `spisim.transport.tally`.
     """
@@ -90,14 +92,14 @@ def transport_image(
         tallies = wanted.tallies(pixels)
         deposit = _into(tallies)
         near = Projector.of(projector, samples)
-        far = Detectors.of(detector, samples * pixels)
+        far = JointDetectors.of(detector, -(-samples * pixels // len(detector.positions_m)))
         # In clear air there is no fog to connect to.
         bridged = strategy is Strategy.BOTH and bool(world.media.parts)
         rays = FogRays(world, near) if bridged else None
         outward = inward = alone
         if strategy is Strategy.BOTH:
             outward, inward = _second_on_or_behind_glass, _second_on
-            direct_light(world, near, far, *lanes(near.lanes, seeds[2]), deposit)
+            direct_light(world, near, far, *points(near.lanes, pixels, seeds[2]), deposit)
             if max_vertices == 1:
                 return _read(tallies, detector.area_m2)
         if strategy is not Strategy.DETECTOR:
@@ -132,7 +134,7 @@ def spot_histogram(
         deposit = _into(tallies)
         near = Beams.of(world, beams, samples)
         far = Detectors.of(detectors, samples)
-        direct_light(world, near, far, *lanes(near.lanes, seeds[2]), deposit)
+        direct_light(world, near, far, *points(near.lanes, count, seeds[2]), deposit)
         if max_vertices > 1:
             weight = _balanced if strategy is Strategy.BOTH else alone
             if strategy is not Strategy.DETECTOR:
@@ -185,6 +187,12 @@ def lanes(count: int, seed: int) -> tuple[Any, Any]:
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(dr.opaque(mi.UInt32, seed), count)
     return dr.arange(mi.UInt32, count), sampler
+
+
+def points(count: int, cells: int, seed: int) -> tuple[Any, Any]:
+    """Lane numbers, cell by cell in turn, and a low-discrepancy sequence for every cell."""
+    lane = dr.arange(mi.UInt32, count)
+    return lane, Points.of(lane // cells, lane % cells, dr.opaque(mi.UInt32, seed))
 
 
 def alone(others: Any, vertex: Any, crossed: Any) -> Any:

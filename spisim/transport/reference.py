@@ -120,14 +120,14 @@ def bucket_powers(
     samples: int,
     seed: int,
 ) -> Iterator[float]:
-    """Render each pattern (H, W) of unit-power pixels on its own; yield the detector's power."""
+    """Render each pattern (H, W) of unit-power pixels alone; yield the power on all detectors."""
     renderer = Renderer(scene, {"projector": pattern_emitter(projector)})
     for number, pattern in enumerate(patterns):
         renderer.parameters["projector.irradiance.data"] = mi.TensorXf(
             _projector_texture(projector, pattern)
         )
         renderer.parameters.update()
-        yield float(renderer.power(detector, samples=samples, seed=seed + number)[0])
+        yield float(renderer.power(detector, samples=samples, seed=seed + number).sum())
 
 
 def pattern_emitter(projector: ProjectorView, power_per_pixel_w: float = 1.0) -> dict[str, Any]:

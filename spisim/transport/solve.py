@@ -48,7 +48,7 @@ class Transport:
     spot_histogram: Floats  # (4, bins): fraction of a laser's power on its detector's aperture
     spot_histogram_error: Floats
     path_length_m: Floats  # (bins,): whole optical path, emitter to detector
-    daylight_w: float  # in-band power of sun and sky on the bucket detector's aperture
+    daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
     spot_daylight_w: Floats  # (4,)
     spot_crosstalk_w: Floats  # (4,): mean power of the projector's patterns there
     paths: int

@@ -53,6 +53,28 @@ def test_bucket_readings(extinction):
 
 
 @pytest.mark.parametrize("extinction", [0.0, 0.1])
+def test_detectors_together_receive_what_each_of_them_does(extinction):
+    places, axes = [[0.05, 0.0, 0.0], [-0.2, 0.1, 0.0]], [[0.0, 0.0, 1.0], [0.08, 0.0, 1.0]]
+    world, view = build_world(worlds.scene(*worlds.room(), **fog(extinction))), worlds.projector()
+
+    def readings(end, seeds, strategy=Strategy.BOTH):
+        spp = PATHS[strategy]
+        images = [worlds.image(world, view, end, spp, seed, strategy=strategy) for seed in seeds]
+        return np.array([expose(PLAN, image)[:-1] for image in images])
+
+    def looking(number):
+        return worlds.detector(places[number], axes[number], area_m2=2e-6, half_angle_deg=8)
+
+    together = worlds.detector(places, axes, area_m2=2e-6, half_angle_deg=8)
+    both = readings(together, SEEDS)
+    one, other = readings(looking(0), worlds.seeds(20)[10:]), readings(looking(1), SEEDS)
+    assert np.all(np.abs(worlds.z_score(one + other, both)) < 4)
+    assert np.max(np.abs(one.mean(axis=0) / other.mean(axis=0) - 1)) > 0.2  # unlike each other
+    for alone in (Strategy.PROJECTOR, Strategy.DETECTOR):
+        assert np.all(np.abs(worlds.z_score(readings(together, SEEDS, alone), both)) < 4)
+
+
+@pytest.mark.parametrize("extinction", [0.0, 0.1])
 def test_spot_histograms(extinction):
     world = build_world(worlds.scene(*worlds.room(), **fog(extinction)))
     headings = np.array([[0.08, 0.08, 1.0], [-0.08, -0.08, 1.0], [0.1, 0.1, 1.0]])

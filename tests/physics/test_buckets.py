@@ -167,3 +167,11 @@ def test_taps_of_every_pattern_hold_the_range_of_every_pixel() -> None:
     np.testing.assert_allclose(total, capture.buckets.signal, rtol=1e-9)
     result = reconstruction.reconstruct(capture)
     np.testing.assert_allclose(result.range_dense_m, truth.range_m, atol=1e-3)
+
+
+def test_photodiodes_in_parallel_add_up() -> None:
+    place = worlds.scene(worlds.plane(4.0, 0.5))
+    one = changed("paper")
+    two = changed("paper", detector__positions_m=[[0.05, 0, 0], [0.05, 0, 0]])
+    lights = [bucket_light(instrument, still(instrument, place), 1) for instrument in (one, two)]
+    np.testing.assert_allclose(lights[1].image, 2 * lights[0].image, rtol=0.02)

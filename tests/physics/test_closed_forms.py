@@ -124,7 +124,7 @@ def test_absorbing_fog_attenuates_both_ways(extinction):
         cosine = 1 / np.sqrt(1 + x**2 + y**2)
         return cosine**4 * np.exp(-2 * extinction * DISTANCE / cosine)
 
-    closed = worlds.pixel_weights(view, round_trip) / view.pixel_area
+    closed = worlds.pixel_weights(view, round_trip, 128) / view.pixel_area
     closed *= REFLECTANCE * AREA / (np.pi * DISTANCE**2)
     runs = [worlds.image(world, view, worlds.detector(), 512, s) for s in worlds.seeds(8)]
     z = worlds.z_score_exact(runs, closed)

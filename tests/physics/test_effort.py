@@ -49,7 +49,7 @@ def test_a_quarter_of_the_noise_takes_sixteen_times_the_paths():
         transport_image(
             world, VIEW, END, Noise(t, lambda s: s["image"]), seed=worlds.seeds(1)[0]
         ).paths
-        for t in (0.06, 0.015)
+        for t in (0.02, 0.005)
     ]
     assert 8 < paths[1] / paths[0] < 28
 

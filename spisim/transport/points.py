@@ -1,0 +1,81 @@
+"""Low-discrepancy random numbers: Owen-scrambled Sobol points, padded.
+
+Every dimension, or pair of them, is the (0, 2)-sequence of Sobol' in an order and a scrambling of
+its own (Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020). Each number is uniform,
+so that estimates stay unbiased, and independent streams have independent errors. They pay where
+the integrand is smooth and few numbers matter. Scrambling is by a hash, hence only as random as a
+hash.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+#: Steps of Pascal's matrix modulo 2, which makes Sobol's second dimension of the first.
+_PASCAL = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
+_GOLDEN = 0x9E3779B9
+
+
+@dataclass
+class Points:
+    """One point per lane; takes the place of a Mitsuba sampler."""
+
+    number: Any  # of the lane's point in its sequence, bits reversed
+    stream: Any
+    dimension: Any
+
+    @classmethod
+    def of(cls, number: Any, sequence: Any, seed: Any) -> Points:
+        """Point `number` of the lane's `sequence`; sequences and seeds are independent."""
+        return cls(dr.brev(mi.UInt32(number)), _mix(sequence ^ _mix(seed)), mi.UInt32(0))
+
+    def next_1d(self, active: Any = True) -> Any:
+        """A number in [0, 1)."""
+        key = self._next_key()
+        return _unit(_scrambled(_shuffled(self.number, key), _mix(key + 1)))
+
+    def next_2d(self, active: Any = True) -> Any:
+        """A point of the unit square."""
+        key = self._next_key()
+        first = _shuffled(self.number, key)
+        second = first
+        for shift, mask in _PASCAL:
+            second = second ^ ((second & mask) << shift)
+        return mi.Point2f(
+            _unit(_scrambled(first, _mix(key + 1))), _unit(_scrambled(second, _mix(key + 2)))
+        )
+
+    def _next_key(self) -> Any:
+        self.dimension += 1
+        return _mix(self.stream + self.dimension * _GOLDEN)
+
+
+def _shuffled(bits: Any, key: Any) -> Any:
+    """Each bit flipped or not as a hash of the bits below it says (Laine and Karras)."""
+    bits = bits ^ (bits * 0x3D20ADEA)
+    bits = bits + key
+    bits = bits * ((key >> 16) | 1)
+    bits = bits ^ (bits * 0x05526C56)
+    return bits ^ (bits * 0x53A22864)
+
+
+def _scrambled(bits: Any, key: Any) -> Any:
+    """Owen scrambling: each bit flipped or not as a hash of the bits above it says."""
+    return dr.brev(_shuffled(dr.brev(bits), key))
+
+
+def _mix(bits: Any) -> Any:
+    """Hash of 32 bits (Wellons' lowbias32)."""
+    bits = bits ^ (bits >> 16)
+    bits = bits * 0x21F0AAAD
+    bits = bits ^ (bits >> 15)
+    bits = bits * 0xD35A2D97
+    return bits ^ (bits >> 15)
+
+
+def _unit(bits: Any) -> Any:
+    return mi.Float(bits >> 8) * 2.0**-24
