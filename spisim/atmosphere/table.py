@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import InputError
-from spisim.atmosphere.phase import Floats, Tabulated
+from spisim.atmosphere.phase import G_TOLERANCE, Floats, Tabulated
 
 #: Nodes of the resampled table. The forward lobe of large droplets needs them: with 1001, heavy
 #: advection fog would get g = 0.950 instead of 0.868.
@@ -58,13 +58,19 @@ def tabulate(
     """
     columns = _columns(np.asarray(table, dtype=np.float64), name)
     integral, own_g = columns.moments()
+    if declared_g is not None and not abs(own_g - declared_g) <= G_TOLERANCE:
+        raise InputError(
+            f"phase function {name!r}: its {len(columns.x)} rows, linear in between, give "
+            f"g = {own_g:.4f} instead of {declared_g:.4f}: the table is too coarse, or another one"
+        )
     if per_steradian and not abs(integral - 1) <= NORMALISATION_TOLERANCE:
         raise InputError(
             f"phase function {name!r} in 1/sr should integrate to 1 over the sphere, within "
-            f"{NORMALISATION_TOLERANCE:.0%}; its integral is {integral:.4g}"
+            f"{NORMALISATION_TOLERANCE:.0%}; its integral is {integral:.4g} and its g {own_g:.4f}, "
+            f"with its {len(columns.x)} rows and linear in between"
         )
     values = columns.at(np.linspace(-1, 1, NODES))
-    return Tabulated(values, own_g if declared_g is None else declared_g, name)
+    return Tabulated(values, own_g, name)
 
 
 def _columns(table: Floats, name: str) -> _Columns:

@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from reconstruction.errors import InputError
 from spisim.transport.beams import Beams
 from spisim.transport.direct import direct_light
 from spisim.transport.effort import Effort, Estimate, repeat
@@ -38,6 +39,8 @@ from spisim.transport.world import World
 
 #: Paths longer than this carry nothing worth following; roulette ends almost all of them earlier.
 MAX_VERTICES = 256
+#: Single precision tells path lengths of 100 m to 0.1 mm: 1/300 of a period.
+HIGHEST_FREQUENCY_HZ = 1e10
 
 
 class Strategy(Enum):
@@ -50,11 +53,22 @@ class Strategy(Enum):
 
 @dataclass(frozen=True)
 class Wanted:
-    """What to keep of the light of the image besides the transport image itself."""
+    """What to keep of the light of the image besides the transport image itself.
+
+    Raises InputError for a frequency that single precision of the path length cannot resolve.
+    """
 
     orders: bool = False  # unscattered, single and multiple apart
     frequencies_hz: tuple[float, ...] = ()  # phasor images
     bins: PathLengthBins | None = None  # transport cube
+
+    def __post_init__(self) -> None:
+        for frequency_hz in self.frequencies_hz:
+            if not 0 <= frequency_hz <= HIGHEST_FREQUENCY_HZ:
+                raise InputError(
+                    f"frequency {frequency_hz:g} Hz: path lengths are known to 0.1 mm, which "
+                    f"resolves the phase of 0 to {HIGHEST_FREQUENCY_HZ:g} Hz"
+                )
 
     def tallies(self, cells: int) -> list[Tally]:
         """Empty sums for one launch."""

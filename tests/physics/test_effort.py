@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import drjit as dr
 import numpy as np
 import pytest
 
@@ -13,8 +12,11 @@ from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.transport import solve
 from spisim.transport.backend import activate, has_cuda
 from spisim.transport.effort import Noise, Paths
-from spisim.transport.estimator import transport_image
+from spisim.transport.estimator import Wanted, transport_image
 from spisim.transport.world import build_world
+
+# isort: split
+import drjit as dr
 
 END = worlds.detector([0.05, 0.0, 0.0], area_m2=2e-6, half_angle_deg=14)
 VIEW = worlds.projector()
@@ -113,3 +115,9 @@ def test_cuda_and_llvm_agree():
     if not has_cuda():
         pytest.skip("no CUDA device: the light is traced with LLVM here")
     assert activate() == "cuda_ad_mono"
+
+
+@pytest.mark.parametrize("frequency_hz", [-1.0, 1e13, np.inf, np.nan])
+def test_a_phasor_beyond_the_precision_of_path_lengths_is_refused(frequency_hz):
+    with pytest.raises(InputError, match=r"frequency .* Hz.*0 to 1e\+10"):
+        Wanted(frequencies_hz=(15e6, frequency_hz))
