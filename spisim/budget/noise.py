@@ -132,10 +132,6 @@ def _(tof: DirectTof) -> Reading:
     return Reading(time_s, time_s * peak_share(tof), time_s, converted=False)
 
 
-#: A pulse that passed a filter of Gaussian shape is wider by this over the bandwidth (variance).
-SIGMA_PER_BANDWIDTH = np.sqrt(np.log(2)) / (2 * np.pi)
-
-
 def threshold_time_s(tof: DirectTof) -> float:
     """Window whose charge is as noisy as a current in the amplifier's bandwidth B: 1 / 2B."""
     amplifier = tof.detector.amplifier
@@ -144,15 +140,9 @@ def threshold_time_s(tof: DirectTof) -> float:
     return 1 / (2 * amplifier.bandwidth_hz)
 
 
-def threshold_sigma_s(tof: DirectTof) -> float:
-    """Standard deviation of the pulse behind the amplifier."""
-    widening = SIGMA_PER_BANDWIDTH * 2 * threshold_time_s(tof)
-    return float(np.hypot(tof.pulse_sigma_s, widening))
-
-
 def peak_share(tof: DirectTof) -> float:
     """Height of the pulse behind the amplifier over that in front: it keeps its charge."""
-    return tof.pulse_sigma_s / threshold_sigma_s(tof)
+    return tof.pulse_sigma_s / tof.amplified_sigma_s
 
 
 def _noise(

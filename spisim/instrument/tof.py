@@ -127,6 +127,19 @@ class DirectTof(Section):
         return self.pulse_fwhm_s / FWHM_PER_SIGMA
 
     @property
+    def amplified_sigma_s(self) -> float:
+        """Standard deviation of the pulse behind the amplifier that feeds the threshold.
+
+        The amplifier is taken as a filter of Gaussian shape here, 3 dB down at its bandwidth, so
+        that pulses stay even; one pole would draw out their end.
+        """
+        amplifier = self.detector.amplifier
+        assert amplifier is not None
+        assert amplifier.bandwidth_hz is not None
+        widening_s = math.sqrt(math.log(2)) / (2 * math.pi * amplifier.bandwidth_hz)
+        return math.hypot(self.pulse_sigma_s, widening_s)
+
+    @property
     def response_sigma_s(self) -> float:
         """Standard deviation of light and time stamp together; of a threshold, nan: it varies."""
         sensor = self.detector.sensor
