@@ -64,6 +64,7 @@ def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:
             f"({100 * saturated.mean():.3g} %) are marked saturated: what rests on them is left "
             "out of the dense ranges"
         )
+    warnings += _wrapped_pixels(capture)
     if capture.optics is None:
         warnings.append("the optics are not known: there are no dense ranges")
     elif 0 not in capture.plan.distinct[decodable(capture.plan, ~saturated)]:
@@ -72,3 +73,17 @@ def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:
             "ranges"
         )
     return warnings
+
+
+def _wrapped_pixels(capture: Capture) -> list[str]:
+    if capture.truth is None or capture.pattern_taps is None:
+        return []
+    farthest_m = unambiguous_path_m(capture.pattern_taps.tap_frequencies_hz) / 2
+    beyond = capture.truth.range_m > farthest_m
+    if not beyond.any():
+        return []
+    return [
+        f"the scene reaches to {np.nanmax(capture.truth.range_m):.2f} m, beyond the "
+        f"{farthest_m:.2f} m up to which a dense range is unambiguous: {100 * beyond.mean():.3g} % "
+        "of the pixels are measured a multiple of that too near"
+    ]

@@ -176,6 +176,14 @@ def _explain(details: ErrorDetails) -> str:
         return f"{field} {tag!r} is unknown: {nearest(tag, expected)}"
     if details["type"] == "union_tag_not_found":
         return f"{details['ctx']['discriminator'].strip(chr(39))} is missing"
+    if details["type"] in ("too_short", "too_long"):
+        bounds = details["ctx"]
+        limit = (
+            f"at least {bounds['min_length']}"
+            if "min_length" in bounds
+            else f"at most {bounds['max_length']}"
+        )
+        return f"should have {limit} items, not {bounds['actual_length']}"
     text = _MESSAGES.get(details["type"], details["msg"].removeprefix("Input "))
     return text[0].lower() + text[1:]
 

@@ -114,12 +114,18 @@ def report(
     for table in tables:
         print(table.text())
     if as_json:
-        summary = {
-            **around,
-            "tables": [table.summary() for table in tables],
-            "checks": [check.summary() for check in checks],
-        }
-        print(json.dumps(summary))
+        print(json.dumps(summary(around, tables, checks)))
+
+
+def summary(
+    around: dict[str, Any], tables: Sequence[Table], checks: Sequence[Check]
+) -> dict[str, Any]:
+    """Everything, JSON-ready."""
+    return {
+        **around,
+        "tables": [table.summary() for table in tables],
+        "checks": [check.summary() for check in checks],
+    }
 
 
 def paste(path: Path, name: str, around: dict[str, Any], tables: Sequence[Table]) -> None:

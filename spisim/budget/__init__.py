@@ -5,7 +5,7 @@ For a flat Lambertian target across the optical axis that fills the field. `spis
 """
 
 from spisim.budget.eye_safety import LaserSafety, RiskGroup, array_risk_group, laser_safety
-from spisim.budget.findings import budget_warnings
+from spisim.budget.findings import background_warnings, budget_warnings, instrument_warnings
 from spisim.budget.link import BucketLink, SpotLink, Target, bucket_link, spot_link
 from spisim.budget.noise import NoiseBudget, bucket_noise, spot_noise
 from spisim.budget.ranging import longest_range_m, range_sigma_m
@@ -18,9 +18,11 @@ __all__ = [
     "SpotLink",
     "Target",
     "array_risk_group",
+    "background_warnings",
     "bucket_link",
     "bucket_noise",
     "budget_warnings",
+    "instrument_warnings",
     "laser_safety",
     "longest_range_m",
     "range_sigma_m",

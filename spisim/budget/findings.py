@@ -5,22 +5,56 @@ from __future__ import annotations
 import numpy as np
 
 from spisim.budget.eye_safety import safety_warnings
-from spisim.budget.link import BucketLink, SpotLink, Target, bucket_link, spot_link
+from spisim.budget.link import SpotLink, Target, bucket_link, spot_link
 from spisim.budget.noise import reading_of
 from spisim.instrument import Detector, Instrument, Spad
 
 #: Detections per dead time, or per gate, from which on a counter falls behind.
 PILE_UP = 0.05
+#: What ranging may take longer than the patterns, relative: whole numbers of periods seldom fit.
+SLACK = 0.01
 
 
 def budget_warnings(instrument: Instrument, target: Target) -> list[str]:
     """Sentences about what does not fit, for one target."""
     bucket, spots = bucket_link(instrument, target), spot_link(instrument, target)
+    background = float(bucket.daylight_electrons + bucket.dark_electrons)
     return [
         *_range_warnings(instrument, target, spots),
-        *_bucket_warnings(instrument, bucket),
-        *_spot_warnings(instrument, spots),
+        *_bucket_warnings(instrument, background, background + float(bucket.signal_electrons)),
+        *_spot_warnings(instrument, float(spots.steady_per_s.max()), float(spots.echo_per_s.max())),
+        *instrument_warnings(instrument),
+    ]
+
+
+def instrument_warnings(instrument: Instrument) -> list[str]:
+    """Sentences about what does not fit, whatever the instrument looks at."""
+    spots_s = instrument.tof.frame_time_s
+    patterns_s = instrument.pattern_plan.exposures * instrument.pattern_period_s
+    late = spots_s > patterns_s * (1 + SLACK)
+    return [
         *safety_warnings(instrument),
+        *(
+            [
+                f"the spots take {1e3 * spots_s:.3g} ms, longer than the {1e3 * patterns_s:.3g} ms "
+                "of a frame's patterns: frames cannot follow one another without a pause"
+            ]
+            if late
+            else []
+        ),
+    ]
+
+
+def background_warnings(
+    instrument: Instrument, bucket_electrons: float, spots_per_s: float
+) -> list[str]:
+    """Detectors that the background alone, all but lasers and image, overwhelms.
+
+    Electrons of one exposure, and per second on the brightest of the ranging detectors.
+    """
+    return [
+        *_bucket_warnings(instrument, bucket_electrons, bucket_electrons),
+        *_spot_warnings(instrument, spots_per_s, 0.0),
     ]
 
 
@@ -41,32 +75,32 @@ def _range_warnings(instrument: Instrument, target: Target, link: SpotLink) -> l
     return warnings
 
 
-def _bucket_warnings(instrument: Instrument, link: BucketLink) -> list[str]:
-    detector = instrument.detector
-    background = float(link.daylight_electrons + link.dark_electrons)
-    whole = background + float(link.signal_electrons)
+def _bucket_warnings(instrument: Instrument, background: float, whole: float) -> list[str]:
+    """By the electrons of one exposure."""
+    detector, modulation = instrument.detector, instrument.projector.modulation
     if isinstance(detector.sensor, Spad):
         each_per_s = whole / len(detector.positions_m) / instrument.exposure_time_s
         blind = each_per_s * detector.sensor.dead_time_s
         return [] if blind < PILE_UP else [_blind(blind)]
-    amplifier = detector.amplifier
-    if amplifier is not None and amplifier.coupling == "ac":
+    if detector.amplifier is not None and detector.amplifier.coupling == "ac":
         return []  # only changes reach the converter
-    return _converter_warnings("detector", detector, background, whole)
+    share = 1.0 if modulation is None else modulation.taps.share  # each tap has its own converter
+    return _converter_warnings("detector", detector, share * background, share * whole)
 
 
-def _spot_warnings(instrument: Instrument, link: SpotLink) -> list[str]:
+def _spot_warnings(instrument: Instrument, steady_per_s: float, echo_per_s: float) -> list[str]:
+    """By the electrons per second on one ranging detector."""
     tof = instrument.tof
     if isinstance(tof.detector.sensor, Spad):
         assert tof.method == "dtof"
-        first = float(np.max(link.steady_per_s * tof.gate_s))
+        first = steady_per_s * tof.gate_s
         return [] if first < PILE_UP else [_pile_up(first)]
     if tof.method == "dtof":
-        return []
+        return []  # time stamps need no converter
     reading = reading_of(tof)
-    background = float(np.max(link.steady_per_s * reading.steady_s))
     swing = 2.0 if tof.method == "cw" else 1.0
-    whole = background + swing * float(np.max(link.echo_per_s * reading.echo_s))
+    background = steady_per_s * reading.steady_s
+    whole = background + swing * echo_per_s * reading.echo_s
     return _converter_warnings("tof.detector", tof.detector, background, whole)
 
 
@@ -91,7 +125,7 @@ def _converter_warnings(
     room = detector.adc.headroom_electrons
     if background > room:
         return [
-            f"{name}.adc holds {room:.3g} electrons, and daylight and dark current alone are "
+            f"{name}.adc holds {room:.3g} electrons, and the background alone is "
             f"{background:.3g}: every reading saturates"
         ]
     if whole > room:

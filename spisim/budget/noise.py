@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from spisim.budget.link import BucketLink, SpotLink
 from spisim.instrument import CwTof, Detector, DirectTof, Instrument, PulsedTof, Spad
+from spisim.instrument.demodulation import TAPS
 
 Floats = NDArray[np.float64]
 
@@ -60,17 +61,23 @@ class Reading:
     steady_s: float
     echo_s: float
     amplifier_s: float
-    converted: bool
+    converted: bool  # by an ADC
 
 
 def bucket_noise(instrument: Instrument, link: BucketLink) -> NoiseBudget:
-    """Noise of one exposure with all pixels on."""
+    """Noise of one exposure with all pixels on; of modulated ones, of the sum over the taps."""
+    modulation = instrument.projector.modulation
+    taps = None if modulation is None else modulation.taps
+    conversions, share, noise_share = (
+        (1, 1.0, 1.0) if taps is None else (TAPS, TAPS * taps.share, TAPS * taps.noise_share)
+    )
     light = {
-        "signal": link.signal_electrons,
-        "daylight": link.daylight_electrons,
-        "dark current": np.asarray(link.dark_electrons),
+        "signal": share * link.signal_electrons,
+        "daylight": share * link.daylight_electrons,
+        "dark current": np.asarray(share * link.dark_electrons),
     }
-    return _noise(instrument.detector, light, instrument.exposure_time_s, converted=True)
+    time_s = noise_share * instrument.exposure_time_s
+    return _noise(instrument.detector, light, time_s, conversions=conversions)
 
 
 def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
@@ -89,7 +96,7 @@ def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
         "dark current": np.asarray(link.dark_per_s * reading.steady_s),
     }
     detector = instrument.tof.detector
-    return _noise(detector, light, reading.amplifier_s, converted=reading.converted)
+    return _noise(detector, light, reading.amplifier_s, conversions=int(reading.converted))
 
 
 @singledispatch
@@ -125,10 +132,6 @@ def _(tof: DirectTof) -> Reading:
     return Reading(time_s, time_s * peak_share(tof), time_s, converted=False)
 
 
-#: A pulse that passed a filter of Gaussian shape is wider by this over the bandwidth (variance).
-SIGMA_PER_BANDWIDTH = np.sqrt(np.log(2)) / (2 * np.pi)
-
-
 def threshold_time_s(tof: DirectTof) -> float:
     """Window whose charge is as noisy as a current in the amplifier's bandwidth B: 1 / 2B."""
     amplifier = tof.detector.amplifier
@@ -137,26 +140,21 @@ def threshold_time_s(tof: DirectTof) -> float:
     return 1 / (2 * amplifier.bandwidth_hz)
 
 
-def threshold_sigma_s(tof: DirectTof) -> float:
-    """Standard deviation of the pulse behind the amplifier."""
-    widening = SIGMA_PER_BANDWIDTH * 2 * threshold_time_s(tof)
-    return float(np.hypot(tof.pulse_sigma_s, widening))
-
-
 def peak_share(tof: DirectTof) -> float:
     """Height of the pulse behind the amplifier over that in front: it keeps its charge."""
-    return tof.pulse_sigma_s / threshold_sigma_s(tof)
+    return tof.pulse_sigma_s / tof.amplified_sigma_s
 
 
 def _noise(
-    detector: Detector, light: Mapping[str, Floats], amplifier_s: float, *, converted: bool
+    detector: Detector, light: Mapping[str, Floats], amplifier_s: float, *, conversions: int
 ) -> NoiseBudget:
     excess = detector.sensor.excess_noise_factor
     electronics = {}
     if detector.amplifier is not None:
         electronics["amplifier"] = detector.amplifier_noise_electrons(amplifier_s)
-    if detector.adc is not None and converted:
-        electronics["ADC"] = detector.adc.quantisation_noise_electrons
+    if detector.adc is not None and conversions:
+        steps = detector.adc.quantisation_noise_electrons
+        electronics["ADC"] = steps * float(np.sqrt(conversions))
     shape = np.broadcast_shapes(*(np.shape(mean) for mean in light.values()))
     variances = {name: excess * mean for name, mean in light.items()}
     variances |= {name: np.asarray(rms**2) for name, rms in electronics.items()}

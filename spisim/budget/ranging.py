@@ -18,7 +18,6 @@ from spisim.budget.noise import (
     cw_reading,
     peak_share,
     reading_of,
-    threshold_sigma_s,
     threshold_time_s,
 )
 from spisim.instrument import CwTof, DirectTof, Instrument, PulsedTof, Spad
@@ -90,7 +89,8 @@ def _(tof: CwTof, link: SpotLink) -> Floats:
 
     v is the variance of a tap at mean phase, A the amplitude of its signal against phase. Equals
     the paper's Eq. (3) with A_R twice the mean signal of a period. Several frequencies weigh by
-    their precision, once their whole periods are told apart, which needs far better than that.
+    their precision, once their whole periods are told apart, which needs far better than that;
+    each has the noise of its own window, while captures have the longest one's for all.
     """
     amplifier, detector = tof.detector.amplifier, tof.detector
     assert amplifier is not None
@@ -177,7 +177,7 @@ def threshold_crossing_sigma_s(tof: DirectTof, link: SpotLink) -> Floats:
     threshold = tof.threshold_sigma * np.sqrt(quiet)
     peak = link.echo_per_s * window_s * peak_share(tof)
     place = np.sqrt(2 * np.log(np.maximum(peak / threshold, 1)))  # of the crossing, in sigmas
-    slope = threshold * place / threshold_sigma_s(tof)
+    slope = threshold * place / tof.amplified_sigma_s
     stamp = (quiet + excess * threshold) / (2 * slope**2) + tof.bin_width_s**2 / 12
     false_alarms = np.exp(-(tof.threshold_sigma**2) / 2) / (2 * window_s * np.sqrt(3))
     stamps = tof.pulses * np.exp(-false_alarms * link.path_m / c)

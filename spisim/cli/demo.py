@@ -31,7 +31,7 @@ def command(
     )
     from reconstruction.files import require_folder
     from spisim.instrument import load_instrument
-    from spisim.measurement import simulate
+    from spisim.measurement import simulate, simulation_warnings
     from spisim.report import write_overview, write_report
     from spisim.scene import load_scene
     from spisim.transport import camera_view
@@ -65,7 +65,7 @@ def command(
         timings=seconds,
         title=scene.name,
     )
-    warnings = capture_warnings(capture)
+    warnings = simulation_warnings(instrument, light) + capture_warnings(capture)
     warn(warnings)
     written = ["capture.h5", "truth.exr", *pictures, "overview.png", "report.html"]
     if json:

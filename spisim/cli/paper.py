@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .console import messages
+from .console import messages, print_json
 from .options import Json
 
 EXAMPLE = "spisim paper fig2 -o out/paper"
@@ -36,11 +36,11 @@ def command(
 ) -> None:
     """Compute the paper's results and put them beside its numbers; exit 1 if a check fails.
 
-    Draws each figure as PNG. With --json the last line is one JSON object with all checks.
+    Draws each figure as PNG.
     """
     from reconstruction.files import require_folder, write_atomically
     from spisim.budget.plots import png_bytes
-    from spisim.measured import around_marks, checks_table, paste, report, surroundings
+    from spisim.measured import around_marks, checks_table, paste, report, summary, surroundings
     from spisim.paper import RESULTS
 
     require_folder(output)
@@ -54,7 +54,10 @@ def command(
     tables = [table for result in results.values() for table in result.tables]
     tables.append(checks_table(checks))
     around = surroundings(PACKAGES)
-    report(around, tables, checks, as_json=json)
+    if json:
+        print_json(summary(around, tables, checks))
+    else:
+        report(around, tables, checks, as_json=False)
     if markdown is not None:
         paste(markdown, "paper", around, tables)
     pictures = ", ".join(f"{name}.png" for name in results)

@@ -50,7 +50,7 @@ def command(
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture
     from reconstruction.errors import naming
     from reconstruction.files import require_file
-    from spisim.measurement import simulate
+    from spisim.measurement import simulate, simulation_warnings
     from spisim.transport import camera_view
 
     require_file(output)
@@ -70,7 +70,8 @@ def command(
         )
     write_capture(simulation.capture, output)
     written = [output]
-    warnings = capture_warnings(simulation.capture)
+    warnings = simulation_warnings(carried, simulation.transport)
+    warnings += capture_warnings(simulation.capture)
     warn(warnings)
     if report:
         from spisim.report import write_report

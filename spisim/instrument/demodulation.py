@@ -16,8 +16,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from reconstruction.errors import InputError
 from spisim.config import Positive, Section
 from spisim.instrument.sensor import PositiveFraction
 
@@ -35,8 +36,10 @@ class Taps(Section):
     """Four demodulation windows a quarter period apart.
 
     A rectangular window is open for `width` periods; a sine window takes each electron with
-    probability ½ [1 + cos]. Taps work in parallel, or one after the other on one amplifier, each
-    for a quarter of the time.
+    probability ½ [1 + cos]. Taps work in parallel, or one after the other on one amplifier, which
+    takes four times as long. Windows in parallel that overlap see copies of one current, yet their
+    noise is drawn independently: right for the phase from rectangular windows of up to half a
+    period, whose opposite taps do not overlap; with sine windows up to twice the variance.
     """
 
     shape: Literal["rectangular", "sine"] = "rectangular"
@@ -75,6 +78,12 @@ class Modulation(Section):
     light: Literal["sine", "square"] = "sine"
     contrast: PositiveFraction = 1.0  # half the swing of the power over its mean
     taps: Taps = Taps()
+
+    @model_validator(mode="after")
+    def _frequencies_differ(self) -> Modulation:
+        if len(set(self.frequencies_hz)) < len(self.frequencies_hz):
+            raise InputError(f"frequencies_hz has one twice: {list(self.frequencies_hz)}")
+        return self
 
     def light_harmonics(self, orders: NDArray[np.int64]) -> Floats:
         """a_n of the light's power."""

@@ -54,6 +54,15 @@ class Adc(Section):
     full_scale_electrons: Positive
     offset_counts: Annotated[int, Field(ge=0)]
 
+    @model_validator(mode="after")
+    def _offset_leaves_room(self) -> Adc:
+        if self.offset_counts >= self.max_count:
+            raise InputError(
+                f"offset_counts {self.offset_counts} leaves no room for light: a converter of "
+                f"{self.bits} bits ends at {self.max_count}"
+            )
+        return self
+
     @property
     def max_count(self) -> int:
         """The count of saturation."""

@@ -23,6 +23,8 @@ Source = Literal["projector", "laser", "daylight"]
 
 #: Wavelengths at which a spectrum within the filter's band is weighted.
 BAND_POINTS = 49
+#: Time constants that a pattern's period must last, so that a pattern is felt in the next one only.
+SETTLING_TIMES = 5
 
 
 class EyeSafety(Section):
@@ -152,6 +154,24 @@ class Instrument(Section):
                 f"exposure_time_s {self.exposure_time_s} is longer than a pattern's period "
                 f"{self.pattern_period_s:.6g}, 1 / projector.pattern_rate_hz"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _patterns_settle_within_their_period(self) -> Instrument:
+        amplifier = self.detector.amplifier
+        times_s = {
+            "projector.settling_time_s": self.projector.settling_time_s,
+            "the time constant of detector.amplifier.bandwidth_hz,": (
+                0.0 if amplifier is None else amplifier.time_constant_s
+            ),
+        }
+        for name, time_s in times_s.items():
+            if time_s * SETTLING_TIMES > self.pattern_period_s:
+                raise InputError(
+                    f"{name} {time_s:.4g} s is too long for patterns of "
+                    f"{self.pattern_period_s:.4g} s, 1 / projector.pattern_rate_hz: at most "
+                    f"{self.pattern_period_s / SETTLING_TIMES:.4g} s"
+                )
         return self
 
     @model_validator(mode="after")

@@ -51,7 +51,7 @@ class _Sensor(Section):
 
 
 class Pin(_Sensor):
-    """Photodiode without gain; also the base of the avalanche diode."""
+    """Photodiode without gain."""
 
     type: Literal["pin"]
     responsivity_a_per_w: Spectral
@@ -115,7 +115,7 @@ class Spad(_Sensor):
     """
 
     type: Literal["spad"]
-    detection_efficiency: Annotated[Spectral, Field()]
+    detection_efficiency: Spectral
     dark_count_rate_hz: NonNegative
     dead_time_s: NonNegative
     afterpulse_probability: Efficiency = 0.0

@@ -44,7 +44,7 @@ class CwTof(Section):
 
     @model_validator(mode="after")
     def _charge_is_demodulated(self) -> CwTof:
-        _needs_charge("cw", self.detector)
+        _integrates_charge("cw", self.detector)
         return self
 
 
@@ -79,7 +79,7 @@ class PulsedTof(Section):
 
     @model_validator(mode="after")
     def _fits(self) -> PulsedTof:
-        _needs_charge("pulsed", self.detector)
+        _integrates_charge("pulsed", self.detector)
         if self.rise_time_s > self.pulse_width_s:
             raise InputError(
                 f"rise_time_s {self.rise_time_s:g} is longer than pulse_width_s "
@@ -127,6 +127,19 @@ class DirectTof(Section):
         return self.pulse_fwhm_s / FWHM_PER_SIGMA
 
     @property
+    def amplified_sigma_s(self) -> float:
+        """Standard deviation of the pulse behind the amplifier that feeds the threshold.
+
+        The amplifier is taken as a filter of Gaussian shape here, 3 dB down at its bandwidth, so
+        that pulses stay even; one pole would draw out their end.
+        """
+        amplifier = self.detector.amplifier
+        assert amplifier is not None
+        assert amplifier.bandwidth_hz is not None
+        widening_s = math.sqrt(math.log(2)) / (2 * math.pi * amplifier.bandwidth_hz)
+        return math.hypot(self.pulse_sigma_s, widening_s)
+
+    @property
     def response_sigma_s(self) -> float:
         """Standard deviation of light and time stamp together; of a threshold, nan: it varies."""
         sensor = self.detector.sensor
@@ -161,6 +174,10 @@ class DirectTof(Section):
 Tof = Annotated[CwTof | PulsedTof | DirectTof, Discriminator("method")]
 
 
-def _needs_charge(method: str, detector: TofDetector) -> None:
+def _integrates_charge(method: str, detector: TofDetector) -> None:
     if isinstance(detector.sensor, Spad):
         raise InputError(f"{method} integrates charge; a spad sensor counts: choose method dtof")
+    if detector.amplifier is not None and detector.amplifier.coupling == "ac":
+        raise InputError(
+            f"detector.amplifier.coupling should be dc: {method} subtracts the background itself"
+        )

@@ -15,8 +15,6 @@ from spisim.instrument import DirectTof, Spad
 
 Floats = NDArray[np.float64]
 
-#: A pulse that passed a filter of Gaussian shape is wider by this over the bandwidth (variance).
-SIGMA_PER_BANDWIDTH = math.sqrt(math.log(2)) / (2 * math.pi)
 #: Iterations for the after-pulses, which shrink by their probability every time.
 ROUNDS = 20
 
@@ -63,7 +61,7 @@ def threshold_arrivals(
     assert amplifier.bandwidth_hz is not None
     assert tof.threshold_sigma is not None
     bandwidth = amplifier.bandwidth_hz
-    sigma_s = math.hypot(tof.pulse_sigma_s, SIGMA_PER_BANDWIDTH / bandwidth)
+    sigma_s = tof.amplified_sigma_s
     step = min(tof.bin_width_s, sigma_s / 20)
     times = np.arange(0.0, tof.gate_s, step)
     # The amplifier keeps the charge of a pulse and lowers its peak.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.patterns import expose
 from spisim.instrument import Instrument, Modulation
@@ -44,11 +44,7 @@ def bucket_light(instrument: Instrument, light: LightSequence, frames: int) -> B
         np.array([getattr(key, name) for key in light.transports])
         for name in ("image", "image_error")
     )
-    steady = np.array([key.daylight_w for key in light.transports])
-    steady = steady * _gain(instrument, "daylight")
-    steady += len(instrument.detector.positions_m) * instrument.detector.dark_electrons(
-        instrument.exposure_time_s
-    )
+    steady = background_electrons(instrument, [key.daylight_w for key in light.transports])
 
     def readings(pictures: Floats, background: Floats) -> Floats:
         return _readings(instrument, shares, pictures * electrons, background)
@@ -71,6 +67,13 @@ def bucket_light(instrument: Instrument, light: LightSequence, frames: int) -> B
         taken_off=taken_off,
         taps=taps,
     )
+
+
+def background_electrons(instrument: Instrument, daylight_w: ArrayLike) -> Floats:
+    """Electrons of one exposure from dark current and this much daylight on the apertures."""
+    dark = instrument.detector.dark_electrons(instrument.exposure_time_s)
+    daylight = np.asarray(daylight_w) * _gain(instrument, "daylight")
+    return daylight + len(instrument.detector.positions_m) * dark
 
 
 def tap_images(

@@ -79,7 +79,8 @@ def _(tof: CwTof, light: SpotLight, directions: Floats, rng: np.random.Generator
     frequencies = np.array(modulation.frequencies_hz)
     taps = modulation.taps.phases_rad
     offsets = [modulation.phase_offset_rad(frequency, response) for frequency in frequencies]
-    # One noise for all: that of the longest window, as periods are the same for every frequency.
+    # A capture has one noise for all taps: that of the longest window, as periods are the same for
+    # every frequency. Too much for the higher ones, by the square root of the frequencies' ratio.
     time_s = tof.periods / frequencies.min() * modulation.taps.noise_share
     return CwSpots(
         **_common(tof.detector, directions),

@@ -1,16 +1,19 @@
-"""The light of the four laser spots over path length, as a vector drawing."""
+"""The four laser spots over path length, light or arrivals, as vector drawings."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import c
+
+from reconstruction.spots import HistogramSpots
 
 Floats = NDArray[np.float64]
 
 WIDTH, HEIGHT = 960, 280
 LEFT, RIGHT, TOP, BOTTOM = 70, 10, 10, 44
-DECADES = 6  # shown below the highest value
+DECADES = 6  # of light shown below the highest value
 
 
 class SpotHistograms(Protocol):
@@ -31,12 +34,13 @@ class _Axes:
 
     far_m: float
     top: int
+    decades: int
 
     def x(self, length_m: Any) -> Any:
         return LEFT + (WIDTH - LEFT - RIGHT) * length_m / self.far_m
 
     def y(self, exponent: Any) -> Any:
-        return TOP + (HEIGHT - TOP - BOTTOM) * (self.top - exponent) / DECADES
+        return TOP + (HEIGHT - TOP - BOTTOM) * (self.top - exponent) / self.decades
 
 
 def spot_plot(transport: SpotHistograms, true_length_m: Floats | None) -> str:
@@ -50,8 +54,30 @@ def spot_plot(transport: SpotHistograms, true_length_m: Floats | None) -> str:
     if lit.size == 0:
         return ""
     bins = _bins_to_show(int(lit[-1]) + 1, bin_width_m, true_length_m)
-    axes = _Axes(bins * bin_width_m, int(np.ceil(np.log10(density[:, :bins].max()))))
-    drawing = _grid(axes) + _curves(axes, density[:, :bins])
+    density = density[:, :bins]
+    axes = _Axes(bins * bin_width_m, int(np.ceil(np.log10(density.max()))), DECADES)
+    return _drawing(axes, density, true_length_m, "share of power per m")
+
+
+def arrival_plot(spots: HistogramSpots, frame: int, true_length_m: Floats | None) -> str:
+    """Draw the arrivals in each time bin as recorded, over the path that the time stands for.
+
+    The first bin is drawn at its own path, and nothing before it; `true_length_m` as `spot_plot`.
+    """
+    metres_per_bin = c * spots.bin_width_s
+    ahead = round((spots.start_s - spots.delay_offset_s) / spots.bin_width_s)
+    counts = np.asarray(spots.counts[frame], float)
+    counts = np.pad(counts, ((0, 0), (max(ahead, 0), 0)))[:, max(-ahead, 0) :]
+    if counts.size == 0 or counts.max() <= 0:
+        return ""
+    top = max(int(np.ceil(np.log10(counts.max()))), 1)
+    axes = _Axes(counts.shape[1] * metres_per_bin, top, top + 1)
+    return _drawing(axes, counts, true_length_m, "arrivals per bin")
+
+
+def _drawing(axes: _Axes, values: Floats, true_length_m: Floats | None, title: str) -> str:
+    """Curves (4, bins) in their axes."""
+    drawing = _grid(axes, title) + _curves(axes, values)
     if true_length_m is not None:
         drawing += _marks(axes, true_length_m)
     return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img">{drawing}</svg>'
@@ -64,13 +90,13 @@ def _bins_to_show(lit: int, bin_width_m: float, true_length_m: Floats | None) ->
     return min(lit, int(1.25 * np.nanmax(true_length_m) / bin_width_m) + 1)
 
 
-def _grid(axes: _Axes) -> str:
+def _grid(axes: _Axes, title: str) -> str:
     """Lines, numbers and names of both axes."""
     base = HEIGHT - BOTTOM
     parts = [
         f'<path class="axis" d="M{LEFT} {axes.y(e):.1f}H{WIDTH - RIGHT}"/>'
         f'<text x="{LEFT - 8}" y="{axes.y(e) + 4:.1f}" text-anchor="end">10{_superscript(e)}</text>'
-        for e in range(axes.top, axes.top - DECADES - 1, -2)
+        for e in range(axes.top, axes.top - axes.decades - 1, -2 if axes.decades > 4 else -1)
     ]
     parts += [
         f'<text x="{axes.x(m):.1f}" y="{base + 18}" text-anchor="middle">{m:g}</text>'
@@ -80,7 +106,7 @@ def _grid(axes: _Axes) -> str:
         f'<text x="{(WIDTH + LEFT) / 2}" y="{HEIGHT - 4}" text-anchor="middle">'
         "path length, m</text>",
         f'<text transform="translate(14 {base / 2}) rotate(-90)" text-anchor="middle">'
-        "share of power per m</text>",
+        f"{title}</text>",
     ]
     return "".join(parts)
 
@@ -91,7 +117,7 @@ def _curves(axes: _Axes, density: Floats) -> str:
     across = axes.x((np.arange(bins)) * axes.far_m / bins)
     parts = []
     for k, row in enumerate(density):
-        down = axes.y(np.log10(np.maximum(row, 10.0 ** (axes.top - DECADES))))
+        down = axes.y(np.log10(np.maximum(row, 10.0 ** (axes.top - axes.decades))))
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
         parts.append(
             f'<polyline class="curve" stroke="var(--spot-{k})" points="{points}">'

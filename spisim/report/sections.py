@@ -20,7 +20,7 @@ from .pictures import (
     radiance_scale,
     spot_marks,
 )
-from .plots import SpotHistograms, spot_plot
+from .plots import SpotHistograms, arrival_plot, spot_plot
 
 Metrics = Mapping[str, Any]
 
@@ -32,6 +32,13 @@ METRICS = {
     "median_relative": "median relative error",
     "within_25_percent": "share within 25 % of truth",
     "coverage": "share of pixels with a value",
+}
+
+
+_READINGS = {
+    "cw": "Signal and background are amplitude and mean of a tap at the first frequency.",
+    "pulsed": "Signal is the whole pulse, background that of one window.",
+    "dtof": "Signal is the arrivals of the pulse, background those in one time bin.",
 }
 
 
@@ -200,17 +207,22 @@ def spots(capture: Capture, result: Result, transport: SpotHistograms | None) ->
         )
     heads = ["", "true, m", "measured, m", "error, cm", "sigma, cm", "signal, e⁻", "background, e⁻"]
     heads.append("")
-    plot = ""
-    if transport is not None:
-        way = None if true is None else _path_lengths(capture, true)
-        plot = spot_plot(transport, way)
-    return section(
-        "Laser spots",
+    lead = (
         "Range along each laser's ray. Sigma is its noise; the bias from light that came another "
-        "way is not in it. Below, the light that comes back over its whole way: what stands before "
-        "the dashed line of the true way is fog.",
-        table(heads, rows) + plot,
+        f"way is not in it. {_READINGS[capture.spots.method]}"
     )
+    way = None if true is None else _path_lengths(capture, true)
+    plots = ""
+    if isinstance(capture.spots, HistogramSpots):
+        plots += _aside("The arrivals as recorded.")
+        plots += arrival_plot(capture.spots, result.frame, way)
+    if transport is not None:
+        plots += _aside(
+            "The light that comes back over its whole way: what stands before the dashed line of "
+            "the true way is fog."
+        )
+        plots += spot_plot(transport, way)
+    return section("Laser spots", lead, table(heads, rows) + plots)
 
 
 def quality(metrics: Metrics | None) -> str:
@@ -242,6 +254,10 @@ def parameters(capture: Capture) -> str:
     }
     body = "".join(details(title, text) for title, text in texts.items() if text)
     return section("Parameters", "", body) if body else ""
+
+
+def _aside(text: str) -> str:
+    return f'<p class="aside">{escape(text)}</p>'
 
 
 def _facts(capture: Capture) -> list[list[str]]:

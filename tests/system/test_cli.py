@@ -292,6 +292,7 @@ def test_too_much_light_is_warned_about(tmp_path: Path) -> None:
     (warning,) = [text for text in warnings if "bucket readings" in text]
     assert "127 of 128 bucket readings (99.2 %) are marked saturated" in warning
     assert f"warning: {warning}" in run.stderr
+    assert any("array is in risk group 3" in text for text in warnings)
     message = spisim("simulate", "warehouse", *options, "--report").stderr
     assert f"{tmp_path / 'c.h5'}: frame 0: every pattern rests on a saturated reading" in message
     assert "record again with less light" in message

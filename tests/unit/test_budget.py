@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from reconstruction.errors import InputError
 from spisim.budget import (
     Target,
+    background_warnings,
     bucket_link,
     bucket_noise,
     budget_warnings,
@@ -30,6 +31,7 @@ from spisim.cli import app
 from spisim.instrument import Instrument, list_presets, load_instrument
 
 GOALS = {0.2: 2.8, 0.5: 5.0, 0.8: 8.0}
+MODULATED = {"projector__modulation": {"frequencies_hz": [15e6]}}
 
 
 def changed(name: str, **changes: Any) -> Instrument:
@@ -361,7 +363,7 @@ def test_no_integration_time_is_long_enough() -> None:
         (
             {"detector__adc__full_scale_electrons": 3e6},
             Target(5.0, 0.5, 100.0),
-            ["detector.adc", "daylight and dark current alone", "every reading saturates"],
+            ["detector.adc", "background alone", "every reading saturates"],
         ),
         (
             {"tof__detector__adc__full_scale_electrons": 1e8},
@@ -374,6 +376,11 @@ def test_no_integration_time_is_long_enough() -> None:
             ["detector.adc", "signal and background together"],
         ),
         ({"eye_safety": {"risk_group": "1"}}, Target(5.0), ["risk group 2", "risk_group 1"]),
+        (
+            {"tof__modulation__taps__arrangement": "in-turn"},
+            Target(5.0),
+            ["the spots take 34.2 ms", "8.53 ms of a frame's patterns"],
+        ),
     ],
 )
 def test_what_does_not_fit(changes: dict[str, Any], target: Target, parts: list[str]) -> None:
@@ -398,6 +405,30 @@ def test_sun_on_single_photon_diodes() -> None:
 def test_presets_fit_a_wall_at_5_m_in_full_sun() -> None:
     for name in ("paper", "fga015", "apd", "hybrid"):
         assert budget_warnings(load_instrument(name), Target(5.0, 0.5, 100.0)) == []
+
+
+def test_background_that_overwhelms_a_detector_is_told_whatever_the_target_is() -> None:
+    paper = changed("paper", detector__adc__full_scale_electrons=3e6)
+    assert background_warnings(paper, 2e6, 1e9) == []
+    (warning,) = background_warnings(paper, 4e6, 1e9)
+    assert "detector.adc holds 2.99e+06 electrons, and the background alone is 4e+06" in warning
+    (warning,) = background_warnings(paper, 2e6, 1e13)
+    assert "tof.detector.adc" in warning
+    modulated = changed("paper", **MODULATED, detector__adc__full_scale_electrons=3e6)
+    assert background_warnings(modulated, 4e6, 1e9) == []  # each tap takes a quarter
+    (warning,) = background_warnings(load_instrument("spad"), 1e5, 1e6)
+    assert "0.08 times per gate" in warning
+
+
+def test_taps_of_the_patterns_share_an_exposure_and_are_converted_one_by_one() -> None:
+    target = Target(5.0, 0.5, 100.0)
+    plain, modulated = load_instrument("paper"), changed("paper", **MODULATED)
+    whole, taps = (
+        bucket_noise(one, bucket_link(one, target)).variances for one in (plain, modulated)
+    )
+    assert taps["ADC"] == pytest.approx(4 * whole["ADC"])
+    for source in ("signal", "daylight", "dark current", "amplifier"):
+        assert taps[source] == pytest.approx(whole[source])
 
 
 # The command

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.constants import c
 
 from reconstruction import Capture, capture_warnings
-from reconstruction.spots import PulsedSpots
+from reconstruction.spots import PatternTaps, PulsedSpots
 
 
 def test_a_good_capture_has_none(capture: Capture) -> None:
@@ -77,3 +77,25 @@ def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
         warnings = capture_warnings(replace(capture, truth=truth))
         assert len(warnings) == beyond
         assert all("spot 2 lies at 15.00 m, beyond the 14.99 m" in line for line in warnings)
+
+
+def test_dense_ranges_beyond_the_unambiguous_range_are_told(capture: Capture) -> None:
+    assert capture.truth is not None
+    farthest_m = float(np.nanmax(capture.truth.range_m))
+    taps = np.ones((1, capture.plan.exposures, 4))
+    readings = PatternTaps(
+        taps=taps,
+        saturated=np.zeros(taps.shape, dtype=bool),
+        tap_frequencies_hz=np.full(4, c / (2 * (farthest_m + 0.01))),
+        tap_phases_rad=np.arange(4) * np.pi / 2,
+        phase_offsets_rad=np.zeros(4),
+        electrons_per_count=1.0,
+        offset_counts=0.0,
+        noise_electrons=1.0,
+        excess_noise_factor=1.0,
+        detector_position_m=np.zeros(3),
+    )
+    assert capture_warnings(replace(capture, pattern_taps=readings)) == []
+    short = replace(readings, tap_frequencies_hz=np.full(4, c / (2 * (farthest_m - 0.01))))
+    (warning,) = capture_warnings(replace(capture, pattern_taps=short))
+    assert f"reaches to {farthest_m:.2f} m, beyond the {farthest_m - 0.01:.2f} m" in warning

@@ -335,6 +335,31 @@ MODULATION = "  modulation: {frequencies_hz: [15.0e+6]}\n  pattern_rate_hz"
             ("  pattern_rate_hz", MODULATION.replace("]", "], taps: {width: 0.5}")),
             ["projector.modulation.taps", "width 0.25"],
         ),
+        (PAPER, ("[14.9896229e+6]", "[15.0e+6, 15.0e+6]"), ["frequencies_hz", "twice"]),
+        (PAPER, ("[14.9896229e+6]", "[]"), ["frequencies_hz", "at least 1 items, not 0"]),
+        (
+            PAPER,
+            ("offset_counts: 256    # assumed; keeps", "offset_counts: 65535 # assumed; keeps"),
+            ["detector.adc", "offset_counts 65535", "ends at 65535"],
+        ),
+        (
+            PAPER,
+            ("  pattern_rate_hz", "  settling_time_s: 1.0e-3\n  pattern_rate_hz"),
+            ["projector.settling_time_s 0.001", "at most 1.333e-05"],
+        ),
+        (
+            PAPER,
+            ("1 MΩ feedback has 0.13, the amplifier adds some", "\n    bandwidth_hz: 1.0e+4"),
+            ["detector.amplifier.bandwidth_hz", "at most 1.333e-05"],
+        ),
+        (
+            HYBRID,
+            (
+                "a 15 MHz channel (10 kΩ feedback, 3 pF)",
+                "\n      coupling: ac\n      low_cut_hz: 100",
+            ),
+            ["tof", "coupling should be dc", "pulsed"],
+        ),
     ],
 )
 def test_mistake_in_another_instrument(

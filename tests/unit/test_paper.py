@@ -73,7 +73,7 @@ def test_frame_rates_of_table_2() -> None:
 def test_paper_draws_and_checks(tmp_path: Path) -> None:
     run = spisim("paper", "fig2", "-o", tmp_path / "figures", "--json")
     assert run.exit_code == 0, run.stderr
-    report = json.loads(run.stdout.splitlines()[-1])
+    report = json.loads(run.stdout)
     assert {tuple(check) for check in report["checks"]} == {("name", "value", "limit", "holds")}
     assert all(check["holds"] for check in report["checks"])
     assert "No single T_int" in " ".join(run.stdout.split())

@@ -15,7 +15,7 @@ from reconstruction import Capture, InputError, Result, evaluate, make_plan, rec
 from reconstruction.spots import HistogramSpots, PulsedSpots, Spots
 from spisim.report import write_overview, write_report
 from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
-from spisim.report.plots import spot_plot
+from spisim.report.plots import arrival_plot, spot_plot
 
 GEOMETRY: dict[str, Any] = {
     "directions": np.tile([0.0, 0.0, 1.0], (4, 1)),
@@ -271,3 +271,20 @@ def test_the_plot_marks_the_true_path_length_where_the_light_peaks() -> None:
 def test_no_light_gives_no_plot() -> None:
     dark = SimpleNamespace(spot_histogram=np.zeros((4, 9)), path_length_m=np.arange(9.0))
     assert spot_plot(dark, None) == ""
+
+
+def test_recorded_arrivals_are_drawn_where_their_path_is(capture: Capture, tmp_path: Path) -> None:
+    counts = np.zeros((1, 4, 50))
+    counts[0, :, 20] = 900
+    spots = replace(HISTOGRAMS, counts=counts, start_s=10e-9)
+    drawing = arrival_plot(spots, 0, np.full(4, 30.5 * 0.299792458))
+    (curve, *_) = re.findall(r'points="([^"]+)"', drawing)
+    points = [tuple(map(float, point.split(","))) for point in curve.split()]
+    highest = min(points, key=lambda point: point[1])[0]
+    truth = float(re.findall(r'class="truth"[^>]+d="M([\d.]+) ', drawing)[0])
+    bin_width = points[1][0] - points[0][0]
+    assert 0 <= truth - highest <= bin_width
+    assert arrival_plot(HISTOGRAMS, 0, None)
+    assert arrival_plot(replace(HISTOGRAMS, counts=0 * counts), 0, None) == ""
+    text = report_of(replace(capture, spots=HISTOGRAMS), tmp_path)
+    assert "arrivals per bin" in text
