@@ -28,7 +28,7 @@ from scipy.constants import c
 import spisim
 from reconstruction.patterns import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR, Atmosphere, fog
-from spisim.measured import Check, Table, checks_table, paste, report, surroundings
+from spisim.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport import solve
 from spisim.transport.effort import Paths

@@ -30,7 +30,7 @@ class Charge:
 
     electrons_per_count: Annotated[float, Stored("electron/count", sign="positive")]
     offset_counts: Annotated[float, Stored("count")]
-    noise_electrons: Annotated[float, Stored("electron", sign="not negative", nan=True)]
+    noise_electrons: Annotated[float | Reals, Stored("electron", sign="not negative", nan=True)]
     excess_noise_factor: Annotated[float, Stored("1", sign="positive")]
 
     def electrons(self, counts: NDArray[Any]) -> Reals:
@@ -74,13 +74,17 @@ class CwSpots(Charge, Spots):
 
     phi = 2 pi f_k L / c with f_k the frequency of the tap. Several frequencies have at least three
     taps each, in any order. ``phase_offsets_rad`` is the calibrated phase at zero path length;
-    ``periods`` the number of modulation periods that each tap accumulates.
+    ``periods`` the number of modulation periods that each tap accumulates; ``noise_electrons`` is
+    each tap's own, as low frequencies integrate longer.
     """
 
     method = "cw"
 
     taps: Annotated[NDArray[Any], Stored("count", ("frames", 4, "taps"), "int32 or float64")]
     saturated: Annotated[Mask, Stored("1", ("frames", 4, "taps"), "bool")]
+    noise_electrons: Annotated[
+        float | Reals, Stored("electron", ("taps",), sign="not negative", nan=True)
+    ]
     tap_frequencies_hz: Annotated[Reals, Stored("Hz", ("taps",), sign="positive")]
     tap_phases_rad: Annotated[Reals, Stored("rad", ("taps",))]
     phase_offsets_rad: Annotated[Reals, Stored("rad", ("taps",))]

@@ -80,6 +80,6 @@ def _spots(directions: np.ndarray, range_m: np.ndarray) -> CwSpots:
         periods=100,
         electrons_per_count=1.0,
         offset_counts=0.0,
-        noise_electrons=10.0,
+        noise_electrons=np.full(4, 10.0),
         excess_noise_factor=1.0,
     )

@@ -89,8 +89,7 @@ def _(tof: CwTof, link: SpotLink) -> Floats:
 
     v is the variance of a tap at mean phase, A the amplitude of its signal against phase. Equals
     the paper's Eq. (3) with A_R twice the mean signal of a period. Several frequencies weigh by
-    their precision, once their whole periods are told apart, which needs far better than that;
-    each has the noise of its own window, while captures have the longest one's for all.
+    their precision, once their whole periods are told apart, which needs far better than that.
     """
     amplifier, detector = tof.detector.amplifier, tof.detector
     assert amplifier is not None

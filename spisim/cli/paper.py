@@ -40,7 +40,7 @@ def command(
     """
     from reconstruction.files import require_folder, write_atomically
     from spisim.budget.plots import png_bytes
-    from spisim.measured import around_marks, checks_table, paste, report, summary, surroundings
+    from spisim.checks import around_marks, checks_table, paste, report, summary, surroundings
     from spisim.paper import RESULTS
 
     require_folder(output)

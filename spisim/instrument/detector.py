@@ -6,7 +6,7 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 from scipy.constants import elementary_charge
 
@@ -113,12 +113,6 @@ class Detector(Section):
         return self._largest_aperture_m2 * (SMALLEST_F_NUMBER / self.f_number) ** 2
 
     @property
-    def working_f_number(self) -> float:
-        """Given, or the one that aperture and field amount to."""
-        ratio = self._largest_aperture_m2 / self.aperture_area_m2
-        return SMALLEST_F_NUMBER * math.sqrt(ratio)
-
-    @property
     def _largest_aperture_m2(self) -> float:
         half_angle = math.radians(self.field_of_view_deg) / 2
         return self.sensor.effective_area_m2 / math.sin(half_angle) ** 2
@@ -127,17 +121,17 @@ class Detector(Section):
         """Mean dark count of a window."""
         return self.sensor.dark_rate_hz * time_s
 
-    def amplifier_noise_electrons(self, time_s: float) -> float:
-        """Rms charge of the amplifier's white current noise in a window: (i_n / q M) √(T/2)."""
+    def amplifier_noise_electrons(self, time_s: ArrayLike) -> Any:
+        """Rms charge of the amplifier's white current noise in windows: (i_n / q M) √(T/2)."""
         if self.amplifier is None:
-            return 0.0
+            return np.zeros(np.shape(time_s))[()]
         current = self.amplifier.noise_pa_per_sqrt_hz * 1e-12
-        return current * math.sqrt(time_s / 2) / (elementary_charge * self.sensor.gain)
+        return current * np.sqrt(np.divide(time_s, 2)) / (elementary_charge * self.sensor.gain)
 
-    def electronics_noise_electrons(self, time_s: float) -> float:
+    def electronics_noise_electrons(self, time_s: ArrayLike) -> Any:
         """Rms of amplifier and converter together, per reading."""
         steps = 0.0 if self.adc is None else self.adc.quantisation_noise_electrons
-        return math.hypot(self.amplifier_noise_electrons(time_s), steps)
+        return np.hypot(self.amplifier_noise_electrons(time_s), steps)
 
     @model_validator(mode="after")
     def _lens_is_told_once(self) -> Detector:

@@ -27,7 +27,7 @@ class Readings(NamedTuple):
 def read_out(
     mean_electrons: Floats,
     detector: Detector,
-    amplifier_noise: float,
+    amplifier_noise: float | Floats,
     rng: np.random.Generator,
     taken_off: Floats | float = 0.0,
 ) -> Readings:

@@ -79,13 +79,12 @@ def _(tof: CwTof, light: SpotLight, directions: Floats, rng: np.random.Generator
     frequencies = np.array(modulation.frequencies_hz)
     taps = modulation.taps.phases_rad
     offsets = [modulation.phase_offset_rad(frequency, response) for frequency in frequencies]
-    # A capture has one noise for all taps: that of the longest window, as periods are the same for
-    # every frequency. Too much for the higher ones, by the square root of the frequencies' ratio.
-    time_s = tof.periods / frequencies.min() * modulation.taps.noise_share
+    tap_frequencies = np.repeat(frequencies, taps.size)
+    times_s = tof.periods / tap_frequencies * modulation.taps.noise_share
     return CwSpots(
         **_common(tof.detector, directions),
-        **_charge(tof.detector, electrons, time_s, rng),
-        tap_frequencies_hz=np.repeat(frequencies, taps.size),
+        **_charge(tof.detector, electrons, times_s, rng),
+        tap_frequencies_hz=tap_frequencies,
         tap_phases_rad=np.tile(taps, frequencies.size),
         phase_offsets_rad=np.repeat(offsets, taps.size),
         periods=tof.periods,
@@ -192,12 +191,16 @@ def _common(detector: TofDetector, directions: Floats) -> dict[str, Any]:
 
 
 def _charge(
-    detector: TofDetector, electrons: Floats, time_s: float, rng: np.random.Generator | None
+    detector: TofDetector,
+    electrons: Floats,
+    time_s: float | Floats,
+    rng: np.random.Generator | None,
 ) -> dict[str, Any]:
+    """Readings of the windows (frames, 4, windows), which are open for `time_s`, each or all."""
     adc = detector.adc
     assert adc is not None
     if rng is None:
-        readings, noise = expected_readings(electrons, adc), np.nan
+        readings, noise = expected_readings(electrons, adc), np.nan * np.asarray(time_s)
     else:
         readings = read_out(electrons, detector, detector.amplifier_noise_electrons(time_s), rng)
         noise = detector.electronics_noise_electrons(time_s)

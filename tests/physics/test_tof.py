@@ -101,6 +101,25 @@ def test_two_frequencies_range_beyond_the_ambiguity_of_either() -> None:
     assert abs((z**2).mean() - 1) < 4 * np.sqrt(2 / z.size)
 
 
+def test_two_frequencies_weigh_by_their_precision() -> None:
+    """1/σ² adds up over frequencies, each with the noise of its own window."""
+    tof: CwTof = with_tof(preset("paper"))
+    modulation = tof.modulation.model_copy(update={"frequencies_hz": (5e6, 20e6)})
+    tof = tof.model_copy(update={"modulation": modulation})
+    echo, steady, range_m = 2e10, 8e10, 4.21
+    found, stated = ranges_of(tof, light(range_m, echo, steady))
+    precision = 0.0
+    for frequency in modulation.frequencies_hz:
+        time_s = tof.tap_time_s(frequency)
+        contrast = modulation.demodulation_contrast(frequency, tof.detector.amplifier.response)
+        noise = tof.detector.electronics_noise_electrons(time_s)
+        variance = (echo + steady) * time_s + noise**2
+        sigma = c / (4 * np.pi * frequency) * np.sqrt(variance / 2) / (contrast * echo * time_s)
+        precision += 1 / sigma**2
+    check(found, range_m, precision**-0.5, 0.03)
+    assert stated.mean() == pytest.approx(precision**-0.5, rel=0.03)
+
+
 @pytest.mark.parametrize("pair", [("sine", "rectangular"), ("square", "rectangular")])
 def test_wiggling_of_square_waves(pair: tuple[str, str]) -> None:
     tof: CwTof = with_tof(preset("paper"))

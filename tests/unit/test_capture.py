@@ -43,7 +43,7 @@ def make_spots(method):
     if method == "cw":
         return CwSpots(
             **common,
-            **CHARGE,
+            **CHARGE | {"noise_electrons": np.array([100.0, 90.0, 80.0])},
             taps=rng.random((2, 4, 3)),
             saturated=np.zeros((2, 4, 3), dtype=bool),
             tap_frequencies_hz=np.full(3, 15e6),

@@ -27,9 +27,11 @@ FREQUENCY = 15e6
 
 def spots(electrons, taps, phase_offset=0.4, **changes):
     """Spots of one frame with two electrons per count and an offset of 50 counts."""
+    model = CHARGE | changes
+    model["noise_electrons"] = np.full(taps, model["noise_electrons"])
     return CwSpots(
         **GEOMETRY,
-        **(CHARGE | changes),
+        **model,
         taps=counts(electrons[None]),
         saturated=np.zeros((1, 4, taps), dtype=bool),
         tap_frequencies_hz=np.full(taps, FREQUENCY),

@@ -25,7 +25,7 @@ def spots(paths=(PATHS, PATHS)):
     electrons = np.where(first, 4e4, 6e4) + np.where(first, 1e4, 8e3) * np.cos(phase - TAP_PHASES)
     return CwSpots(
         **GEOMETRY,
-        **CHARGE,
+        **CHARGE | {"noise_electrons": np.zeros(7)},
         taps=counts(electrons[None]),
         saturated=np.zeros((1, 4, 7), dtype=bool),
         tap_frequencies_hz=TAP_FREQUENCIES,

@@ -74,7 +74,7 @@ def capture():
             periods=1000,
             electrons_per_count=1.0,
             offset_counts=0.0,
-            noise_electrons=0.0,
+            noise_electrons=np.zeros(4),
             excess_noise_factor=1.0,
         ),
         optics=Optics(0.2, 0.1),
