@@ -6,7 +6,6 @@ where it is Monte Carlo, |z| < 4 over repetitions with fixed seeds.
 
 import numpy as np
 import pytest
-from scipy.special import expn
 
 import worlds
 from spisim.transport.world import build_world
@@ -112,9 +111,9 @@ def test_lens_whose_field_is_filled(plane_world):
     assert abs(worlds.z_score_exact(runs, closed)) < 4
 
 
-@pytest.mark.parametrize("extinction", [0.05, 0.3])
-def test_absorbing_fog_attenuates_both_ways(extinction):
+def test_absorbing_fog_attenuates_both_ways():
     # T_u = ρ A / (π z²) · mean over the pixel of cos⁴θ exp(-2 σ z / cosθ)
+    extinction = 0.3
     world = build_world(
         worlds.scene(worlds.plane(DISTANCE, REFLECTANCE), extinction_per_m=extinction, albedo=0.0)
     )
@@ -133,40 +132,9 @@ def test_absorbing_fog_attenuates_both_ways(extinction):
     assert abs(worlds.z_score_exact(np.mean(runs, axis=(1, 2)), closed.mean())) < 4
 
 
-@pytest.mark.parametrize("g", [0.0, 0.8])
-def test_single_scattering_echo_of_a_pencil(g):
-    # ∫ P A σs p(π) e^{-2σr} / r² dr = P A σs p(π) [E₂(2σr₁)/r₁ - E₂(2σr₂)/r₂]
-    extinction, albedo = 0.15, 0.9
-    world = build_world(
-        worlds.scene(worlds.plane(40, 0.0), extinction_per_m=extinction, albedo=albedo, g=g)
-    )
-    edges = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
-    width = 0.01
-    runs = []
-    for seed in worlds.seeds(8):
-        histogram = worlds.histogram(
-            world,
-            worlds.beams([0, 0, 1]),
-            worlds.detector(area_m2=1e-12),
-            (2000, width),
-            2**18,
-            seed,
-            max_vertices=1,
-        )[0]
-        cumulative = np.cumsum(histogram) - histogram / 2  # up to the centre of each bin
-        at = np.rint(2 * edges / width).astype(int)
-        runs.append(np.diff(cumulative[at]))
-    backward = (1 - g**2) / (4 * np.pi * (1 + g) ** 3)
-    echo = expn(2, 2 * extinction * edges) / edges
-    closed = 1e-12 * albedo * extinction * backward * -np.diff(echo)
-    assert np.all(np.abs(worlds.z_score_exact(runs, closed)) < 4)
-    assert np.mean(runs, axis=0) == pytest.approx(closed, rel=0.02)
-
-
-@pytest.mark.parametrize("reflectance", [0.5, 0.9])
-def test_integrating_sphere(reflectance):
+def test_integrating_sphere():
     # Every bounce spreads its light evenly: E = P ρ / (4 π R² (1 - ρ)) anywhere on the wall.
-    radius = 2.0
+    radius, reflectance = 2.0, 0.9
     world = build_world(worlds.scene(worlds.sphere(radius, reflectance, subdivisions=6)))
     wall = worlds.detector([0.0, 0.0, -1.995], [0.0, 0.0, 1.0])
     closed = AREA * reflectance / (4 * np.pi * radius**2 * (1 - reflectance))
@@ -188,10 +156,9 @@ def test_integrating_sphere(reflectance):
     assert np.mean(spots) == pytest.approx(closed, rel=5e-3)
 
 
-@pytest.mark.parametrize("g", [0.0, 0.4])
-def test_fog_in_a_closed_sphere_neither_makes_nor_loses_light(g):
+def test_fog_in_a_closed_sphere_neither_makes_nor_loses_light():
     """All light of a beam ends in the walls: (1 - ρ) x (direct + scattered irradiance) = 1."""
-    radius, extinction, reflectance = 2.0, 0.4, 0.5
+    radius, extinction, reflectance, g = 2.0, 0.4, 0.5, 0.4
     world = build_world(
         worlds.scene(worlds.sphere(radius, reflectance), extinction_per_m=extinction, g=g)
     )
@@ -209,7 +176,7 @@ def test_fog_in_a_closed_sphere_neither_makes_nor_loses_light(g):
             worlds.beams(*[[0.3, 0.1, 1.0]] * points),
             worlds.detector(turned * (radius * 0.995), -turned),
             (1000, 0.2),
-            2**11,
+            2**10,
             seed,
         )
         irradiance = histogram.sum(axis=1).mean() / AREA

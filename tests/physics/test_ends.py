@@ -69,9 +69,8 @@ def test_a_lens_is_sharp_at_its_focus_and_blurs_by_geometry_elsewhere(edge_world
     assert blurred == pytest.approx(np.hypot(0.02 * abs(1 - DISTANCE / 2.5) / 2, sharp), rel=0.1)
 
 
-@pytest.mark.parametrize("extinction", [0.0, 0.1])
-def test_a_lens_gives_the_same_light_from_either_end(extinction):
-    world = build_world(worlds.scene(*worlds.room(), extinction_per_m=extinction, g=0.6))
+def test_a_lens_gives_the_same_light_from_either_end():
+    world = build_world(worlds.scene(*worlds.room(), extinction_per_m=0.1, g=0.6))
     view = replace(worlds.projector(), lens_radius_m=0.03, focus_m=3.0)
     end = worlds.detector([0.2, 0, 0], half_angle_deg=14)
     totals = {
@@ -108,21 +107,6 @@ def test_divergence_spreads_a_beam_without_losing_light():
     closed = share * 0.8 * 1e-8 / (np.pi * DISTANCE**2)
     assert np.mean(runs) == pytest.approx(closed, rel=5e-3)
     assert abs(worlds.z_score_exact(runs, closed)) < 5
-
-
-def test_a_wide_beam_gives_the_same_light_from_either_end():
-    world = build_world(worlds.scene(*worlds.room(), extinction_per_m=0.1, g=0.6))
-    beam = replace(worlds.beams([-0.12, -0.08, 1]), divergence_rad=0.02, waist_m=0.005)
-    end = worlds.detector([0.1, 0, 0], [-0.12, -0.08, 1], half_angle_deg=5)
-    totals = {
-        strategy: [
-            worlds.histogram(world, beam, end, (1000, 0.05), n, s, strategy=strategy).sum()
-            for s in SEEDS
-        ]
-        for strategy, n in zip(Strategy, (2**14, 2**17, 2**15), strict=True)
-    }
-    for other in (Strategy.PROJECTOR, Strategy.DETECTOR):
-        assert abs(worlds.z_score(totals[other], totals[Strategy.BOTH])) < 4
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (64, 16), (128, 16), (256, 16), (3, 7)])

@@ -22,9 +22,13 @@ from spisim.scene.bsdf import (
     RoughPlastic,
     ThinPane,
 )
+from spisim.transport import estimator
 from spisim.transport.estimator import Strategy
 from spisim.transport.reference import bucket_powers
 from spisim.transport.world import build_world
+
+# isort: split
+import drjit as dr
 
 SEEDS = worlds.seeds(8)
 BASELINE = worlds.detector([0.3, 0.1, 0.0], area_m2=2e-6, half_angle_deg=20)
@@ -107,6 +111,28 @@ def test_either_end_alone_agrees(name):
     }
     for other in (Strategy.PROJECTOR, Strategy.DETECTOR):
         assert abs(worlds.z_score(totals[other], totals[Strategy.BOTH])) < 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["mirror", "tilted pane"])
+def test_one_end_and_what_only_the_other_finds_is_all_light_in_fog(name, monkeypatch):
+    """Beside a mirror each end alone is blind to some paths; together they miss none."""
+    place = worlds.scene(worlds.room()[0], CASES[name], extinction_per_m=0.05, g=0.7, albedo=0.95)
+    world, view = build_world(place), worlds.projector(shape=SHAPE)
+
+    def totals(strategy, spp):
+        return np.array(
+            [worlds.image(world, view, BASELINE, spp, s, strategy=strategy).sum() for s in SEEDS]
+        )
+
+    everything = totals(Strategy.BOTH, 1024)
+    outward = totals(Strategy.PROJECTOR, 2048)
+    monkeypatch.setattr(
+        estimator, "alone", lambda others, vertex, crossed: dr.select(others == 0, 1.0, 0.0)
+    )
+    only_inward = totals(Strategy.DETECTOR, 2048)
+    assert abs(worlds.z_score(outward + only_inward, everything)) < 4
+    assert only_inward.mean() > 0.01 * everything.mean()
 
 
 def test_a_mirror_folds_the_path():
