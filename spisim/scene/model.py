@@ -10,6 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from spisim.atmosphere import Atmosphere
+from spisim.atmosphere.precipitation import Precipitation
 from spisim.scene.materials import Material
 from spisim.scene.pose import moved_pose
 
@@ -76,7 +77,8 @@ class Scene:
 
     `drone_pose` (4, 4) takes points of the instrument's optical frame (x right, y down, z forward,
     metres) to the world (z up). The drone's velocities are in world axes, about its position.
-    `text` is the YAML that the scene was made from, or "".
+    `text` is the YAML that the scene was made from, or "". The drops of `precipitation` are no part
+    of the atmosphere.
     """
 
     name: str
@@ -88,6 +90,7 @@ class Scene:
     volumes: tuple[Volume, ...] = ()
     drone_velocity_m_s: Vector3 = STILL
     drone_angular_velocity_rad_s: Vector3 = STILL
+    precipitation: Precipitation | None = None
 
     @property
     def drone_moves(self) -> bool:
