@@ -23,7 +23,12 @@ LENGTHS = np.arange(400) * 0.02
 
 
 def instrument(
-    patterns=1, detectors=((0.05, 0.02, 0.0),), shape=(16, 16), lasers=None, **projector
+    patterns=1,
+    detectors=((0.05, 0.02, 0.0),),
+    shape=(16, 16),
+    lasers=None,
+    tof_fov_deg=1.2,
+    **projector,
 ):
     """The paper's, with a narrower field, few patterns and beams of some width."""
     fields = spisim.load_instrument("paper").model_dump(exclude_none=True)
@@ -33,6 +38,7 @@ def instrument(
     directions = [(-2, 2), (2, 2), (-2, -2), (2, -2)]
     fields["lasers"] |= {"directions_deg": directions, "waist_mm": 2.0, "divergence_mrad": 0.5}
     fields["lasers"] |= lasers or {}
+    fields["tof"]["detector"] |= {"field_of_view_deg": tof_fov_deg}
     return Instrument.model_validate(fields)
 
 
@@ -155,8 +161,8 @@ def test_on_average_drops_send_back_what_the_medium_does(options):
 
 
 def test_on_average_spots_see_the_medium():
-    """Echo and loss of the lasers, with all of the light coming back from the spot."""
-    one = instrument(lasers={"waist_mm": 4.0, "divergence_mrad": 1.0})
+    """Echo and loss of the lasers, in fields wide enough to have no edge in the beam."""
+    one = instrument(lasers={"waist_mm": 4.0, "divergence_mrad": 1.0}, tof_fov_deg=12)
     falling = rain(200.0, near_m=NEAR_M, far_m=WALL_M + 0.5)
     changes = [on_spots(drops(one, falling, seed, FOG_PER_M), LENGTHS) for seed in range(SEEDS)]
     echoes = np.array([change.echo[0].sum(axis=-1).mean() for change in changes])
