@@ -14,6 +14,7 @@ import yaml
 from reconstruction.capture import Capture, Optics, Provenance, Truth
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
+from spisim.measurement.drops import falling_drops
 from spisim.measurement.light import bucket_light
 from spisim.measurement.sequence import LightSequence, frame_time_s, trace
 from spisim.measurement.spots import record_spots, spot_light
@@ -101,21 +102,19 @@ def record(
     so that the capture can be made again.
     """
     settings = {**(settings or {}), "noise": noise, "frames": frames}
-    for_buckets = for_spots = None
-    if noise:
-        for_buckets, for_spots = (
-            np.random.default_rng(stream) for stream in np.random.SeedSequence(seed).spawn(2)
-        )
-    mean = bucket_light(instrument, light, frames)
-    buckets, pattern_taps = record_buckets(instrument, mean, for_buckets)
+    streams = np.random.SeedSequence(seed).spawn(3)
+    for_buckets, for_spots, for_drops = (np.random.default_rng(stream) for stream in streams)
+    drops = falling_drops(scene, instrument, truth, frames, for_drops)
+    mean = bucket_light(instrument, light, frames, drops)
+    buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
     return Capture(
         plan=instrument.pattern_plan,
         buckets=buckets,
         spots=record_spots(
             instrument.tof,
-            spot_light(instrument, light, frames),
+            spot_light(instrument, light, frames, drops),
             instrument.lasers.directions,
-            for_spots,
+            for_spots if noise else None,
         ),
         pattern_taps=pattern_taps,
         optics=Optics(

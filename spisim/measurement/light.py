@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.constants import c
 
 from reconstruction.patterns import expose
 from spisim.instrument import Instrument, Modulation
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.model import Source
+from spisim.measurement.drops import FallingDrops, on_buckets
 from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
 from spisim.measurement.sequence import LightSequence, exposure_times_s
 from spisim.transport import Transport
 
 Floats = NDArray[np.float64]
+
+#: Phases at which the windows of taps are tabulated for light of any path length.
+PHASES = 721
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +40,13 @@ class BucketLight:
     taps: Floats | None  # (frames, M, taps), of a projector that is modulated
 
 
-def bucket_light(instrument: Instrument, light: LightSequence, frames: int) -> BucketLight:
-    """Electrons from the fractions of emitted power that the light transport found."""
+def bucket_light(
+    instrument: Instrument, light: LightSequence, frames: int, drops: FallingDrops | None = None
+) -> BucketLight:
+    """Electrons from the fractions of emitted power that the light transport found.
+
+    Falling drops change the readings; the image is that without them.
+    """
     shares = light.weights(exposure_times_s(instrument, frames))  # (frames, M, keys)
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
     switched = (1 - instrument.projector.dark_level) * electrons
@@ -46,26 +57,30 @@ def bucket_light(instrument: Instrument, light: LightSequence, frames: int) -> B
     )
     steady = background_electrons(instrument, [key.daylight_w for key in light.transports])
 
-    def readings(pictures: Floats, background: Floats) -> Floats:
-        return _readings(instrument, shares, pictures * electrons, background)
-
-    buckets = readings(images, steady)
+    modulation = instrument.projector.modulation
+    pictures, steadies = images[None], steady[None]
+    if modulation is not None:
+        by_tap = tap_images(instrument, modulation, light.transports)  # (taps, keys, H, W)
+        pictures = np.concatenate([pictures, by_tap])
+        by_tap_steady = np.tile(modulation.taps.share * steady, (len(by_tap), 1))
+        steadies = np.concatenate([steadies, by_tap_steady])
+    pictures = pictures * electrons
+    changes = np.zeros((len(pictures), *shares.shape[:2]))
+    if drops is not None:
+        changes = on_buckets(drops, pictures, shares, electrons, _response(instrument))
+    buckets, *taps = (
+        _readings(instrument, shares, *window)
+        for window in zip(pictures, steadies, changes, strict=True)
+    )
     taken_off = np.zeros_like(buckets)
     if instrument.detector.amplifier is not None:
         taken_off = slow_part(buckets, instrument.detector.amplifier, instrument.pattern_period_s)
-    modulation = instrument.projector.modulation
-    taps = None
-    if modulation is not None:
-        pictures = tap_images(instrument, modulation, light.transports)  # (taps, keys, H, W)
-        taps = np.stack(
-            [readings(picture, modulation.taps.share * steady) for picture in pictures], axis=-1
-        )
     return BucketLight(
         image=np.tensordot(in_frame, images, 1) * switched,
         image_error=np.tensordot(in_frame, errors, 1) * switched,
         buckets=buckets,
         taken_off=taken_off,
-        taps=taps,
+        taps=np.stack(taps, axis=-1) if taps else None,
     )
 
 
@@ -93,12 +108,32 @@ def tap_images(
     return np.asarray(modulation.taps.share * (images + waves))
 
 
-def _readings(instrument: Instrument, shares: Floats, images: Floats, steady: Floats) -> Floats:
-    """Exposures (frames, M) of images (keys, H, W) and steady light (keys,)."""
+def _response(instrument: Instrument) -> Callable[[Floats], Floats]:
+    """Share of light of a path length in m (n,) that bucket and taps collect, (1 + taps, n)."""
+    modulation, amplifier = instrument.projector.modulation, instrument.detector.amplifier
+    if modulation is None:
+        return lambda length_m: np.ones((1, len(length_m)))
+    assert amplifier is not None
+    frequency = modulation.frequencies_hz[0]
+    phases = np.linspace(0, 2 * np.pi, PHASES)
+    windows = modulation.correlation(phases, frequency, amplifier.response)
+
+    def response(length_m: Floats) -> Floats:
+        phase = np.mod(2 * np.pi * frequency / c * length_m, 2 * np.pi)
+        taps = [np.interp(phase, phases, window) for window in windows]
+        return np.array([np.ones(len(length_m)), *taps])
+
+    return response
+
+
+def _readings(
+    instrument: Instrument, shares: Floats, images: Floats, steady: Floats, change: Floats
+) -> Floats:
+    """Exposures (frames, M) of images (keys, H, W), steady light (keys,) and a change of them."""
     dark = instrument.projector.dark_level
     total = images.sum(axis=(1, 2))[:, None]
     shown = (1 - dark) * expose(instrument.pattern_plan, images) + dark * total
-    readings = np.einsum("fmk,km->fm", shares, shown + steady[:, None])
+    readings = np.einsum("fmk,km->fm", shares, shown + steady[:, None]) + change
     amplifier = instrument.detector.amplifier
     pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
     share = carried_over(

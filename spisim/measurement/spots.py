@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 from reconstruction.spots import CwSpots, HistogramSpots, PulsedSpots, Spots
 from spisim.instrument import CwTof, DirectTof, Instrument, PulsedTof, Spad, TofDetector
 from spisim.measurement.arrivals import tcspc_arrivals, threshold_arrivals
+from spisim.measurement.drops import FallingDrops, on_spots
 from spisim.measurement.electronics import expected_readings, read_out
 from spisim.measurement.sequence import LightSequence, exposure_times_s
 
@@ -40,8 +41,13 @@ class SpotLight:
     steady_per_s: Floats
 
 
-def spot_light(instrument: Instrument, light: LightSequence, frames: int) -> SpotLight:
-    """Rates from the fractions of emitted power that the light transport found."""
+def spot_light(
+    instrument: Instrument, light: LightSequence, frames: int, drops: FallingDrops | None = None
+) -> SpotLight:
+    """Rates from the fractions of emitted power that the light transport found.
+
+    Falling drops change them by their mean over a frame.
+    """
     detector = instrument.tof.detector
     in_frame = light.weights(exposure_times_s(instrument, frames)).mean(axis=1)  # (frames, keys)
 
@@ -51,9 +57,16 @@ def spot_light(instrument: Instrument, light: LightSequence, frames: int) -> Spo
         return np.asarray(np.tensordot(in_frame, values, 1) * per_watt)
 
     steady = rate("spot_daylight_w", "daylight") + rate("spot_crosstalk_w", "projector")
+    lengths = light.transports[0].path_length_m
+    echo = rate("spot_histogram", "laser")
+    if drops is not None:
+        change = on_spots(drops, lengths)
+        echo = echo * change.passed + change.echo * instrument.electrons_per_joule(
+            detector, "laser"
+        )
     return SpotLight(
-        path_length_m=light.transports[0].path_length_m,
-        echo_per_s=rate("spot_histogram", "laser") * instrument.lasers.power_w,
+        path_length_m=lengths,
+        echo_per_s=echo * instrument.lasers.power_w,
         steady_per_s=steady + detector.sensor.dark_rate_hz,
     )
 

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import nearest
+from spisim.atmosphere.structure import Structure
 from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector
 
 
@@ -195,12 +196,20 @@ class FogDescription(Section):
 class VolumeDescription(Pose, FogDescription):
     """A box of fog or smoke with edges `size_m`, centred on the origin before its pose.
 
-    `density` is a file of relative densities (nz, ny, nx) that fills the box.
+    `density` is a file of relative densities (nz, ny, nx) that fills the box, `structure` what to
+    make them from.
     """
 
     name: Name
     size_m: tuple[Positive, Positive, Positive]
     density: Name | None = None
+    structure: Structure | None = None
+
+    @model_validator(mode="after")
+    def _one_density(self) -> VolumeDescription:
+        if self.density is not None and self.structure is not None:
+            raise PydanticCustomError("volume", "needs density or structure, not both")
+        return self
 
 
 class AmbientDescription(Section):

@@ -139,12 +139,13 @@ def _volume(described: VolumeDescription, folder: Path) -> Volume:
         raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
     centred = np.diag([*described.size_m, 1.0])
     centred[:3, 3] = np.multiply(described.size_m, -0.5)
-    return Volume(
-        described.name,
-        medium,
-        pose_matrix(described.rotate_deg, described.translate_m) @ centred,
-        None if described.density is None else read_density(folder / described.density),
-    )
+    to_world = pose_matrix(described.rotate_deg, described.translate_m) @ centred
+    density = None
+    if described.density is not None:
+        density = read_density(folder / described.density)
+    elif described.structure is not None:
+        density = described.structure.density(to_world)
+    return Volume(described.name, medium, to_world, density, described.structure)
 
 
 def _ambient(described: AmbientDescription) -> Ambient:

@@ -10,6 +10,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from spisim.atmosphere import Atmosphere
+from spisim.atmosphere.precipitation import Precipitation
+from spisim.atmosphere.structure import Structure
 from spisim.scene.materials import Material
 from spisim.scene.pose import moved_pose
 
@@ -52,13 +54,28 @@ class Volume:
 
     `to_world` (4, 4) places the unit cube [0, 1]³. `density` (nz, ny, nx) is relative to the
     medium's extinction, sampled at the centres of the cells that divide the cube, linear between
-    and constant beyond them; None is 1 everywhere.
+    and constant beyond them; None is 1 everywhere. Where a `structure` made it, it is that after
+    `age_s`.
     """
 
     name: str
     medium: Atmosphere
     to_world: Floats
     density: NDArray[np.float32] | None = None
+    structure: Structure | None = None
+    age_s: float = 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether its density changes with time."""
+        return self.structure is not None and self.structure.drifts
+
+    def at(self, time_s: float) -> Volume:
+        """The volume after `time_s`; itself if nothing drifts in it."""
+        if self.structure is None or not self.structure.drifts:
+            return self
+        age_s = self.age_s + time_s
+        return replace(self, age_s=age_s, density=self.structure.density(self.to_world, age_s))
 
 
 @dataclass(frozen=True)
@@ -76,7 +93,8 @@ class Scene:
 
     `drone_pose` (4, 4) takes points of the instrument's optical frame (x right, y down, z forward,
     metres) to the world (z up). The drone's velocities are in world axes, about its position.
-    `text` is the YAML that the scene was made from, or "".
+    `text` is the YAML that the scene was made from, or "". The drops of `precipitation` are no part
+    of the atmosphere.
     """
 
     name: str
@@ -88,6 +106,7 @@ class Scene:
     volumes: tuple[Volume, ...] = ()
     drone_velocity_m_s: Vector3 = STILL
     drone_angular_velocity_rad_s: Vector3 = STILL
+    precipitation: Precipitation | None = None
 
     @property
     def drone_moves(self) -> bool:
@@ -97,7 +116,8 @@ class Scene:
     @property
     def moves(self) -> bool:
         """Whether anything has any velocity."""
-        return self.drone_moves or any(thing.moves for thing in self.objects)
+        parts: tuple[SceneObject | Volume, ...] = (*self.objects, *self.volumes)
+        return self.drone_moves or any(part.moves for part in parts)
 
     def drone_pose_at(self, time_s: float) -> Floats:
         """The drone's pose (4, 4) after `time_s`."""
@@ -110,11 +130,12 @@ class Scene:
         return motion @ self.drone_pose
 
     def at(self, time_s: float) -> Scene:
-        """The scene after `time_s`, with everything moved rigidly; itself if nothing moves."""
+        """The scene after `time_s`: objects moved rigidly, fog drifted; itself if nothing moves."""
         if not self.moves:
             return self
         return replace(
             self,
             objects=tuple(thing.at(time_s) for thing in self.objects),
+            volumes=tuple(volume.at(time_s) for volume in self.volumes),
             drone_pose=self.drone_pose_at(time_s),
         )

@@ -1,0 +1,161 @@
+"""Fog that is not the same everywhere: banks and patches, layers, a plume, and their drift.
+
+A density field multiplies a medium's extinction within a box. Its mean over the box is 1 at the
+start, so that the extinction given is the mean one.
+
+Patches are log-normal: exp(s g - s²/2) of a Gaussian random field g with correlation
+exp(-r²/l²). Its moments are known: mean 1, rms over mean c = √(exp(s²) - 1), and the correlation
+(exp(s² exp(-r²/l²)) - 1) / c², which is to be 1/e at the correlation length; l follows from that.
+The field is a sum of waves with random directions, lengths and phases (Shinozuka & Jan, J. Sound
+Vib. 25, 111 (1972)); it has no edges and no period, and drifts with the wind unchanged (Taylor's
+frozen turbulence, good for the seconds in which a bank passes by).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from reconstruction.errors import InputError
+from spisim.config import NonNegative, Number, Positive, Section, Vector
+
+Floats = NDArray[np.float64]
+
+#: Waves in a field: as many make it Gaussian.
+WAVES = 1024
+#: Cells in the shortest length that a field shows, and the most in one box.
+CELLS_PER_LENGTH = 4
+MOST_CELLS = 2**22
+
+
+class Layer(Section):
+    """Ground fog: 1 / (1 + exp((z - top) / edge)), dense below its top and nothing above."""
+
+    top_m: Number  # world height at which the density is half of that on the ground
+    edge_m: Positive
+
+    def density(self, points: Floats) -> Floats:
+        """At world points (..., 3), 0 to 1."""
+        return np.asarray(0.5 - 0.5 * np.tanh((points[..., 2] - self.top_m) / (2 * self.edge_m)))
+
+
+class Plume(Section):
+    """Smoke that leaves a source and widens as it goes; what crosses each section is the same.
+
+    Gaussian across, with a standard deviation that grows by `spread` per metre.
+    """
+
+    source_m: Vector
+    direction: Vector
+    width_m: Positive  # standard deviation per axis at the source
+    spread: NonNegative = 0.1
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> Plume:
+        if not any(self.direction):
+            raise InputError("plume.direction should not be zero")
+        return self
+
+    def density(self, points: Floats) -> Floats:
+        """At world points (..., 3): 1 at the source."""
+        heading = np.array(self.direction) / np.linalg.norm(self.direction)
+        offset = points - np.array(self.source_m)
+        along = offset @ heading
+        aside2 = np.sum(offset**2, axis=-1) - along**2
+        width = self.width_m + self.spread * np.maximum(along, 0)
+        behind2 = np.minimum(along, 0) ** 2
+        return np.asarray(
+            (self.width_m / width) ** 2
+            * np.exp(-(aside2 / width**2 + behind2 / self.width_m**2) / 2)
+        )
+
+
+class Structure(Section):
+    """How dense a medium is where, relative to its mean over a box; world axes.
+
+    Patches of a `contrast` (rms over mean) and a `correlation_length_m` (correlation 1/e) drift
+    with `wind_m_s` through a layer, a plume or the whole box.
+    """
+
+    contrast: Annotated[Number, Field(ge=0, le=3)] = 0.0
+    correlation_length_m: Positive = 1.0
+    seed: Annotated[int, Field(ge=0)] = 0
+    wind_m_s: Vector = (0.0, 0.0, 0.0)
+    layer: Layer | None = None
+    plume: Plume | None = None
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it changes with time."""
+        return self.contrast > 0 and any(self.wind_m_s)
+
+    def density(self, to_world: Floats, time_s: float = 0.0) -> NDArray[np.float32]:
+        """Relative density (nz, ny, nx) in the cells of a box, after some time.
+
+        `to_world` (4, 4) places the unit cube. With time, the mean over the box varies by what
+        drifts in and out. Raises InputError for a box that needs too many cells, or one that lies
+        outside layer or plume.
+        """
+        shape = self._cells(to_world)
+        outline = self._outline(to_world, shape)
+        start = self.patches(to_world, shape) * outline
+        mean = start.mean()
+        if not mean > 1e-12:
+            raise InputError("structure: layer or plume leaves nothing in the box of the volume")
+        if self.drifts and time_s != 0:
+            start = self.patches(to_world, shape, time_s) * outline
+        return np.asarray(start / mean, dtype=np.float32)
+
+    def patches(self, to_world: Floats, shape: tuple[int, int, int], time_s: float = 0.0) -> Floats:
+        """The log-normal field, of expectation 1, at the centres of cells (nz, ny, nx)."""
+        if self.contrast == 0:
+            return np.ones(shape)
+        spread = np.sqrt(np.log1p(self.contrast**2))
+        at_length = np.log1p(self.contrast**2 / np.e) / spread**2  # g's correlation there
+        length = self.correlation_length_m / np.sqrt(-np.log(at_length))
+        rng = np.random.default_rng(self.seed)
+        waves = rng.normal(0, np.sqrt(2) / length, (WAVES, 3))
+        phases = rng.uniform(0, 2 * np.pi, WAVES)
+        phases += waves @ (to_world[:3, 3] - np.multiply(self.wind_m_s, time_s))
+        turns = waves @ to_world[:3, :3]  # phase across the box, per edge
+        x, y, z = (
+            np.exp(1j * np.outer(centres(count), turn))
+            for count, turn in zip(shape[::-1], turns.T, strict=True)
+        )
+        z = z * np.exp(1j * phases)
+        # The phase is a sum over the edges: a product of waves, layer by layer.
+        field = np.array([((y * layer) @ x.T).real for layer in z])
+        return np.asarray(np.exp(spread * np.sqrt(2 / WAVES) * field - spread**2 / 2))
+
+    def _outline(self, to_world: Floats, shape: tuple[int, int, int]) -> Any:
+        """Density of layer and plume (nz, ny, nx), or 1."""
+        parts = [part for part in (self.layer, self.plume) if part is not None]
+        if not parts:
+            return 1.0
+        grid = np.meshgrid(*(centres(count) for count in shape), indexing="ij")
+        points = np.stack(grid[::-1], axis=-1) @ to_world[:3, :3].T + to_world[:3, 3]
+        return np.prod([part.density(points) for part in parts], axis=0)
+
+    def _cells(self, to_world: Floats) -> tuple[int, int, int]:
+        """Number of cells along the edges, (nz, ny, nx)."""
+        lengths = [self.correlation_length_m] if self.contrast > 0 else []
+        lengths += [self.layer.edge_m] if self.layer is not None else []
+        lengths += [self.plume.width_m] if self.plume is not None else []
+        edges = np.linalg.norm(to_world[:3, :3], axis=0)
+        cell_m = min(lengths, default=edges.max()) / CELLS_PER_LENGTH
+        nx, ny, nz = (int(count) for count in np.maximum(np.ceil(edges / cell_m), 1))
+        if nx * ny * nz > MOST_CELLS:
+            raise InputError(
+                f"structure: a length of {min(lengths):g} m in a box of "
+                f"{' x '.join(f'{edge:g}' for edge in edges)} m needs {nx * ny * nz} cells; at "
+                f"most {MOST_CELLS}: make correlation_length_m, edge_m or width_m longer"
+            )
+        return nz, ny, nx
+
+
+def centres(count: int) -> Floats:
+    """Centres (count,) of the cells that divide an edge of length 1."""
+    return (np.arange(count) + 0.5) / count

@@ -1,0 +1,346 @@
+"""Falling drops against the medium that they are on average, and against one drop at a time."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import spisim
+import worlds
+from spisim.atmosphere.precipitation import rain
+from spisim.instrument import Instrument
+from spisim.measurement import LightSequence, bucket_light, record
+from spisim.measurement.drops import falling_drops, on_buckets, on_spots
+from spisim.measurement.drops.discs import disc_points, on_the_way_out, passing
+from spisim.transport import Transport
+
+SEEDS = 100
+WALL_M = 3.0
+NEAR_M = 0.4
+FOG_PER_M = 0.05
+LENGTHS = np.arange(400) * 0.02
+
+
+def instrument(
+    patterns=1,
+    detectors=((0.05, 0.02, 0.0),),
+    shape=(16, 16),
+    lasers=None,
+    tof_fov_deg=1.2,
+    **projector,
+):
+    """The paper's, with a narrower field, few patterns and beams of some width."""
+    fields = spisim.load_instrument("paper").model_dump(exclude_none=True)
+    fields["projector"] |= {"shape": shape, "fov_deg": 8, **projector}
+    fields["plan"] |= {"patterns": patterns}
+    fields["detector"]["positions_m"] = detectors
+    directions = [(-2, 2), (2, 2), (-2, -2), (2, -2)]
+    fields["lasers"] |= {"directions_deg": directions, "waist_mm": 2.0, "divergence_mrad": 0.5}
+    fields["lasers"] |= lasers or {}
+    fields["tof"]["detector"] |= {"field_of_view_deg": tof_fov_deg}
+    return Instrument.model_validate(fields)
+
+
+def depths(one, depth_m=WALL_M):
+    """A wall across the optical axis, as ground truth of it."""
+    return SimpleNamespace(
+        depth_m=np.full(one.projector.shape, depth_m),
+        spot_range_m=depth_m / one.lasers.directions[:, 2],
+    )
+
+
+def drops(one, falling, seed=0, fog_per_m=0.0, frames=1):
+    place = worlds.scene(worlds.plane(WALL_M), extinction_per_m=fog_per_m)
+    scene = replace(place, precipitation=falling)
+    return falling_drops(scene, one, depths(one), frames, np.random.default_rng(seed))
+
+
+def one_drop(one, place_m, diameter_mm, **options):
+    """A single drop that hangs in the air."""
+    all_of_them = drops(one, rain(10.0, near_m=0.05, far_m=0.2), **options)
+    field = all_of_them.field
+    hanging = replace(
+        field,
+        places_m=np.array([place_m], float),
+        velocities_m_s=np.zeros((1, 3)),
+        diameters_mm=np.array([diameter_mm], float),
+        box=np.array([[-9.0, -9.0, -9.0], [9.0, 9.0, 9.0]]),
+    )
+    return replace(all_of_them, field=hanging, precipitation=rain(10.0))
+
+
+def one_exposure(one, falling, pictures, electrons):
+    """Change (windows,) of the exposure that shows all pixels."""
+    shares = np.ones((1, one.pattern_plan.exposures, 1))
+    windows = np.asarray(pictures)[:, None]
+    return on_buckets(
+        falling, windows, shares, electrons, lambda length: np.ones((len(windows), len(length)))
+    )[:, 0, 0]
+
+
+def pixel_rays(one, fine=1):
+    """Rays (n, 3) of depth 1 through the centres of pixels, or of their parts."""
+    projector = one.projector
+    height, width = (side * fine for side in projector.shape)
+    x = (2 * (np.arange(width) + 0.5) / width - 1) * projector.tan_half_width
+    y = (2 * (np.arange(height) + 0.5) / height - 1) * projector.tan_half_height
+    return np.stack([*np.meshgrid(x, y), np.ones((height, width))], axis=-1).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"lens_radius_m": 0.01, "focus_m": 2.0},
+        {"detectors": ((0.2, 0.0, 0.0), (-0.2, 0.0, 0.0), (0.0, 0.3, 0.0))},
+    ],
+)
+def test_on_average_drops_hide_as_the_medium_does(options):
+    """Out and back, exp(-σ r) each with the extinction of the discs."""
+    one = instrument(**options)
+    falling = rain(100.0, near_m=NEAR_M, far_m=WALL_M + 0.5)
+    image = np.ones(one.projector.shape)
+    passed = [
+        1 + one_exposure(one, drops(one, falling, seed), [image], 0 * image)[0] / image.size
+        for seed in range(SEEDS)
+    ]
+    there = np.linalg.norm(pixel_rays(one), axis=1)
+    wall = WALL_M * pixel_rays(one)
+    closed = []
+    for place in one.detector.positions_m:
+        here = np.linalg.norm(wall - place, axis=1) / WALL_M
+        through = np.exp(-falling.extinction_per_m * (there + here) * (WALL_M - NEAR_M))
+        closed.append(through.mean())
+    assert abs(worlds.z_score_exact(passed, np.mean(closed))) < 4
+    assert 1 - np.mean(passed) > 5 * np.std(passed) / np.sqrt(SEEDS)  # it can tell from none
+
+
+def closed_echo(falling, rays, detector, position, axis):
+    """Fraction of the power along each ray (n, 3) of depth 1 that comes back, single scattering."""
+    depth = np.linspace(NEAR_M, WALL_M, 2001)
+    angles = np.linspace(0, np.pi / 2, 400)
+    scattering = falling.scattering_per_m_sr(-np.cos(angles))
+    total = np.zeros(len(rays))
+    for number, ray in enumerate(rays):
+        points = depth[:, None] * ray
+        back = position - points
+        out_m, back_m = np.linalg.norm(points, axis=1), np.linalg.norm(back, axis=1)
+        from_back = np.arccos(np.clip(np.einsum("nk,nk->n", points, -back) / out_m / back_m, -1, 1))
+        cosine = -back @ axis / back_m
+        inside = cosine > np.cos(np.radians(detector.field_of_view_deg) / 2)
+        sent = np.interp(from_back, angles, scattering) * np.exp(-FOG_PER_M * (out_m + back_m))
+        sent *= inside * cosine ** (1 + detector.vignetting) / back_m**2
+        total[number] = np.trapezoid(sent, out_m)
+    return total * detector.aperture_area_m2
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"lens_radius_m": 0.01, "focus_m": 2.0},
+        {"detectors": ((0.05, 0.0, 0.0), (0.0, -0.05, 0.0))},
+    ],
+)
+def test_on_average_drops_send_back_what_the_medium_does(options):
+    """Single scattering with fog between: ∫ σ_s p(θ) exp(-σ L) A cosα / d² dr."""
+    one = instrument(**options)
+    falling = rain(100.0, near_m=NEAR_M, far_m=WALL_M + 0.5)
+    dark, power = np.zeros(one.projector.shape), np.ones(one.projector.shape)
+    echoes = [
+        one_exposure(one, drops(one, falling, seed, FOG_PER_M), [dark], power)[0]
+        for seed in range(SEEDS)
+    ]
+    closed = sum(
+        closed_echo(falling, pixel_rays(one), one.detector, place, np.array([0, 0, 1.0])).sum()
+        for place in one.detector.positions_m
+    )
+    assert abs(worlds.z_score_exact(echoes, closed)) < 4
+    assert np.std(echoes) / np.sqrt(SEEDS) < 0.1 * closed
+
+
+def test_on_average_spots_see_the_medium():
+    """Echo and loss of the lasers, in fields wide enough to have no edge in the beam."""
+    one = instrument(lasers={"waist_mm": 4.0, "divergence_mrad": 1.0}, tof_fov_deg=12)
+    falling = rain(200.0, near_m=NEAR_M, far_m=WALL_M + 0.5)
+    changes = [on_spots(drops(one, falling, seed, FOG_PER_M), LENGTHS) for seed in range(SEEDS)]
+    echoes = np.array([change.echo[0].sum(axis=-1).mean() for change in changes])
+    rays = one.lasers.directions / one.lasers.directions[:, 2:]
+    detector, ends = one.tof.detector, one.tof.detector.spot_positions_m
+    closed = [
+        closed_echo(falling, ray[None], detector, end, axis)[0]
+        for ray, end, axis in zip(rays, ends, one.lasers.directions, strict=True)
+    ]
+    assert abs(worlds.z_score_exact(echoes, np.mean(closed))) < 4
+    passed = np.array([change.passed[0, :, -1].mean() for change in changes])
+    way = (
+        np.linalg.norm(rays, axis=1) + np.linalg.norm(rays * WALL_M - ends, axis=1) / WALL_M
+    ).mean()
+    through = np.exp(-falling.extinction_per_m * way * (WALL_M - NEAR_M))
+    assert abs(worlds.z_score_exact(passed, through)) < 4
+    assert 1 - passed.mean() > 5 * passed.std() / np.sqrt(SEEDS)
+
+
+def test_a_drop_hides_its_disc_and_sends_its_echo():
+    """One drop in the middle of a pixel, computed by hand."""
+    one = instrument()
+    ray = pixel_rays(one).reshape(16, 16, 3)[5, 9]
+    place, diameter = 1.5 * ray, 1.0
+    falling = one_drop(one, place, diameter)
+    disc = np.pi / 4 * (diameter * 1e-3) ** 2
+    pixel = 4 * one.projector.tan_half_width * one.projector.tan_half_height / 256
+    met = disc * np.linalg.norm(ray) / (1.5**2 * pixel)
+
+    detector = np.array(one.detector.positions_m[0])
+    back = detector - place
+    distance = np.linalg.norm(back)
+    cosine = np.dot(place, back) / np.linalg.norm(place) / distance
+    scattered = falling.precipitation.optics.scattered_per_sr(cosine, diameter)
+    area = one.detector.aperture_area_m2
+    echo = met * scattered * area * -back[2] / distance**3
+    dark, power = np.zeros((16, 16)), np.zeros((16, 16))
+    power[5, 9] = 1.0
+    assert one_exposure(one, falling, [dark], power)[0] == pytest.approx(echo, rel=1e-6)
+    assert one_exposure(one, falling, [dark], 1 - power)[0] == 0
+
+    # From the detector the drop stands before another place of the wall, the same part of a pixel
+    # as long as drop and detector are at right angles to it.
+    behind = detector + (place - detector) * WALL_M / place[2]
+    column = int((behind[0] / WALL_M / one.projector.tan_half_width + 1) * 8)
+    row = int((behind[1] / WALL_M / one.projector.tan_half_height + 1) * 8)
+    assert (row, column) != (5, 9)
+    from_detector = disc * distance / (-back[2]) ** 3 / pixel
+    for where, share in (((5, 9), met), ((row, column), from_detector)):
+        image = np.zeros((16, 16))
+        image[where] = 1.0
+        assert one_exposure(one, falling, [image], dark)[0] == pytest.approx(-share, rel=1e-6)
+
+
+def test_a_drop_behind_the_wall_does_nothing():
+    one = instrument()
+    falling = one_drop(one, (0.01, 0.01, WALL_M + 0.01), 5.0)
+    image = np.ones((16, 16))
+    assert one_exposure(one, falling, [image], image)[0] == 0
+    change = on_spots(falling, LENGTHS)
+    assert (change.passed == 1).all()
+    assert not change.echo.any()
+
+
+def test_a_close_drop_hides_the_pixels_that_its_ball_covers():
+    """Against rays through 32 × 32 parts of each pixel."""
+    one = instrument()
+    centre, diameter = np.array([0.004, -0.006, 0.15]), 6.0
+    falling = one_drop(one, centre, diameter)
+    rays = pixel_rays(one, 32)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    aside = np.linalg.norm(centre - (rays @ centre)[:, None] * rays, axis=1)
+    covered = (aside < diameter * 0.5e-3).reshape(16, 32, 16, 32).mean(axis=(1, 3))
+    projector = falling.view.projector
+    points = disc_points(
+        centre[None], np.array([diameter]), np.zeros(1), float(np.sqrt(projector.pixel_area))
+    )
+    shares = on_the_way_out(projector, falling.depth_m, points)
+    hidden = 1 - passing(shares, points, 256).reshape(16, 16)
+    assert hidden.sum() == pytest.approx(covered.sum(), rel=0.01)
+    assert np.sqrt(np.mean((hidden - covered)[covered > 0] ** 2)) < 0.1
+
+
+def gaussian_on_disc(width, aside, radius):
+    """Share of a round Gaussian of a standard deviation on a disc aside of its centre."""
+    r = (np.arange(400) + 0.5) / 400 * radius
+    turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)[:, None]
+    squared = (aside + r * np.cos(turn)) ** 2 + (r * np.sin(turn)) ** 2
+    density = np.exp(-squared / (2 * width**2)) / (2 * np.pi * width**2)
+    return (density.mean(axis=0) * 2 * np.pi * r).sum() * radius / 400
+
+
+def test_a_drop_in_a_laser_beam_casts_a_shadow_and_a_glint():
+    """On the beam's axis going out, beside that of the light coming back."""
+    one = instrument()
+    direction, range_m, diameter = one.lasers.directions[0], 1.805, 2.0
+    falling = one_drop(one, direction * range_m, diameter)
+    change, radius = on_spots(falling, LENGTHS), diameter * 0.5e-3
+    met = gaussian_on_disc(np.hypot(2e-3, 0.5e-3 * range_m), 0.0, radius)
+    end, detector = one.tof.detector.spot_positions_m[0], one.tof.detector
+    home = direction * WALL_M / direction[2] - end
+    along = np.dot(direction * range_m - end, home) / np.linalg.norm(home)
+    part = along / np.linalg.norm(home)
+    aside = np.sqrt(np.sum((direction * range_m - end) ** 2) - along**2)
+    spot = np.hypot(2e-3, 0.5e-3 * WALL_M / direction[2])
+    aperture = np.sqrt(detector.aperture_area_m2 / np.pi)
+    width = np.hypot(spot * part, aperture / 2 * (1 - part))
+    returning = gaussian_on_disc(width, aside, radius)
+    assert 0.01 < returning < met
+    after = np.searchsorted(LENGTHS, 2 * range_m + 0.01)
+    np.testing.assert_allclose(change.passed[0, 0, : after - 1], 1)
+    assert change.passed[0, 0, after] == pytest.approx((1 - met) * (1 - returning), rel=1e-4)
+    assert (change.passed[0, 1:] == 1).all()
+
+    to_detector = end - direction * range_m
+    distance = np.linalg.norm(to_detector)
+    cosine = direction @ to_detector / distance
+    back = falling.precipitation.optics.scattered_per_sr(cosine, diameter)
+    seen = -cosine / distance**2 * detector.aperture_area_m2
+    echo = change.echo[0, 0]
+    assert echo.sum() == pytest.approx(met * back * seen, rel=1e-4)
+    assert echo @ LENGTHS / echo.sum() == pytest.approx(range_m + distance, rel=1e-9)
+
+
+def readings(one, falling, frames=1, seed=0):
+    """Mean electrons of a wall, all pixels alike, with drops before it."""
+    place = replace(worlds.scene(worlds.plane(WALL_M)), precipitation=falling)
+    noise = np.random.default_rng(seed)
+    return bucket_light(
+        one,
+        LightSequence(np.zeros(1), (transport(one),)),
+        frames,
+        falling_drops(place, one, depths(one), frames, noise),
+    ).buckets
+
+
+def transport(one):
+    image = np.full(one.projector.shape, 1e-9)
+    return Transport(
+        image=image,
+        image_error=0 * image,
+        spot_histogram=np.zeros((4, 400)),
+        spot_histogram_error=np.zeros((4, 400)),
+        path_length_m=LENGTHS,
+        daylight_w=0.0,
+        spot_daylight_w=np.zeros(4),
+        spot_crosstalk_w=np.zeros(4),
+        paths=0,
+        seconds=0.0,
+        extra={},
+    )
+
+
+def test_flicker_grows_with_the_rain():
+    """Equal patterns differ from frame to frame, the more the harder it rains."""
+    one = instrument(pattern_rate_hz=200.0, patterns=3)
+    still = readings(one, None)
+    flicker = []
+    for rate in (3.0, 100.0):
+        spread = readings(one, rain(rate, near_m=0.2, far_m=4.0), frames=40) / still - 1
+        flicker.append(spread[:, :-1].var(ddof=1))
+    # By area, drops of 100 mm/h are 9 times those of 3 mm/h; 120 readings tell 2 from 1.
+    assert flicker[1] > 2 * flicker[0] > 0
+
+
+def test_rain_in_a_recording():
+    """The same seed gives the same drops, another one others; without noise too."""
+    one = instrument(patterns=8)
+    place = worlds.scene(worlds.plane(WALL_M))
+    rainy = replace(place, precipitation=rain(50.0))
+    light = LightSequence(np.zeros(1), (transport(one),))
+    truth = spisim.transport.ground_truth(place, one)
+
+    def counts(scene, seed):
+        return record(scene, one, light, truth, seed=seed, noise=False, frames=2).buckets.counts
+
+    np.testing.assert_array_equal(counts(rainy, 1), counts(rainy, 1))
+    assert not np.array_equal(counts(rainy, 1), counts(rainy, 2))
+    dry = counts(place, 1)
+    np.testing.assert_array_equal(dry[0], dry[1])
+    assert not np.array_equal(counts(rainy, 1)[0], counts(rainy, 1)[1])
