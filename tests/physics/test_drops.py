@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.constants import c
 
 import spisim
 import worlds
@@ -326,6 +327,28 @@ def test_flicker_grows_with_the_rain():
         flicker.append(spread[:, :-1].var(ddof=1))
     # By area, drops of 100 mm/h are 9 times those of 3 mm/h; 120 readings tell 2 from 1.
     assert flicker[1] > 2 * flicker[0] > 0
+
+
+def test_taps_share_what_drops_do_to_the_bucket():
+    """Four windows of a quarter period collect all of it; an echo has the phase of its path."""
+    modulation = {"frequencies_hz": [15e6], "light": "sine", "contrast": 1.0}
+    one = instrument(patterns=3, modulation=modulation)
+    light = transport(one)
+    orders = len(one.tap_frequencies_hz)
+    phasors = np.zeros((orders, *light.image.shape), complex)
+    dark = replace(light, image=0 * light.image, extra={"phasors": phasors})
+    still = LightSequence(np.zeros(1), (dark,))
+    place, diameter = np.array([0.01, 0.02, 1.5]), 3.0
+    wet, dry = (
+        bucket_light(one, still, 1, weather) for weather in (one_drop(one, place, diameter), None)
+    )
+    echo = wet.taps[0, 0] - dry.taps[0, 0]
+    np.testing.assert_allclose(echo.sum(), wet.buckets[0, 0] - dry.buckets[0, 0], rtol=1e-6)
+    length = np.linalg.norm(place) + np.linalg.norm(place - one.detector.positions_m[0])
+    phase = np.arctan2(echo[1] - echo[3], echo[0] - echo[2])
+    amplifier = one.detector.amplifier
+    offset = one.projector.modulation.phase_offset_rad(15e6, amplifier.response)
+    assert phase - offset == pytest.approx(2 * np.pi * 15e6 * length / c, rel=1e-3)
 
 
 def test_rain_in_a_recording():

@@ -90,11 +90,15 @@ def _at(
         shares = on_the_way_back(projector, bucket, number, drops.depth_m, points)
         back.append(passing(shares, points, projector.pixels))
         share, length_m = echo(
-            positions, diameters, drops.precipitation.optics, bucket, number, drops.fog_per_m
+            points.place_m,
+            diameters[points.drop],
+            drops.precipitation.optics,
+            bucket,
+            number,
+            drops.fog_per_m,
         )
         collected.append(share * response(length_m))
-    echoes = np.sum(collected, axis=0)[:, points.drop]
-    return passed_out * np.mean(back, axis=0), out, echoes
+    return passed_out * np.mean(back, axis=0), out, np.sum(collected, axis=0)
 
 
 def _blur_m(drops: FallingDrops, depth_m: Floats) -> Floats:

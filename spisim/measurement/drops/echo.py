@@ -15,10 +15,10 @@ Floats = NDArray[np.float64]
 
 
 class Echo(NamedTuple):
-    """Of the light on each drop, the share on a detector's aperture, and the path it took."""
+    """Of the light on each place, the share on a detector's aperture, and the path it took."""
 
     share: Floats
-    length_m: Floats  # from the pinhole to the drop and on to the detector
+    length_m: Floats  # from the pinhole to the place and on to the detector
 
 
 def echo(
@@ -30,10 +30,10 @@ def echo(
     fog_per_m: float,
     aperture_points: int = 1,
 ) -> Echo:
-    """Echo of drops (drops, 3) in detector `number`; fog lets exp(-σ L) of it pass.
+    """Echo of places (n, 3) on drops (n,) in detector `number`; fog lets exp(-σ L) of it pass.
 
-    Light comes from the pinhole and is scattered at a drop's centre. The edge of a narrow field is
-    as wide as the lens, which then takes several `aperture_points`.
+    Light comes from the pinhole. The edge of a narrow field is as wide as the lens, which then
+    takes several `aperture_points`.
     """
     back = detector.positions_m[number] - positions_m
     out_m, back_m = length(positions_m), length(back)
@@ -47,7 +47,7 @@ def echo(
 def _collection(
     positions_m: Floats, detector: DetectorView, number: int, aperture_points: int
 ) -> Floats:
-    """Solid angle of the aperture from each drop, as far as the drop is in its field."""
+    """Solid angle of the aperture from each place, as far as that is in its field."""
     axis, least = detector.axes[number], np.cos(detector.half_angle_rad)
     total = np.zeros(len(positions_m))
     for point in _aperture(axis, np.sqrt(detector.area_m2 / np.pi), aperture_points):
