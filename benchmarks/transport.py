@@ -132,8 +132,8 @@ def patterns(amounts: Amounts) -> Section:
             ]
     title = (
         f"Readings of {LIT} patterns of {PLAN.shape[0]} × {PLAN.shape[1]} pixels (one render per "
-        f"pattern: {amounts.patterns} of them, time scaled to all); fog: {FOG_KIND}; "
-        f"{amounts.repetitions} runs of each method, in turns."
+        f"pattern: {amounts.patterns} of them, time scaled to all); fog: {FOG_KIND}, "
+        f"Henyey–Greenstein; {amounts.repetitions} runs of each method, in turns."
     )
     columns = ("visibility", "method", "paths", *_EFFICIENCY, *_GAINS, "z")
     return Table(title, columns, rows), [*checks, Check("largest_z", largest_z, 4)]
@@ -331,7 +331,7 @@ def rounded(value: float) -> str:
 
 def air(visibility_m: float | None) -> Atmosphere:
     """Fog of this visibility; clear air for None."""
-    return CLEAR if visibility_m is None else fog(visibility_m, FOG_KIND)
+    return CLEAR if visibility_m is None else fog(visibility_m, FOG_KIND, phase="hg")
 
 
 def room(atmosphere: Atmosphere) -> Scene:

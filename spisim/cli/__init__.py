@@ -17,6 +17,7 @@ from . import (
     schema,
     simulate,
     transport,
+    weather,
 )
 from .console import messages
 
@@ -65,6 +66,7 @@ COMMANDS = (
     evaluate,
     budget,
     paper,
+    weather,
     scenes,
     schema,
     doctor,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
 
@@ -15,33 +14,66 @@ if TYPE_CHECKING:
     from spisim.scene import Scene
 
 
-def scene_with(name: str, visibility_m: float | None, clear: bool) -> Scene:
-    """Load a scene and replace its fog where the command line says so.
+def scene_with(
+    name: str,
+    visibility_m: float | None,
+    clear: bool,
+    fog_kind: str | None = None,
+    rain_mm_per_h: float | None = None,
+    drops: bool = False,
+) -> Scene:
+    """Load a scene and replace its weather where the command line says so.
 
     The scene's text is changed along, so that a capture tells how to make it again.
     """
     from reconstruction.errors import InputError
-    from spisim.atmosphere import CLEAR, fog
     from spisim.scene import SceneWarning, load_scene
 
-    if clear and visibility_m is not None:
-        raise InputError("--clear and --visibility exclude each other")
+    options = {"--visibility": visibility_m, "--fog": fog_kind, "--rain": rain_mm_per_h}
+    given = [option for option, value in options.items() if value is not None]
+    if clear and given:
+        raise InputError(f"--clear and {given[0]} exclude each other")
+    if drops and rain_mm_per_h is None:
+        raise InputError("--drops goes with --rain")
     with catch_warnings(record=True) as odd:
         simplefilter("always", SceneWarning)
         scene = load_scene(name)
+        changes: dict[str, Any] = {}
+        if clear:
+            changes = dict.fromkeys(("fog", "smoke", "rain", "snow", "volumes"))
+        if visibility_m is not None or fog_kind is not None:
+            changes["fog"] = _fog(yaml.safe_load(scene.text).get("fog"), visibility_m, fog_kind)
+        if rain_mm_per_h is not None:
+            model = {"model": "drops"} if drops else {}
+            changes["rain"] = {"rate_mm_per_h": rain_mm_per_h} | model
+        if changes:
+            odd.clear()
+            scene = load_scene(name, changes)
     warn(str(warning.message) for warning in odd)
-    description = yaml.safe_load(scene.text)
-    if clear:
-        description = {k: v for k, v in description.items() if k not in ("fog", "volumes")}
-        text = yaml.safe_dump(description, sort_keys=False)
-        return replace(scene, atmosphere=CLEAR, volumes=(), text=text)
+    return scene
+
+
+def _fog(
+    old: dict[str, Any] | None, visibility_m: float | None, kind: str | None
+) -> dict[str, Any]:
+    """The scene's fog with another visibility, other droplets, or both."""
+    from reconstruction.errors import InputError
+
+    kept = {"kind", "droplets", "definition", "phase"}
     if visibility_m is None:
-        return scene
-    old = description.get("fog") or {}
-    new = {key: old[key] for key in ("kind", "definition") if key in old}
-    description["fog"] = {"visibility_m": visibility_m} | new
-    atmosphere = fog(visibility_m, **new)
-    return replace(scene, atmosphere=atmosphere, text=yaml.safe_dump(description, sort_keys=False))
+        kept |= {"visibility_m", "liquid_water_g_per_m3"}
+    if kind is not None:
+        kept -= {"kind", "droplets"}
+    new = {field: value for field, value in (old or {}).items() if field in kept}
+    if not isinstance(new.get("phase", ""), str):  # of a medium by coefficients
+        del new["phase"]
+    if visibility_m is not None:
+        new["visibility_m"] = visibility_m
+    if kind is not None:
+        new["kind"] = kind
+    if not new.keys() & {"visibility_m", "liquid_water_g_per_m3"}:
+        raise InputError("--fog needs --visibility: the scene's own fog has none")
+    return new
 
 
 def instrument_with(

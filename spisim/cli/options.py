@@ -46,7 +46,17 @@ Visibility = Annotated[
     float | None,
     typer.Option("--visibility", metavar="M", help="Fog of this visibility, in metres."),
 ]
-Clear = Annotated[bool, typer.Option("--clear", help="Clear air, in place of the scene's fog.")]
+Fog = Annotated[
+    str | None,
+    typer.Option("--fog", metavar="KIND", help="Fog with these droplets, such as heavy-advection."),
+]
+Rain = Annotated[
+    float | None, typer.Option("--rain", metavar="MM_PER_H", help="Rain of this rate.")
+]
+Drops = Annotated[bool, typer.Option("--drops", help="Rain of single drops that cross the beams.")]
+Clear = Annotated[
+    bool, typer.Option("--clear", help="Clear air, in place of the scene's fog and weather.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Bar = Annotated[
     bool | None,

@@ -10,8 +10,10 @@ from .console import messages, print_json
 from .inputs import instrument_with, scene_with
 from .options import (
     Clear,
+    Fog,
     InstrumentOption,
     Json,
+    Rain,
     SceneArgument,
     Seed,
     Visibility,
@@ -33,6 +35,8 @@ def command(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
     instrument: InstrumentOption = "paper",
     visibility: Visibility = None,
+    fog: Fog = None,
+    rain: Rain = None,
     clear: Clear = False,
     place: Annotated[Place, typer.Option("--from", help="Where the camera is.")] = Place.PROJECTOR,
     width: Annotated[int, number_option(1, 8192, "Pixels across.")] = 512,
@@ -60,7 +64,8 @@ def command(
     from spisim.transport import CAMERA_OFFSET_M, camera_view
 
     require_file(output)
-    there, carried = scene_with(scene, visibility, clear), instrument_with(instrument)
+    there = scene_with(scene, visibility, clear, fog, rain)
+    carried = instrument_with(instrument)
     plan = carried.pattern_plan
     if pattern is not None and pattern >= plan.exposures:
         raise InputError(f"--pattern {pattern}: the plan has exposures 0..{plan.exposures - 1}")

@@ -10,9 +10,12 @@ from .inputs import instrument_with, scene_with
 from .options import (
     Bar,
     Clear,
+    Drops,
+    Fog,
     InstrumentOption,
     Json,
     Noise,
+    Rain,
     SceneArgument,
     Seed,
     Spp,
@@ -28,6 +31,9 @@ def command(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAPTURE", help="HDF5 file.")],
     instrument: InstrumentOption = "paper",
     visibility: Visibility = None,
+    fog: Fog = None,
+    rain: Rain = None,
+    drops: Drops = False,
     clear: Clear = False,
     patterns: Annotated[int | None, number_option(1, 2**31, "Patterns per frame.")] = None,
     order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None,
@@ -54,7 +60,7 @@ def command(
     from spisim.transport import camera_view
 
     require_file(output)
-    place = scene_with(scene, visibility, clear)
+    place = scene_with(scene, visibility, clear, fog, rain, drops)
     carried = instrument_with(instrument, patterns, order, polarity)
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:

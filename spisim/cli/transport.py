@@ -10,9 +10,11 @@ from .inputs import instrument_with, scene_with
 from .options import (
     Bar,
     Clear,
+    Fog,
     InstrumentOption,
     Json,
     Noise,
+    Rain,
     SceneArgument,
     Seed,
     Spp,
@@ -27,6 +29,8 @@ def command(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
     instrument: InstrumentOption = "paper",
     visibility: Visibility = None,
+    fog: Fog = None,
+    rain: Rain = None,
     clear: Clear = False,
     seed: Seed = 0,
     spp: Spp = 256,
@@ -51,7 +55,8 @@ def command(
     from .files import light_channels, write_histogram, write_truth
 
     require_file(output)
-    place, carried = scene_with(scene, visibility, clear), instrument_with(instrument)
+    place = scene_with(scene, visibility, clear, fog, rain)
+    carried = instrument_with(instrument)
     with progress_bar("Tracing light", progress) as advance:
         light = solve(
             place,

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import nearest
+from spisim.atmosphere import PHASES, SNOW_ALBEDO, SNOW_G, Diffraction, PhaseName
 from spisim.atmosphere.structure import Structure
 from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector
 
@@ -166,31 +167,126 @@ class BlendPart(PhaseDescription):
     weight: Positive
 
 
+class DropletDescription(Section):
+    """Sizes of droplets or particles: a modified gamma distribution or a log-normal one.
+
+    n(r) ∝ r^alpha exp(-b r^gamma) with its peak at `mode_radius_um`; or half of the particles
+    below `median_diameter_um` and 68 % within a factor `sigma_g`. They are of water unless `n` and
+    `k` give another refractive index n - ik.
+    """
+
+    alpha: Number | None = None
+    gamma: Number | None = None
+    mode_radius_um: Number | None = None
+    median_diameter_um: Number | None = None
+    sigma_g: Number | None = None
+    n: Number | None = None
+    k: Number = 0.0
+
+    @model_validator(mode="after")
+    def _one_way(self) -> DropletDescription:
+        ways = {"alpha", "gamma", "mode_radius_um"}, {"median_diameter_um", "sigma_g"}
+        if self.model_fields_set - {"n", "k"} not in ways:
+            message = "needs alpha, gamma and mode_radius_um, or median_diameter_um and sigma_g"
+            raise PydanticCustomError("droplets", message)
+        if "k" in self.model_fields_set and self.n is None:
+            raise PydanticCustomError("droplets", "k needs n")
+        return self
+
+
+AnyPhase = Annotated[
+    Annotated[PhaseName, Tag("by name")] | Annotated[PhaseDescription, Tag("by numbers")],
+    Discriminator(lambda data: "by name" if isinstance(data, str) else "by numbers"),
+]
+
+
 class FogDescription(Section):
-    """Fog by visibility, or a medium by its coefficients at 1550 nm (`extinction_per_m`)."""
+    """Fog by visibility or water, or a medium by its coefficients at 1550 nm (`extinction_per_m`).
+
+    Its droplets are of a `kind` or have sizes of their own (`droplets`). The `phase` of fog by
+    visibility or water is the name of a form, that of a medium by coefficients a phase function.
+    """
 
     visibility_m: Positive | None = None
+    liquid_water_g_per_m3: Positive | None = None
     kind: str = "moderate-radiation"
+    droplets: DropletDescription | None = None
     definition: str = "koschmieder"
     extinction_per_m: NonNegative | None = None
     albedo: Fraction = 1.0
     g: Annotated[Number, Field(gt=-1, lt=1)] = 0.0
-    phase: PhaseDescription | None = None
+    phase: AnyPhase | None = None
 
     @model_validator(mode="after")
     def _one_way(self) -> FogDescription:
         given = self.model_fields_set
-        if ("visibility_m" in given) == ("extinction_per_m" in given):
-            raise PydanticCustomError("fog", "needs either visibility_m or extinction_per_m")
-        if {"g", "phase"} <= given:
-            raise PydanticCustomError("fog", "needs g or phase, not both")
-        way = "visibility_m" if "visibility_m" in given else "extinction_per_m"
-        other = {"albedo", "g", "phase"} if way == "visibility_m" else {"kind", "definition"}
-        if stray := sorted(given & other):
+        amounts = [f for f in ("visibility_m", "liquid_water_g_per_m3") if f in given]
+        if bool(amounts) == ("extinction_per_m" in given):
             raise PydanticCustomError(
-                "fog", "{field} does not go with {way}", {"field": stray[0], "way": way}
+                "fog", "needs either visibility_m or extinction_per_m, or liquid_water_g_per_m3"
+            )
+        for pair in ({"g", "phase"}, {"kind", "droplets"}):
+            if pair <= given:
+                one, other = sorted(pair, key=list(type(self).model_fields).index)
+                raise PydanticCustomError(
+                    "fog", "needs {one} or {other}, not both", {"one": one, "other": other}
+                )
+        way = amounts[0] if amounts else "extinction_per_m"
+        stray = sorted(given & ({"albedo", "g"} if amounts else {"kind", "droplets", "definition"}))
+        if "phase" in given and isinstance(self.phase, str) != bool(amounts):
+            stray.append("phase")
+        if stray:
+            hint = f": it is one of {', '.join(PHASES)}" if amounts and stray == ["phase"] else ""
+            raise PydanticCustomError(
+                "fog",
+                "{field} does not go with {way}{hint}",
+                {"field": stray[0], "way": way, "hint": hint},
             )
         return self
+
+
+class SmokeDescription(FogDescription):
+    """Smoke, by the same fields as fog."""
+
+    kind: str = "glycol"
+
+
+class FallingDescription(Section):
+    """What rain and snow have in common.
+
+    As a `medium` they are smooth; as `drops` each drop or flake crosses the beams by itself, and
+    drifts with the wind. `kind` and what only a medium has do not go with drops.
+    """
+
+    rate_mm_per_h: Positive
+    model: Literal["medium", "drops"] = "medium"
+    wind_m_s: Vector = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _fields_of_its_model(self) -> FallingDescription:
+        others = {"kind", "diffraction"} if self.model == "drops" else {"wind_m_s"}
+        if stray := sorted(self.model_fields_set & others):
+            raise PydanticCustomError(
+                "falling",
+                "{field} does not go with model {model}",
+                {"field": stray[0], "model": self.model},
+            )
+        return self
+
+
+class RainDescription(FallingDescription):
+    """Rain of a rate; `diffraction` says whether light bent by a milliradian counts as lost."""
+
+    kind: str = "marshall-palmer"
+    diffraction: Diffraction = "remove"
+
+
+class SnowDescription(FallingDescription):
+    """Snow of a rate (as water), "wet" or "dry"; how it scatters is assumed."""
+
+    kind: str = "wet"
+    albedo: Fraction = SNOW_ALBEDO
+    g: Annotated[Number, Field(gt=-1, lt=1)] = SNOW_G
 
 
 class VolumeDescription(Pose, FogDescription):
@@ -229,5 +325,8 @@ class SceneDescription(Section):
     objects: Annotated[tuple[AnyObject, ...], Field(min_length=1)]
     materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
     fog: FogDescription | None = None
+    smoke: SmokeDescription | None = None
+    rain: RainDescription | None = None
+    snow: SnowDescription | None = None
     volumes: tuple[VolumeDescription, ...] = ()
     ambient: AmbientDescription = AmbientDescription()

@@ -4,35 +4,40 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
+import yaml
 
 from reconstruction.errors import InputError
-from spisim import atmosphere
-from spisim.atmosphere import CLEAR, Atmosphere, Blend, Phase
+from spisim.atmosphere import Atmosphere, combine
+from spisim.atmosphere.precipitation import Precipitation
 from spisim.config import find_named, parse_model, read_text
 from spisim.scene.description import (
     AmbientDescription,
-    FogDescription,
+    FallingDescription,
     MeshObject,
     ObjectDescription,
-    PhaseDescription,
     Pose,
     SceneDescription,
     VolumeDescription,
 )
-from spisim.scene.files import read_columns, read_density
+from spisim.scene.files import read_density
 from spisim.scene.materials import Material, find_material, make_material
+from spisim.scene.media import make_medium, make_precipitation, warn_of_doubtful_media
 from spisim.scene.model import Ambient, Scene, SceneObject, Vector3, Volume
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
 from spisim.scene.shapes import make_mesh, texture_coordinates
 from spisim.scene.soundness import warn_of_unsound_meshes
 from spisim.scene.volumes import warn_of_overlap
+
+#: Sections of a scene file that fill all of the air, in the order of their fields.
+MEDIA = ("fog", "smoke", "rain", "snow")
 
 
 def scenes_folder() -> Path:
@@ -48,25 +53,42 @@ def list_scenes() -> list[str]:
     return sorted(path.stem for path in scenes_folder().glob("*.yaml"))
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path, changes: Mapping[str, Any] | None = None) -> Scene:
     """Scene from a YAML file, or a shipped one by its name ("warehouse").
+
+    `changes` are top-level sections, as in the file, to put in place of the file's own; None leaves
+    a section out. The scene's text is changed along.
 
     Raises InputError, naming file, field and what is allowed, for a file that is missing or not
     YAML, fields that are unknown, missing or out of range, a mesh that is missing or unusable, an
     unknown material or unfit pictures, densities and phase functions, two objects or volumes of one
-    name, and a drone inside an object. Warns with SceneWarning of meshes that are no sound surfaces
-    and of volumes that overlap.
+    name, and a drone inside an object. Warns with SceneWarning of meshes that are no sound
+    surfaces, volumes that overlap, and weather that nature does not have.
     """
     file = find_named(str(path), scenes_folder(), "scene")
     text = read_text(file)
+    if changes:
+        parse_model(text, SceneDescription, file)  # the file has to be one by itself
+        sections = {**yaml.safe_load(text), **changes}
+        kept = {name: section for name, section in sections.items() if section is not None}
+        text = yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)
     described = parse_model(text, SceneDescription, file)
     folder = file.parent
     materials: dict[str, Material] = {}
     for name, own in described.materials.items():
         with _problems_at(file, f"materials.{name}"):
             materials[name] = make_material(name, own, folder)
-    with _problems_at(file, "fog"):
-        air = CLEAR if described.fog is None else _medium(described.fog, folder)
+    media: list[Atmosphere] = []
+    falling: Precipitation | None = None
+    for field in MEDIA:
+        with _problems_at(file, field):
+            section = getattr(described, field)
+            if isinstance(section, FallingDescription) and section.model == "drops":
+                if falling is not None:
+                    raise InputError("model should be medium beside rain of single drops")
+                falling = make_precipitation(section)
+            elif section is not None:
+                media.append(make_medium(section, folder))
     with _problems_at(file, "ambient"):
         ambient = _ambient(described.ambient)
     with _problems_at(file, "drone"):
@@ -82,19 +104,21 @@ def load_scene(path: str | Path) -> Scene:
     scene = Scene(
         described.name,
         tuple(objects),
-        air,
+        combine(media),
         ambient,
         pose,
         text,
         tuple(volumes),
         described.drone.velocity_m_s,
         _radians(described.drone.angular_velocity_deg_s),
+        falling,
     )
     _check_names("objects", [thing.name for thing in objects], file)
     _check_names("volumes", [volume.name for volume in volumes], file)
     _check_drone(scene, file)
     warn_of_unsound_meshes(scene)
     warn_of_overlap(volumes)
+    warn_of_doubtful_media([*media, *(volume.medium for volume in volumes)])
     return scene
 
 
@@ -107,34 +131,8 @@ def _problems_at(file: Path, field: str) -> Iterator[None]:
         raise InputError(f"{file}: {field}: {error}") from None
 
 
-def _medium(described: FogDescription, folder: Path) -> Atmosphere:
-    if described.extinction_per_m is not None:
-        phase = _phase(described.phase, folder) if described.phase else None
-        return atmosphere.explicit(
-            described.extinction_per_m,
-            described.albedo,
-            phase or atmosphere.henyey_greenstein(described.g),
-        )
-    assert described.visibility_m is not None  # the description demands one of the two
-    return atmosphere.fog(described.visibility_m, described.kind, described.definition)
-
-
-def _phase(described: PhaseDescription, folder: Path) -> Phase:
-    if described.blend is not None:
-        return Blend(tuple((part.weight, _phase(part, folder)) for part in described.blend))
-    if described.table is not None:
-        return atmosphere.tabulate(
-            read_columns(folder / described.table),
-            per_steradian=described.unit == "1/sr",
-            declared_g=described.g,
-            name=described.table,
-        )
-    assert described.g is not None  # the description demands one of the three
-    return atmosphere.henyey_greenstein(described.g)
-
-
 def _volume(described: VolumeDescription, folder: Path) -> Volume:
-    medium = _medium(described, folder)
+    medium = make_medium(described, folder)
     if medium.extinction_per_m == 0:
         raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
     centred = np.diag([*described.size_m, 1.0])

@@ -32,6 +32,7 @@ COMMANDS = [
     "evaluate",
     "budget",
     "paper",
+    "weather",
     "scenes",
     "schema",
     "doctor",

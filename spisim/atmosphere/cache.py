@@ -1,0 +1,50 @@
+"""Mie results of the user's own size distributions, kept between runs."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.errors import InputError
+from reconstruction.files import write_atomically
+
+Arrays: TypeAlias = Mapping[str, NDArray[np.float64]]
+
+
+def cache_folder() -> Path:
+    """Where the results lie: `SPISIM_CACHE`, or the user's cache folder."""
+    if own := os.environ.get("SPISIM_CACHE"):
+        return Path(own)
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "spisim"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "spisim"
+
+
+def kept(key: str, make: Callable[[], Arrays]) -> Arrays:
+    """What `make` returns, from the cache where it is there.
+
+    A cache that cannot be read or written, or holds something else, only costs time.
+    """
+    try:
+        path = cache_folder() / f"mie-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
+    except RuntimeError:  # no home folder
+        return make()
+    # Whatever a damaged file raises, it is made again.
+    with suppress(Exception), path.open("rb") as opened, np.load(opened) as file:
+        if str(file["key"]) == key:
+            return {name: file[name] for name in file.files if name != "key"}
+    made = make()
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, key=np.array(key), **dict(made))
+    with suppress(OSError, InputError):
+        write_atomically(path, buffer.getvalue())
+    return made

@@ -1,0 +1,130 @@
+"""A medium at one wavelength, and several in the same air."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from reconstruction.errors import InputError
+from spisim.atmosphere.phase import Blend, Isotropic, Phase
+from spisim.atmosphere.visibility import extinction_at_550nm, visibility
+
+DB_PER_NEPER = 10 / math.log(10)
+
+
+@dataclass(frozen=True)
+class Atmosphere:
+    """A medium at the instrument's wavelength.
+
+    `visibility_m` and `water_g_per_m3` are None where they are not known. `doubts` says what about
+    it is not found in nature or lies outside the range of its model.
+    """
+
+    extinction_per_m: float  # 0: clear air
+    albedo: float
+    phase: Phase
+    kind: str
+    visibility_m: float | None = None
+    definition: str = "koschmieder"  # of the visibility
+    water_g_per_m3: float | None = None
+    doubts: tuple[str, ...] = ()
+    parts: tuple[Atmosphere, ...] = ()  # of a mixture
+
+    @property
+    def g(self) -> float:
+        """Asymmetry: the mean cosine of the scattering angle."""
+        return self.phase.g
+
+    @property
+    def backscatter_per_sr(self) -> float:
+        """Phase function straight back, at 180°."""
+        return float(self.phase.density(-1.0))
+
+    @property
+    def scattering_per_m(self) -> float:
+        """Scattering coefficient, extinction times albedo."""
+        return self.extinction_per_m * self.albedo
+
+    @property
+    def absorption_per_m(self) -> float:
+        """Absorption coefficient, extinction less scattering."""
+        return self.extinction_per_m * (1.0 - self.albedo)
+
+    def summary(self) -> dict[str, Any]:
+        """What is to be told about it, as plain numbers."""
+        return {
+            "kind": self.kind,
+            "extinction_per_m": self.extinction_per_m,
+            "extinction_db_per_km": 1e3 * DB_PER_NEPER * self.extinction_per_m,
+            "albedo": self.albedo,
+            "g": self.g,
+            "backscatter_per_sr": self.backscatter_per_sr,
+            "visibility_m": self.visibility_m,
+            "visibility_definition": self.definition,
+            "water_g_per_m3": self.water_g_per_m3,
+        }
+
+
+CLEAR = Atmosphere(
+    extinction_per_m=0.0, albedo=1.0, phase=Isotropic(), kind="clear", water_g_per_m3=0.0
+)
+
+
+def explicit(extinction_per_m: float, albedo: float, phase: Phase) -> Atmosphere:
+    """A medium given by its coefficients and phase function at the instrument's wavelength.
+
+    Raises InputError unless extinction ≥ 0 and finite, and 0 ≤ albedo ≤ 1.
+    """
+    if not (math.isfinite(extinction_per_m) and extinction_per_m >= 0):
+        raise InputError(
+            f"extinction_per_m should be 0 or more and finite; found {extinction_per_m}"
+        )
+    if not 0 <= albedo <= 1:
+        raise InputError(f"albedo should lie between 0 and 1; found {albedo}")
+    return Atmosphere(extinction_per_m, albedo, phase, kind="explicit")
+
+
+def combine(media: Sequence[Atmosphere]) -> Atmosphere:
+    """Several media in the same air.
+
+    Extinctions, scattering and water add up; phase functions blend by what each medium scatters.
+    The visibility is by Koschmieder's definition where all have one.
+    """
+    parts = tuple(medium for medium in media if medium.extinction_per_m > 0)
+    if not parts:
+        return CLEAR
+    if len(parts) == 1:
+        return parts[0]
+    extinction = math.fsum(part.extinction_per_m for part in parts)
+    scattering = math.fsum(part.scattering_per_m for part in parts)
+    shares = tuple(
+        (part.scattering_per_m / scattering, part.phase)
+        for part in parts
+        if part.scattering_per_m > 0
+    )
+    return Atmosphere(
+        extinction,
+        scattering / extinction,
+        Blend(shares) if shares else Isotropic(),
+        " + ".join(part.kind for part in parts),
+        _visibility(parts),
+        water_g_per_m3=_water(parts),
+        doubts=tuple(doubt for part in parts for doubt in part.doubts),
+        parts=parts,
+    )
+
+
+def _visibility(parts: Sequence[Atmosphere]) -> float | None:
+    total = 0.0
+    for part in parts:
+        if part.visibility_m is None:
+            return None
+        total += extinction_at_550nm(part.visibility_m, part.definition)
+    return visibility(total)
+
+
+def _water(parts: Sequence[Atmosphere]) -> float | None:
+    known = [part.water_g_per_m3 for part in parts if part.water_g_per_m3 is not None]
+    return math.fsum(known) if len(known) == len(parts) else None

@@ -1,0 +1,152 @@
+"""Mie theory: what spheres of many sizes do to light of one wavelength.
+
+The coefficients of each sphere are miepython's; the sums over orders, angles and sizes are matrix
+products (C. F. Bohren & D. R. Huffman, Absorption and Scattering of Light by Small Particles,
+1983, equations 4.61, 4.62, 4.74 and the asymmetry on page 120). Scattering is that of unpolarised
+light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spisim.atmosphere.droplets import Particles
+
+Floats: TypeAlias = NDArray[np.float64]
+Complex: TypeAlias = NDArray[np.complex128]
+
+#: Radii that a distribution is integrated over. Twice as many change extinction and asymmetry by
+#: less than 1e-3 and scattering straight back by less than 2 % for every named kind.
+RADII = 1500
+#: Spheres whose coefficients are held at once.
+BATCH = 64
+#: Scattering angles are finest around 0° (diffraction) and 180° (glory), and up to this apart.
+COARSEST_DEG = 0.5
+
+
+def scattering_angles(finest_deg: float = 0.02) -> Floats:
+    """Angles from 0° to 180°, in geometric steps from either end, then `COARSEST_DEG` apart."""
+    edge = 6.0
+    fine = np.concatenate([[0], np.geomspace(finest_deg, edge, 120)])
+    middle = np.arange(edge, 180 - edge + COARSEST_DEG / 2, COARSEST_DEG)
+    return np.concatenate([fine[:-1], middle, 180 - fine[:-1][::-1]])
+
+
+ANGLES_DEG = scattering_angles()
+
+
+class Sums(NamedTuple):
+    """Cross sections of many spheres, each times its weight."""
+
+    extinction_m2: float
+    scattering_m2: float
+    forward_m2: float  # scattering times the mean cosine
+    per_steradian_m2: Floats  # (angles,)
+
+
+@dataclass(frozen=True, eq=False)
+class Optics:
+    """What one particle does on average at one wavelength.
+
+    `phase` is the phase function, 1/sr, at `angles_deg`, linear in the angle between them.
+    """
+
+    extinction_m2: float  # cross section
+    albedo: float
+    g: float  # mean cosine of the scattering angle
+    phase: Floats  # (angles,)
+    angles_deg: Floats
+
+    @property
+    def table(self) -> Floats:
+        """Rows of (angle in degrees, 1/sr)."""
+        return np.column_stack([self.angles_deg, self.phase])
+
+    @property
+    def backscatter_per_sr(self) -> float:
+        """Phase function straight back, at 180°."""
+        return float(self.phase[-1])
+
+
+def particle_optics(particles: Particles, wavelength_nm: float, radii_count: int = RADII) -> Optics:
+    """Extinction cross section, albedo, asymmetry and phase function of a size distribution."""
+    low, high = particles.sizes.radius_range_um()
+    edges = np.geomspace(low, high, radii_count + 1)
+    radii = np.sqrt(edges[:-1] * edges[1:])
+    shares = particles.sizes.density(radii) * np.diff(edges)
+    sums = scatter(radii, shares, particles.index_at(wavelength_nm), wavelength_nm, ANGLES_DEG)
+    return Optics(
+        sums.extinction_m2,
+        sums.scattering_m2 / sums.extinction_m2,
+        sums.forward_m2 / sums.scattering_m2,
+        sums.per_steradian_m2 / sums.scattering_m2,
+        ANGLES_DEG,
+    )
+
+
+def scatter(
+    radii_um: Floats, weights: Floats, index: complex, wavelength_nm: float, angles_deg: Floats
+) -> Sums:
+    """Weighted sums over spheres of refractive index n - ik."""
+    from miepython import coefficients  # slow to load, and shipped kinds need none
+
+    wavenumber = 2e3 * np.pi / wavelength_nm  # 1/µm
+    orders = len(coefficients(index, wavenumber * radii_um.max())[0])
+    plus, minus = _angular_functions(angles_deg, orders)
+    totals = np.zeros(3)  # of extinction, scattering, and scattering times cosine
+    per_steradian = np.zeros(angles_deg.size)
+    for start in range(0, radii_um.size, BATCH):
+        batch = slice(start, start + BATCH)
+        pairs = [coefficients(index, x) for x in wavenumber * radii_um[batch]]
+        a, b = _stacked([pair[0] for pair in pairs]), _stacked([pair[1] for pair in pairs])
+        share = weights[batch]
+        n = np.arange(1, a.shape[1] + 1)
+        scale = (2 * n + 1) / (n * (n + 1))
+        totals += [
+            share @ ((a + b).real @ (2 * n + 1)),
+            share @ ((np.abs(a) ** 2 + np.abs(b) ** 2) @ (2 * n + 1)),
+            share @ (2 * _forward(a, b, n)),
+        ]
+        # |S1|² + |S2|² = (|S1 + S2|² + |S1 - S2|²) / 2
+        per_steradian += share @ _squared(scale * (a + b) / 2, plus)
+        per_steradian += share @ _squared(scale * (a - b) / 2, minus)
+    area_m2 = 1e-12 / wavenumber**2
+    extinction, scattering, forward = (2 * np.pi * area_m2 * totals).tolist()
+    return Sums(extinction, scattering, forward, area_m2 * per_steradian)
+
+
+def _stacked(rows: list[Any]) -> Complex:
+    """Rows of any length as a matrix, filled up with zeros."""
+    matrix = np.zeros((len(rows), max(len(row) for row in rows)), dtype=np.complex128)
+    for filled, row in zip(matrix, rows, strict=True):
+        filled[: len(row)] = row
+    return matrix
+
+
+def _forward(a: Complex, b: Complex, n: NDArray[np.int_]) -> Floats:
+    """Sum of Bohren & Huffman's equation for the asymmetry, for each sphere."""
+    step, here = n[:-1] * (n[:-1] + 2) / (n[:-1] + 1), (2 * n + 1) / (n * (n + 1))
+    neighbours = (a[:, :-1] * a[:, 1:].conj() + b[:, :-1] * b[:, 1:].conj()).real
+    return np.asarray(neighbours @ step + (a * b.conj()).real @ here)
+
+
+def _squared(coefficients: Complex, functions: Floats) -> Floats:
+    """|Σ c_n f_n|² of each sphere (rows) at each angle (columns)."""
+    functions = functions[: coefficients.shape[1]]
+    return np.asarray((coefficients.real @ functions) ** 2 + (coefficients.imag @ functions) ** 2)
+
+
+def _angular_functions(angles_deg: Floats, orders: int) -> tuple[Floats, Floats]:
+    """π_n + τ_n and π_n - τ_n (orders, angles), by upward recurrence."""
+    mu = np.cos(np.radians(angles_deg))
+    plus, minus = np.empty((2, orders, mu.size))
+    before, here = np.zeros_like(mu), np.ones_like(mu)
+    for n in range(1, orders + 1):
+        tau = n * mu * here - (n + 1) * before
+        plus[n - 1], minus[n - 1] = here + tau, here - tau
+        before, here = here, ((2 * n + 1) * mu * here - (n + 1) * before) / n
+    return plus, minus

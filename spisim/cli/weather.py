@@ -1,0 +1,182 @@
+"""`spisim weather`: what hangs in the air, in numbers, with nothing rendered."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .console import print_json, results, warn
+from .options import Fog, Json, Rain, Visibility
+from .tables import plain_table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from spisim.atmosphere import Atmosphere
+
+EXAMPLE = "spisim weather --fog heavy-advection --visibility 50 --rain 10 --compare"
+
+DEFAULT_FOG = "moderate-radiation"
+#: Range to the target and back, for the light that goes straight.
+RANGE_M = 10.0
+ROWS = {
+    "extinction, 1/m": "extinction_per_m",
+    "extinction, dB/km": "extinction_db_per_km",
+    "albedo": "albedo",
+    "g": "g",
+    "p(180°), 1/sr": "backscatter_per_sr",
+    "visibility, m": "visibility_m",
+    "liquid water, g/m³": "water_g_per_m3",
+    f"straight over {RANGE_M:g} m and back": "two_way_transmission",
+}
+COMPARED = {
+    "extinction, 1550 nm = 1": "over_1550_nm",
+    "sun, W/m² per nm at 100 klx": "sun_w_per_m2_nm_100klx",
+    "class 1, mean power, W": "class_1_mean_w",
+    "class 1, one pulse of ns, J": "class_1_pulse_j",
+    "k of water": "water_k",
+    "k of ice": "ice_k",
+}
+
+
+def command(
+    visibility: Visibility = None,
+    fog: Fog = None,
+    water: Annotated[
+        float | None,
+        typer.Option(metavar="G_PER_M3", help="Fog of so much liquid water, for --visibility."),
+    ] = None,
+    definition: Annotated[
+        str, typer.Option(help="Of visibility: koschmieder (2 % contrast) or mor (5 %).")
+    ] = "koschmieder",
+    rain: Rain = None,
+    snow: Annotated[
+        float | None, typer.Option(metavar="MM_PER_H", help="Snow of this rate.")
+    ] = None,
+    snow_kind: Annotated[str, typer.Option(help="wet or dry.")] = "wet",
+    smoke: Annotated[
+        float | None, typer.Option(metavar="M", help="Smoke of this visibility, in metres.")
+    ] = None,
+    smoke_kind: Annotated[
+        str, typer.Option(help="biomass, soot, glycol-fine or glycol.")
+    ] = "glycol",
+    wavelength: Annotated[
+        float, typer.Option(min=700, max=1700, metavar="NM", help="Of the instrument.")
+    ] = 1550.0,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="850, 905, 940, 1460 and 1550 nm side by side.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Extinction, albedo, scattering and water of weather, at one wavelength or at five."""
+    from reconstruction.errors import InputError
+    from spisim.atmosphere import combine
+    from spisim.atmosphere import fog as make_fog
+    from spisim.atmosphere import rain as make_rain
+    from spisim.atmosphere import snow as make_snow
+
+    kind = fog or DEFAULT_FOG
+    fog_visibility = _fog_visibility(visibility, water, fog, definition)
+    amounts: dict[Callable[..., Atmosphere], float | None] = {
+        partial(make_fog, kind=kind, definition=definition): fog_visibility,
+        partial(make_fog, kind=smoke_kind, definition=definition): smoke,
+        make_rain: rain,
+        partial(make_snow, kind=snow_kind): snow,
+    }
+    given = [(make, amount) for make, amount in amounts.items() if amount is not None]
+    if not given:
+        raise InputError("no weather: give --visibility, --water, --rain, --snow or --smoke")
+
+    def media(wavelength_nm: float) -> list[Atmosphere]:
+        return [make(amount, wavelength_nm=wavelength_nm) for make, amount in given]
+
+    parts = media(wavelength)
+    together = combine(parts)
+    warn(together.doubts)
+    report: dict[str, Any] = {
+        "wavelength_nm": wavelength,
+        **_figures(together),
+        "media": [_figures(part) for part in parts],
+        "empirical": _empirical(fog_visibility, definition, wavelength),
+        "warnings": together.doubts,
+    }
+    if compare:
+        report["compare"] = _compared(lambda nm: combine(media(nm)))
+    if json:
+        print_json(report)
+    else:
+        _print(report)
+
+
+def _fog_visibility(
+    visibility: float | None, water: float | None, kind: str | None, definition: str
+) -> float | None:
+    """Visibility of the fog in metres; None where the options give no fog."""
+    from reconstruction.errors import InputError
+    from spisim.atmosphere import agreed_visibility
+
+    if visibility is None and water is None:
+        if kind is not None:
+            raise InputError("--fog needs --visibility or --water")
+        return None
+    return agreed_visibility(visibility, water, kind or DEFAULT_FOG, definition)
+
+
+def _empirical(visibility: float | None, definition: str, wavelength_nm: float) -> dict[str, float]:
+    """The fog's extinction by all models that hold for it."""
+    from spisim.atmosphere import all_extinctions
+
+    if visibility is None:
+        return {}
+    return all_extinctions(visibility, definition, wavelength_nm)
+
+
+def _figures(medium: Atmosphere) -> dict[str, Any]:
+    transmission = math.exp(-2 * RANGE_M * medium.extinction_per_m)
+    return medium.summary() | {"two_way_transmission": transmission}
+
+
+def _compared(medium_at: Callable[[float], Atmosphere]) -> list[dict[str, Any]]:
+    """The same weather at every wavelength."""
+    from spisim.wavelengths import WAVELENGTHS_NM, wavelength_figures
+
+    reference = medium_at(1550).extinction_per_m
+    rows = []
+    for wavelength_nm in WAVELENGTHS_NM:
+        medium = medium_at(wavelength_nm)
+        ratio = medium.extinction_per_m / reference
+        rows.append(
+            {"wavelength_nm": wavelength_nm, **_figures(medium), "over_1550_nm": ratio}
+            | wavelength_figures(wavelength_nm)
+        )
+    return rows
+
+
+def _print(report: dict[str, Any]) -> None:
+    columns = report["media"] + ([report] if len(report["media"]) > 1 else [])
+    titles = [column["kind"] for column in report["media"]] + ["together"]
+    table = plain_table(f"at {report['wavelength_nm']:g} nm", *titles[: len(columns)])
+    for title, key in ROWS.items():
+        table.add_row(title, *(_short(column[key]) for column in columns))
+    results.print(table)
+    if report["empirical"]:
+        others = ", ".join(f"{name} {value:.4f}" for name, value in report["empirical"].items())
+        results.print(
+            f"The fog's extinction by empirical models that hold here, 1/m: {others}",
+            style="dim",
+            soft_wrap=True,
+        )
+    if "compare" in report:
+        results.print()
+        rows = report["compare"]
+        table = plain_table("wavelength", *(f"{row['wavelength_nm']} nm" for row in rows))
+        for title, key in (ROWS | COMPARED).items():
+            table.add_row(title, *(_short(row[key]) for row in rows))
+        results.print(table)
+
+
+def _short(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"

@@ -1,0 +1,159 @@
+"""Weather from the command line: `spisim weather`, and the options of the simulating commands."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from reconstruction.errors import InputError
+from spisim.atmosphere import combine, fog, rain, snow
+from spisim.cli import app
+from spisim.cli.inputs import scene_with
+from spisim.wavelengths import WAVELENGTHS_NM, class_1_limits, wavelength_figures
+
+WEATHER = ["weather", "--fog", "heavy-radiation", "--visibility", "50"]
+
+
+def spisim(*arguments: str) -> Any:
+    return CliRunner().invoke(app, list(arguments), env={"COLUMNS": "140"})
+
+
+def report(*arguments: str) -> dict[str, Any]:
+    run = spisim(*arguments, "--json")
+    assert run.exit_code == 0, run.stderr
+    parsed: dict[str, Any] = json.loads(run.stdout)
+    return parsed
+
+
+def test_weather_is_what_the_media_are() -> None:
+    found = report(*WEATHER, "--rain", "10", "--snow", "1", "--smoke", "30")
+    parts = [fog(50, "heavy-radiation"), fog(30, "glycol"), rain(10), snow(1)]
+    for key, value in combine(parts).summary().items():
+        assert found[key] == (pytest.approx(value) if isinstance(value, float) else value), key
+    assert [part["kind"] for part in found["media"]] == [part.kind for part in parts]
+    assert found["empirical"]["al-naboulsi-advection"] == pytest.approx(0.0803, abs=1e-4)
+    assert "kruse" not in found["empirical"]  # which is for haze
+    assert found["wavelength_nm"] == 1550
+    assert found["warnings"] == []
+
+
+def test_comparison_of_wavelengths() -> None:
+    found = report(*WEATHER, "--compare")["compare"]
+    assert [row["wavelength_nm"] for row in found] == [850, 905, 940, 1460, 1550]
+    for row in found:
+        expected = fog(50, "heavy-radiation", wavelength_nm=row["wavelength_nm"])
+        assert row["extinction_per_m"] == pytest.approx(expected.extinction_per_m)
+        assert row["visibility_m"] == 50
+        assert row["over_1550_nm"] < 1.01  # fog is no thinner at longer wavelengths
+    smoke = report("weather", "--smoke", "20", "--smoke-kind", "soot", "--compare")["compare"]
+    assert smoke[0]["over_1550_nm"] > 1.8  # but smoke is
+
+
+def test_figures_of_wavelengths() -> None:
+    """Class 1 by hand, and the absorption band of water between the lidar wavelengths."""
+    assert class_1_limits(850) == pytest.approx((3.9e-4 * 10**0.3, 7.7e-8 * 10**0.3))
+    assert class_1_limits(1460) == (1e-2, 8e-4)
+    assert class_1_limits(1550) == (1e-2, 8e-3)
+    figures = {nm: wavelength_figures(nm) for nm in WAVELENGTHS_NM}
+    assert figures[1460]["water_k"] > 2 * figures[1550]["water_k"] > 100 * figures[905]["water_k"]
+    assert figures[1550]["ice_k"] > 3 * figures[1550]["water_k"]
+    # 2.967 W/m² within 1544 to 1556 nm
+    assert 12 * figures[1550]["sun_w_per_m2_nm_100klx"] == pytest.approx(2.967, rel=1e-3)
+    with pytest.raises(InputError, match="allowed: 850, 905, 940, 1460, 1550"):
+        wavelength_figures(1064)
+
+
+def test_sunlight_agrees_with_the_spectrum_that_is_simulated() -> None:
+    from spisim.scene import in_band_irradiance
+
+    assert 12 * wavelength_figures(1550)["sun_w_per_m2_nm_100klx"] == pytest.approx(
+        in_band_irradiance(100, (1544, 1556)), rel=1e-3
+    )
+
+
+def test_tables_for_people_hold_every_medium() -> None:
+    run = spisim(*WEATHER, "--rain", "10", "--compare")
+    assert run.exit_code == 0
+    for word in ("heavy-radiation", "rain, 10 mm/h", "together", "p(180°)", "1460 nm", "class 1"):
+        assert word in run.stdout
+
+
+def test_doubtful_weather_is_told() -> None:
+    run = spisim("weather", "--fog", "heavy-advection", "--visibility", "10")
+    assert run.exit_code == 0
+    assert "5.05 g/m³" in run.stderr
+    assert report("weather", "--water", "0.1")["water_g_per_m3"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        ([], ["no weather", "--visibility"]),
+        (["--fog", "heavy-advection"], ["--fog needs --visibility or --water"]),
+        (["--fog", "heavy-fog", "--visibility", "50"], ["'heavy-fog'", "heavy-advection"]),
+        (["--visibility", "0"], ["visibility_m", "greater than 0"]),
+        (["--visibility", "inf"], ["visibility_m", "finite"]),
+        (["--visibility", "10", "--water", "5"], ["10", "5", "contradict"]),
+        (["--visibility", "10", "--definition", "moor"], ["did you mean 'mor'"]),
+        (["--rain", "301"], ["300", "301"]),
+        (["--rain", "10", "--wavelength", "1310"], ["550, 850, 905", "1310"]),
+        (["--snow", "1", "--snow-kind", "wett"], ["did you mean 'wet'"]),
+        (["--smoke", "10", "--smoke-kind", "soott"], ["did you mean 'soot'"]),
+        (["--visibility", "50", "--wavelength", "200"], ["wavelength", "700"]),
+    ],
+)
+def test_mistake_in_the_weather(options: list[str], parts: list[str]) -> None:
+    run = spisim("weather", *options)
+    assert run.exit_code == 2
+    assert run.stdout == ""
+    assert "Traceback" not in run.stderr
+    for part in parts:
+        assert part in run.stderr
+
+
+# The options of the simulating commands
+
+SCENE = """
+name: test
+drone: {position_m: [0, 0, 1], look_at_m: [5, 0, 1]}
+objects:
+  - {name: wall, shape: rectangle, size_m: [4, 4], translate_m: [5, 0, 1], material: concrete}
+"""
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    return tmp_path / "scene.yaml"
+
+
+def test_options_change_the_weather_and_the_scene_s_text(scene_file: Path) -> None:
+    scene_file.write_text(SCENE + "fog: {visibility_m: 100, definition: mor, phase: hg}\n")
+    scene = scene_with(str(scene_file), 50, False, "heavy-radiation", 5)
+    expected = combine([fog(50, "heavy-radiation", "mor", phase="hg"), rain(5)])
+    assert scene.atmosphere.summary() == expected.summary()
+    assert yaml.safe_load(scene.text)["rain"] == {"rate_mm_per_h": 5}
+    thicker = scene_with(str(scene_file), None, False, "haze-m")
+    assert thicker.atmosphere.visibility_m == 100
+    assert thicker.atmosphere.kind == "haze-m"
+    clear = scene_with(str(scene_file), None, True)
+    assert clear.atmosphere.extinction_per_m == 0
+    assert "fog" not in yaml.safe_load(clear.text)
+
+
+def test_options_replace_a_medium_by_coefficients(scene_file: Path) -> None:
+    scene_file.write_text(SCENE + "fog: {extinction_per_m: 0.1, phase: {g: 0.5}}\n")
+    assert scene_with(str(scene_file), 50, False).atmosphere.kind == "moderate-radiation"
+    with pytest.raises(InputError, match="--fog needs --visibility"):
+        scene_with(str(scene_file), None, False, "haze-m")
+
+
+@pytest.mark.parametrize(
+    "options", [(50.0, True, None, None), (None, True, "haze-m", None), (None, True, None, 5.0)]
+)
+def test_clear_and_weather_exclude_each_other(scene_file: Path, options: tuple) -> None:
+    scene_file.write_text(SCENE)
+    with pytest.raises(InputError, match=r"--clear and --.* exclude each other"):
+        scene_with(str(scene_file), *options)
