@@ -34,7 +34,7 @@ def command(
     from spisim.measurement import simulate, simulation_warnings
     from spisim.report import write_overview, write_report
     from spisim.scene import load_scene
-    from spisim.transport import camera_view
+    from spisim.transport import fine_view
 
     from .files import write_truth
 
@@ -45,7 +45,7 @@ def command(
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
         simulation = simulate(scene, instrument, spp=spp, seed=seed, progress=advance)
     with timed(seconds, "scene view"):
-        view = camera_view(scene, instrument)
+        view = fine_view(scene, instrument)
     capture, light = simulation.capture, simulation.transport
     assert capture.truth is not None
     result = reconstruct(capture)

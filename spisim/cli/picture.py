@@ -60,7 +60,7 @@ def command(
     from reconstruction.files import require_file
     from reconstruction.patterns import illumination
     from spisim.exr import write_exr
-    from spisim.report.pictures import radiance_scale, write_png
+    from spisim.report.pictures import view_scale, write_png
     from spisim.transport import CAMERA_OFFSET_M, camera_view
 
     require_file(output)
@@ -83,7 +83,7 @@ def command(
     )
     write_exr(output, {"radiance": view}, {"units.radiance": "W m^-2 sr^-1", "scene": there.name})
     picture = output.with_suffix(".png")
-    write_png(picture, radiance_scale(view).rgba(view))
+    write_png(picture, view_scale(view).rgba(view))
     if json:
         print_json({"written": [output, picture], "radiance_mean": float(view.mean())})
     else:

@@ -57,7 +57,7 @@ def command(
     from reconstruction.errors import naming
     from reconstruction.files import require_file
     from spisim.measurement import simulate, simulation_warnings
-    from spisim.transport import camera_view
+    from spisim.transport import fine_view
 
     require_file(output)
     place = scene_with(scene, visibility, clear, fog, rain, drops)
@@ -92,7 +92,7 @@ def command(
             result,
             metrics=evaluate(result, simulation.capture.truth),
             transport=simulation.transport,
-            view=camera_view(place, carried),
+            view=fine_view(place, carried),
             timings=seconds,
             title=place.name,
         )

@@ -36,7 +36,7 @@ def write_report(
     path: the HTML file, written whole or not at all.
     metrics: what `reconstruction.evaluate` returns.
     transport: light of the spots over path length.
-    view: (h, w) radiance of the scene, W m⁻² sr⁻¹.
+    view: (h, w) transport image of the scene with more pixels (`spisim.transport.fine_view`).
     timings: seconds per step before the reconstruction.
     title: what the page calls the capture.
 

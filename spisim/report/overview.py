@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from reconstruction import Capture, Result
 from reconstruction.files import write_atomically
 
-from .pictures import Scale, depth_scale, intensity_scale, radiance_scale
+from .pictures import Scale, depth_scale, intensity_scale, view_scale
 
 
 def write_overview(
@@ -18,7 +18,8 @@ def write_overview(
 ) -> None:
     """Write a PNG strip: scene, reconstructed image, true depth, reconstructed depth.
 
-    Needs a capture with truth and spots, and the (h, w) radiance of the scene.
+    Needs a capture with truth and spots, and the (h, w) transport image of the scene with more
+    pixels.
     Raises OSError where the file cannot be written.
     """
     assert capture.truth is not None
@@ -26,7 +27,7 @@ def write_overview(
     depth = depth_scale(capture.truth.depth_m)
     height, width = result.image.shape
     panels: list[tuple[str, ArrayLike, Scale]] = [
-        ("scene", view, radiance_scale(view)),
+        ("scene, with more pixels", view, view_scale(view)),
         (
             f"image from {100 * capture.plan.sampling_ratio:.3g} % of the patterns",
             result.image,

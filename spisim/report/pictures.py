@@ -46,9 +46,9 @@ def intensity_scale(*images: ArrayLike | None, unit: str) -> Scale:
     return Scale(0.0, _percentile(99.5, *images), "gray", unit)
 
 
-def radiance_scale(view: ArrayLike) -> Scale:
+def view_scale(view: ArrayLike) -> Scale:
     """Grey that the eye sees in even steps, as photographs are shown."""
-    return Scale(0.0, _percentile(98, view), "gray", "W m⁻² sr⁻¹", exponent=1 / 2.2)
+    return Scale(0.0, _percentile(98, view), "gray", "", exponent=1 / 2.2)
 
 
 def depth_scale(*images: ArrayLike | None) -> Scale:

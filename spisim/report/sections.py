@@ -17,8 +17,8 @@ from .pictures import (
     error_scale,
     figure,
     intensity_scale,
-    radiance_scale,
     spot_marks,
+    view_scale,
 )
 from .plots import SpotHistograms, arrival_plot, spot_plot
 
@@ -106,13 +106,14 @@ def recording(capture: Capture, view: NDArray[np.floating] | None) -> str:
     facts = table(["", ""], _facts(capture))
     if view is None:
         return section("Recording", "", facts)
-    scale = radiance_scale(view)
-    picture = figure(view, scale, "Scene", "As a camera in the place of the projector sees it.")
+    scale = view_scale(view)
+    told = "As the instrument would see it with more pixels and without noise."
+    bar = colour_bar(scale, "share of the light that comes back")
+    picture = figure(view, scale, "Scene", told)
     return section(
         "Recording",
         "",
-        f'<div class="row recording"><div>{picture}{colour_bar(scale, "radiance")}</div>'
-        f"{facts}</div>",
+        f'<div class="row recording"><div>{picture}{bar}</div>{facts}</div>',
     )
 
 

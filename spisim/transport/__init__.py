@@ -10,7 +10,7 @@ with suppress(InputError):
     use_working_llvm()
 
 from spisim.transport.estimator import Wanted
-from spisim.transport.picture import CAMERA_OFFSET_M, camera_view
+from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
 from spisim.transport.solve import Transport, solve
 from spisim.transport.truth import GroundTruth, ground_truth
 
@@ -20,6 +20,7 @@ __all__ = [
     "Transport",
     "Wanted",
     "camera_view",
+    "fine_view",
     "ground_truth",
     "solve",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +15,32 @@ from spisim.transport.backend import with_backend
 from spisim.transport.daylight import sky_of, sun_of
 from spisim.transport.effort import Paths, repeat
 from spisim.transport.ends import Lamp, Projector
-from spisim.transport.estimator import MAX_VERTICES, alone, run
+from spisim.transport.estimator import MAX_VERTICES, alone, run, transport_image
 from spisim.transport.views import Floats, InstrumentView, ProjectorView
 from spisim.transport.walk import Deposit
 from spisim.transport.world import build_world
 
 #: The camera sits this far above the pinhole: light and camera in one point would see no shading.
 CAMERA_OFFSET_M = 0.05
+
+
+@with_backend
+def fine_view(
+    scene: Scene, instrument: Instrument, *, refine: int = 4, spp: int = 16, seed: int = 0
+) -> NDArray[np.float32]:
+    """Transport image (refine · H, refine · W) of `refine`² smaller pixels in each virtual one.
+
+    What the instrument would see with that many pixels: quieter in fog than a camera's picture, as
+    light is traced from both ends. In units of the power that reaches the detector from a virtual
+    pixel's share of the light, so that the mean over the small ones is the transport image.
+    """
+    placed = InstrumentView.of(instrument, scene.drone_pose)
+    height, width = placed.projector.shape
+    fine = replace(placed.projector, shape=(refine * height, refine * width))
+    stream = np.random.SeedSequence(seed)
+    world = build_world(scene)
+    image = transport_image(world, fine, placed.bucket, Paths(spp), seed=stream).mean["image"]
+    return image.reshape(fine.shape).astype(np.float32)
 
 
 @with_backend
