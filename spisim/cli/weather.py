@@ -42,6 +42,10 @@ COMPARED = {
 }
 
 
+#: Characters of the table of wavelengths.
+WIDE = 110
+
+
 def command(
     visibility: Visibility = None,
     fog: Fog = None,
@@ -175,7 +179,7 @@ def _print(report: dict[str, Any]) -> None:
         table = plain_table("wavelength", *(f"{row['wavelength_nm']} nm" for row in rows))
         for title, key in (ROWS | COMPARED).items():
             table.add_row(title, *(_short(row[key]) for row in rows))
-        results.print(table)
+        results.print(table, width=WIDE, crop=False)  # five columns do not fit a narrow terminal
 
 
 def _short(value: float | None) -> str:
