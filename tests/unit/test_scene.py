@@ -165,7 +165,7 @@ def test_warehouse_spots_hit_four_ranges() -> None:
     ]
     ranges = spot_ranges(scene, directions)
     np.testing.assert_allclose(ranges, [7.84, 5.01, 2.88, 4.02], atol=0.01)
-    assert scene.atmosphere.visibility_m == 100
+    assert scene.atmosphere.visibility_m == 200
 
 
 def test_warehouse_fills_the_field_and_is_lit_from_above() -> None:
