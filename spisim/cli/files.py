@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from spisim.transport import GroundTruth, Transport
 
-UNITS = {"range_m": "m", "depth_m": "m"}  # of channels that are not plain numbers
+#: Of channels and arrays that are not plain numbers.
+UNITS = {"range_m": "m", "depth_m": "m", "path_length_m": "m", "cube_path_length_m": "m"}
+#: Of `Transport.extra`.
+OVER_PATH_LENGTH = ("spot_orders", "cube", "cube_orders", "cube_path_length_m")
 
 
 def write_truth(path: Path, truth: GroundTruth, extra: Mapping[str, NDArray[np.floating]]) -> None:
@@ -46,20 +49,36 @@ def light_channels(
         "transport_error": light.image_error,
     }
     if "orders" in light.extra:
-        names = ("transport.unscattered", "transport.single", "transport.multiple")
-        channels |= dict(zip(names, light.extra["orders"], strict=True))
-    for frequency, phasor in zip(frequencies_hz, light.extra.get("phasors", ()), strict=False):
+        channels |= _by_order("transport", light.extra["orders"])
+    for number, frequency in enumerate(frequencies_hz):
         name = f"phasor_{frequency / 1e6:g}MHz"
-        channels |= {f"{name}.real": phasor.real, f"{name}.imag": phasor.imag}
+        phasors = {name: light.extra["phasors"][number]}
+        if "phasor_orders" in light.extra:
+            phasors |= _by_order(name, light.extra["phasor_orders"][:, number])
+        for layer, phasor in phasors.items():
+            channels |= {f"{layer}.real": phasor.real, f"{layer}.imag": phasor.imag}
     return channels
 
 
-def write_histogram(path: Path, light: Transport) -> None:
-    """Write the light of the four spots over path length as a NumPy file."""
+def _by_order(name: str, parts: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    from spisim.transport import ORDERS
+
+    return {f"{name}.{order}": part for order, part in zip(ORDERS, parts, strict=True)}
+
+
+def write_histograms(path: Path, light: Transport) -> None:
+    """Write light over path length, of the four spots and the cube, as a NumPy file.
+
+    `units.<name>` tells the unit of every array.
+    """
     from reconstruction.files import write_atomically
 
+    arrays = {
+        "spot_histogram": light.spot_histogram,
+        "path_length_m": light.path_length_m,
+        **{name: light.extra[name] for name in OVER_PATH_LENGTH if name in light.extra},
+    }
+    units = {f"units.{name}": np.array(UNITS.get(name, "1")) for name in arrays}
     buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer, spot_histogram=light.spot_histogram, path_length_m=light.path_length_m
-    )
+    np.savez_compressed(buffer, allow_pickle=False, **arrays, **units)
     write_atomically(path, buffer.getvalue())

@@ -40,21 +40,43 @@ def command(
         typer.Option(min=0, metavar="HZ", help="Add the phasor image at this frequency."),
     ] = None,
     orders: Annotated[
-        bool, typer.Option("--orders", help="Add unscattered, single and multiple light apart.")
+        bool,
+        typer.Option(
+            "--orders",
+            help="Add unscattered, single and multiple light apart, of everything written.",
+        ),
     ] = False,
+    cube: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=10,
+            metavar="M",
+            help="Add every pixel's light over path length to the .npz, in bins of M metres.",
+        ),
+    ] = None,
     json: Json = False,
     progress: Bar = None,
 ) -> None:
     """Trace the light only: transport image and truth as channels of an OpenEXR file.
 
-    The spots' light over path length goes into a NumPy file (.npz) beside it.
+    The spots' light over path length goes into a NumPy file (.npz) beside it, as does the cube
+    (rows, columns, bins); `units.*` in either file tells the units. What is longer than 80 m is
+    in a histogram's last bin.
     """
     from reconstruction.files import require_file
-    from spisim.transport import Wanted, ground_truth, solve
+    from spisim.transport import LONGEST_PATH_M, PathLengthBins, Wanted, ground_truth, solve
 
-    from .files import light_channels, write_histogram, write_truth
+    from .files import light_channels, write_histograms, write_truth
 
-    require_file(output)
+    histograms = output.with_suffix(".npz")
+    for path in (output, histograms):
+        require_file(path)
+    wanted = Wanted(
+        orders=orders,
+        frequencies_hz=tuple(frequency or ()),
+        bins=None if cube is None else PathLengthBins.up_to(LONGEST_PATH_M, cube),
+    )
     place = scene_with(scene, visibility, clear, fog, rain)
     carried = instrument_with(instrument)
     with progress_bar("Tracing light", progress) as advance:
@@ -64,16 +86,15 @@ def command(
             spp=spp,
             noise=noise,
             seed=seed,
-            wanted=Wanted(orders=orders, frequencies_hz=tuple(frequency or ())),
+            wanted=wanted,
             progress=advance,
         )
     write_truth(output, ground_truth(place, carried), light_channels(light, frequency or ()))
-    histogram = output.with_suffix(".npz")
-    write_histogram(histogram, light)
+    write_histograms(histograms, light)
     if json:
         print_json(
             {
-                "written": [output, histogram],
+                "written": [output, histograms],
                 "paths": light.paths,
                 "seconds": light.seconds,
                 "transport_mean": float(light.image.mean()),
@@ -81,6 +102,6 @@ def command(
         )
     else:
         messages.print(
-            f"Wrote {output} and {histogram}: {light.paths:,} paths in {light.seconds:.1f} s.",
+            f"Wrote {output} and {histograms}: {light.paths:,} paths in {light.seconds:.1f} s.",
             soft_wrap=True,
         )

@@ -11,12 +11,16 @@ with suppress(InputError):
 
 from spisim.transport.estimator import Wanted
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
-from spisim.transport.solve import Transport, solve
+from spisim.transport.solve import LONGEST_PATH_M, Transport, solve
+from spisim.transport.tally import ORDERS, PathLengthBins
 from spisim.transport.truth import GroundTruth, ground_truth
 
 __all__ = [
     "CAMERA_OFFSET_M",
+    "LONGEST_PATH_M",
+    "ORDERS",
     "GroundTruth",
+    "PathLengthBins",
     "Transport",
     "Wanted",
     "camera_view",

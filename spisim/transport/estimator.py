@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -58,7 +59,7 @@ class Wanted:
     Raises InputError for a frequency that single precision of the path length cannot resolve.
     """
 
-    orders: bool = False  # unscattered, single and multiple apart
+    orders: bool = False  # unscattered, single and multiple apart, of all that is kept
     frequencies_hz: tuple[float, ...] = ()  # phasor images
     bins: PathLengthBins | None = None  # transport cube
 
@@ -72,14 +73,14 @@ class Wanted:
 
     def tallies(self, cells: int) -> list[Tally]:
         """Empty sums for one launch."""
-        tallies: list[Tally] = [ImageTally(cells)]
-        if self.orders:
-            tallies.append(OrderTally(cells))
+        kinds: list[Callable[[int], Tally]] = [ImageTally]
         if self.frequencies_hz:
-            tallies.append(PhasorTally(cells, self.frequencies_hz))
+            kinds.append(partial(PhasorTally, frequencies_hz=self.frequencies_hz))
         if self.bins is not None:
-            tallies.append(HistogramTally(cells, self.bins))
-        return tallies
+            kinds.append(partial(HistogramTally, bins=self.bins))
+        if self.orders:
+            return [OrderTally(cells, kind) for kind in kinds]
+        return [kind(cells) for kind in kinds]
 
 
 def transport_image(
@@ -139,12 +140,13 @@ def spot_histogram(
 ) -> Estimate:
     """Fraction of each laser's power on its detector: `histogram` (beams, bins).
 
-    `orders` (3, beams) has it split by scattering. `effort` counts paths per beam from each end.
+    `histogram_orders` (3, beams, bins) has it split by scattering. `effort` counts paths per beam
+    from each end.
     """
     count = len(beams.origins_m)
 
     def launch(samples: int, seeds: Sequence[int]) -> Mapping[str, Floats]:
-        tallies: list[Tally] = [HistogramTally(count, bins), OrderTally(count)]
+        tallies = [OrderTally(count, partial(HistogramTally, bins=bins))]
         deposit = _into(tallies)
         near = Beams.of(world, beams, samples)
         far = Detectors.of(detectors, samples)

@@ -40,7 +40,10 @@ STEADY_PATHS = 2**16
 class Transport:
     """Light transport of one scene and instrument: fractions of emitted power, and daylight.
 
-    `*_error` are standard errors of the Monte Carlo estimate.
+    `*_error` are standard errors of the Monte Carlo estimate. `extra` has what was `Wanted`:
+    `phasors` (F, H, W), complex; `cube` (H, W, bins) and `cube_path_length_m` (bins,); and, split
+    into unscattered, single and multiple, `orders` (3, H, W) of the image, `phasor_orders`
+    (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, 4, bins).
     """
 
     image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detector's apertures
@@ -53,7 +56,7 @@ class Transport:
     spot_crosstalk_w: Floats  # (4,): mean power of the projector's patterns there
     paths: int
     seconds: float
-    extra: Mapping[str, NDArray[Any]]  # orders (3, H, W), phasors (F, H, W), cube (H, W, bins)
+    extra: Mapping[str, NDArray[Any]]  # what was `Wanted` besides, as above
 
 
 @with_backend
@@ -97,7 +100,7 @@ def solve(
         wanted=wanted,
         progress=_part(progress, 0.0, 0.7),
     )
-    bins = PathLengthBins(round(LONGEST_PATH_M / BIN_WIDTH_M) + 1, BIN_WIDTH_M)
+    bins = PathLengthBins.up_to(LONGEST_PATH_M, BIN_WIDTH_M)
     spots = spot_histogram(
         world,
         placed.beams,
@@ -133,7 +136,7 @@ def solve(
         spot_crosstalk_w=crosstalk,
         paths=image.paths + spots.paths,
         seconds=time.perf_counter() - began,
-        extra=_extra(image.mean, shape),
+        extra=_extra(wanted, image.mean, spots.mean, shape),
     )
 
 
@@ -163,17 +166,30 @@ def _effort(instrument: Instrument, spp: int, noise: float | None) -> Effort:
     return Noise(noise, lambda sums: expose(plan, sums["image"].reshape(power_w.shape) * power_w))
 
 
-def _extra(means: Mapping[str, Floats], shape: tuple[int, int]) -> dict[str, NDArray[Any]]:
+def _extra(
+    wanted: Wanted, image: Mapping[str, Floats], spots: Mapping[str, Floats], shape: tuple[int, int]
+) -> dict[str, NDArray[Any]]:
     """Everything wanted besides the image, with pixels as rows and columns."""
     extra: dict[str, NDArray[Any]] = {}
-    if "orders" in means:
-        extra["orders"] = means["orders"].reshape(-1, *shape)
-    if "phasors" in means:
-        real, imaginary = np.moveaxis(means["phasors"], 1, 0)
-        extra["phasors"] = (real + 1j * imaginary).reshape(-1, *shape)
-    if "histogram" in means:
-        extra["cube"] = means["histogram"].reshape(*shape, -1)
+    if wanted.orders:
+        extra["orders"] = image["image_orders"].reshape(-1, *shape)
+        extra["spot_orders"] = spots["histogram_orders"]
+    if wanted.frequencies_hz:
+        extra["phasors"] = _phasors(image["phasors"], shape)
+        if wanted.orders:
+            extra["phasor_orders"] = _phasors(image["phasors_orders"], shape)
+    if wanted.bins is not None:
+        extra["cube"] = image["histogram"].reshape(*shape, -1)
+        extra["cube_path_length_m"] = wanted.bins.centres_m
+        if wanted.orders:
+            extra["cube_orders"] = image["histogram_orders"].reshape(-1, *shape, wanted.bins.count)
     return extra
+
+
+def _phasors(parts: Floats, shape: tuple[int, int]) -> NDArray[np.complex128]:
+    """Complex images (..., F, H, W) from real and imaginary parts (..., H·W, F, 2)."""
+    values = np.moveaxis(parts[..., 0] + 1j * parts[..., 1], -1, -2)
+    return values.reshape(*values.shape[:-1], *shape)
 
 
 def _part(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 from scipy.constants import c
 
+from reconstruction.errors import InputError
 from spisim.transport.accumulator import Accumulator
 from spisim.transport.views import Floats
 from spisim.transport.walk import Contribution
@@ -27,7 +28,7 @@ class Tally(Protocol):
         ...
 
     def read(self) -> Mapping[str, Floats]:
-        """Named sums, per unit detector area."""
+        """Named sums (cells, ...), per unit detector area."""
         ...
 
 
@@ -46,25 +47,8 @@ class ImageTally:
         return {"image": self._sum.read()}
 
 
-class OrderTally:
-    """Transport per cell and order of scattering: `orders` (3, cells)."""
-
-    def __init__(self, cells: int) -> None:
-        self._cells = cells
-        self._sum = Accumulator(len(ORDERS) * cells)
-
-    def add(self, light: Contribution) -> None:
-        """See `Tally`."""
-        order = dr.minimum(light.scatterings, len(ORDERS) - 1)
-        self._sum.add(light.value, order * self._cells + light.cell, light.active)
-
-    def read(self) -> Mapping[str, Floats]:
-        """See `Tally`."""
-        return {"orders": self._sum.read().reshape(len(ORDERS), self._cells)}
-
-
 class PhasorTally:
-    """Σ value · exp(2πi f L / c) per frequency and cell: `phasors` (F, 2, cells), real and imag."""
+    """Σ value · exp(2πi f L / c) per cell and frequency: `phasors` (cells, F, 2), real and imag."""
 
     def __init__(self, cells: int, frequencies_hz: Sequence[float]) -> None:
         self._cells = cells
@@ -77,21 +61,35 @@ class PhasorTally:
         """See `Tally`."""
         for number, wave_number in enumerate(self._wave_numbers):
             sine, cosine = dr.sincos(wave_number * light.length_m)
-            row = 2 * number * self._cells + light.cell
-            self._sum.add(light.value * cosine, row, light.active)
-            self._sum.add(light.value * sine, row + self._cells, light.active)
+            place = 2 * (light.cell * len(self._wave_numbers) + number)
+            self._sum.add(light.value * cosine, place, light.active)
+            self._sum.add(light.value * sine, place + 1, light.active)
 
     def read(self) -> Mapping[str, Floats]:
         """See `Tally`."""
-        return {"phasors": self._sum.read().reshape(len(self._wave_numbers), 2, self._cells)}
+        return {"phasors": self._sum.read().reshape(self._cells, len(self._wave_numbers), 2)}
 
 
 @dataclass(frozen=True)
 class PathLengthBins:
-    """`count` bins; bin k is centred on the optical path length k · `width_m`."""
+    """`count` bins; bin k is centred on the optical path length k · `width_m`.
+
+    Raises InputError for fewer than two bins, or a width that is not positive.
+    """
 
     count: int
     width_m: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.width_m < np.inf:
+            raise InputError(f"width_m {self.width_m:g}: the width of a bin is positive and finite")
+        if self.count < 2:
+            raise InputError(f"count {self.count}: at least 2 path-length bins are needed")
+
+    @classmethod
+    def up_to(cls, longest_m: float, width_m: float) -> PathLengthBins:
+        """Bins for path lengths from 0 to `longest_m`."""
+        return cls(round(longest_m / width_m) + 1 if width_m > 0 else 0, width_m)
 
     @property
     def centres_m(self) -> Floats:
@@ -123,3 +121,28 @@ class HistogramTally:
     def read(self) -> Mapping[str, Floats]:
         """See `Tally`."""
         return {"histogram": self._sum.read().reshape(self._cells, self._bins.count)}
+
+
+class OrderTally:
+    """Another tally split by how often the light was scattered in fog.
+
+    To each of its sums, which is that of the parts, comes `<name>_orders` (3, cells, ...), in the
+    order of `ORDERS`.
+    """
+
+    def __init__(self, cells: int, make: Callable[[int], Tally]) -> None:
+        self._cells = cells
+        self._parts = make(len(ORDERS) * cells)
+
+    def add(self, light: Contribution) -> None:
+        """See `Tally`."""
+        order = dr.minimum(light.scatterings, len(ORDERS) - 1)
+        self._parts.add(light._replace(cell=order * self._cells + light.cell))
+
+    def read(self) -> Mapping[str, Floats]:
+        """See `Tally`."""
+        sums: dict[str, Floats] = {}
+        for name, values in self._parts.read().items():
+            parts = values.reshape(len(ORDERS), self._cells, *values.shape[1:])
+            sums |= {name: parts.sum(axis=0), f"{name}_orders": parts}
+        return sums

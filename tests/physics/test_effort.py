@@ -13,6 +13,7 @@ from spisim.transport import solve
 from spisim.transport.backend import activate, has_cuda
 from spisim.transport.effort import Noise, Paths
 from spisim.transport.estimator import Wanted, transport_image
+from spisim.transport.tally import PathLengthBins
 from spisim.transport.world import build_world
 
 # isort: split
@@ -83,13 +84,19 @@ def test_progress_rises_to_one():
     assert seen[-1] == 1
 
 
-def test_poses_densities_and_seeds_compile_nothing_new():
+@pytest.mark.parametrize(
+    "wanted",
+    [Wanted(), Wanted(orders=True, frequencies_hz=(15e6,), bins=PathLengthBins(100, 0.1))],
+    ids=["image", "everything"],
+)
+def test_poses_densities_and_seeds_compile_nothing_new(wanted):
     activate()
 
     def trace(extinction, albedo, position, seed):
         world = build_world(room(extinction, albedo))
         view = worlds.projector(pose=worlds.pose_at(position))
-        transport_image(world, view, END, Paths(64), seed=np.random.SeedSequence(seed))
+        entropy = np.random.SeedSequence(seed)
+        transport_image(world, view, END, Paths(64), seed=entropy, wanted=wanted)
         beams = worlds.beams([0.05, 0.02 * seed, 1.0])
         worlds.histogram(world, beams, END, (500, 0.1), 256, np.random.SeedSequence(seed))
 

@@ -315,12 +315,25 @@ def test_transport_writes_named_channels_with_units(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_transport_to_order_with_phasors_and_orders(tmp_path: Path) -> None:
-    options = ["--noise", "0.05", "--frequency", "15e6", "--orders", "--json"]
+    options = ["--noise", "0.05", "--frequency", "15e6", "--orders", "--cube", "0.5", "--json"]
     run = spisim("transport", "warehouse", "-o", tmp_path / "w.exr", *options)
     assert run.exit_code == 0, run.stderr
     channels, _ = read_exr(tmp_path / "w.exr")
     parts = sum(channels[f"transport.{part}"] for part in ("unscattered", "single", "multiple"))
     np.testing.assert_allclose(parts, channels["transport"], rtol=1e-4)
+    scale = 1e-5 * channels["transport"].max()
+    for part in ("real", "imag"):
+        name = "phasor_15MHz"
+        parts = sum(channels[f"{name}.{o}.{part}"] for o in ("unscattered", "single", "multiple"))
+        np.testing.assert_allclose(parts, channels[f"{name}.{part}"], rtol=0, atol=scale)
+    with np.load(tmp_path / "w.npz") as light:
+        assert str(light["units.cube_path_length_m"]) == "m"
+        assert light["cube_path_length_m"][1] == 0.5
+        assert light["cube"].shape == (*channels["transport"].shape, 161)
+        image = light["cube"].sum(axis=-1)
+        np.testing.assert_allclose(image, channels["transport"], rtol=0, atol=scale)
+        for whole, split in (("cube", "cube_orders"), ("spot_histogram", "spot_orders")):
+            np.testing.assert_allclose(light[split].sum(axis=0), light[whole], rtol=1e-9)
     phasor = np.hypot(channels["phasor_15MHz.real"], channels["phasor_15MHz.imag"])
     assert (phasor <= channels["transport"] * (1 + 1e-4)).all()
     assert 0 <= channels["coverage"].min() < channels["coverage"].max() == 1
