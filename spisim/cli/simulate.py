@@ -99,7 +99,15 @@ def command(
         written.append(page)
     if json:
         paths = simulation.transport.paths
-        print_json({"written": written, "warnings": warnings, "seconds": seconds, "paths": paths})
+        print_json(
+            {
+                "written": written,
+                "warnings": warnings,
+                "seconds": seconds,
+                "paths": paths,
+                "media": place.media_summary(),
+            }
+        )
     else:
         names = " and ".join(map(str, written))
         messages.print(f"Wrote {names} in {seconds['simulate']:.1f} s.", soft_wrap=True)

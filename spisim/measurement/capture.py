@@ -99,9 +99,10 @@ def record(
     """Turn light into the capture that `instrument` would record.
 
     `settings` tells how the light was traced. With noise and frames it goes into the provenance,
-    so that the capture can be made again.
+    so that the capture can be made again; with the media, so that it tells their optics.
     """
-    settings = {**(settings or {}), "noise": noise, "frames": frames}
+    told = {"noise": noise, "frames": frames, "media": scene.media_summary()}
+    settings = {**(settings or {}), **told}
     streams = np.random.SeedSequence(seed).spawn(3)
     for_buckets, for_spots, for_drops = (np.random.default_rng(stream) for stream in streams)
     drops = falling_drops(scene, instrument, truth, frames, for_drops)

@@ -51,6 +51,7 @@ def write_report(
             sections.headline(capture, result, metrics),
             sections.warnings(capture, result),
             sections.recording(capture, view),
+            sections.weather(capture),
             sections.image(capture, result, metrics),
             sections.depth(capture, result),
             sections.spots(capture, result, transport),

@@ -5,6 +5,7 @@ from html import escape
 from typing import Any
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result, capture_warnings
@@ -34,6 +35,16 @@ METRICS = {
     "coverage": "share of pixels with a value",
 }
 
+MEDIUM = {
+    "": "where",
+    "kind": "kind",
+    "extinction, 1/m": "extinction_per_m",
+    "albedo": "albedo",
+    "g": "g",
+    "p(180°), 1/sr": "backscatter_per_sr",
+    "visibility, m": "visibility_m",
+    "water, g/m³": "water_g_per_m3",
+}
 
 _READINGS = {
     "cw": "Signal and background are amplitude and mean of a tap at the first frequency.",
@@ -115,6 +126,13 @@ def recording(capture: Capture, view: NDArray[np.floating] | None) -> str:
         "",
         f'<div class="row recording"><div>{picture}{bar}</div>{facts}</div>',
     )
+
+
+def weather(capture: Capture) -> str:
+    """What hung in the air of a simulation, as its settings tell."""
+    rows = [[_plain(medium.get(key)) for key in MEDIUM.values()] for medium in _media(capture)]
+    explanation = "Media at the instrument's wavelength; p(180°) is what goes straight back."
+    return section("Weather", explanation, table(MEDIUM, rows)) if rows else ""
 
 
 def image(capture: Capture, result: Result, metrics: Metrics | None) -> str:
@@ -255,6 +273,21 @@ def parameters(capture: Capture) -> str:
     }
     body = "".join(details(title, text) for title, text in texts.items() if text)
     return section("Parameters", "", body) if body else ""
+
+
+def _media(capture: Capture) -> list[Mapping[str, Any]]:
+    try:
+        settings = yaml.safe_load(capture.provenance.settings)
+    except yaml.YAMLError:  # of another program
+        return []
+    media = settings.get("media") if isinstance(settings, dict) else None
+    return [one for one in media if isinstance(one, dict)] if isinstance(media, list) else []
+
+
+def _plain(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
 
 
 def _aside(text: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import trimesh
@@ -118,6 +118,17 @@ class Scene:
         """Whether anything has any velocity."""
         parts: tuple[SceneObject | Volume, ...] = (*self.objects, *self.volumes)
         return self.drone_moves or any(part.moves for part in parts)
+
+    def media_summary(self) -> list[dict[str, Any]]:
+        """What hangs in the air, in plain numbers, and `where`: nothing for clear air.
+
+        That of all of the air together, each part of a mixture, and each volume, of density 1.
+        """
+        air = self.atmosphere
+        media = [("air", air)] if air.extinction_per_m > 0 else []
+        media += [("air, part", part) for part in air.parts]
+        media += [(f"volume {volume.name}", volume.medium) for volume in self.volumes]
+        return [{"where": where, **medium.summary()} for where, medium in media]
 
     def drone_pose_at(self, time_s: float) -> Floats:
         """The drone's pose (4, 4) after `time_s`."""

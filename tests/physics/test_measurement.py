@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from scipy.constants import c
 
 import worlds
 from reconstruction.capture import Capture
 from reconstruction.patterns import expose, illumination, make_plan, signed_coefficients
 from reconstruction.ranging import measure_ranges
+from spisim.atmosphere import fog
 from spisim.instrument import Instrument, load_instrument
 from spisim.measurement import LightSequence, bucket_light, record, spot_light
 from spisim.measurement.spots import cw_taps
@@ -58,6 +60,14 @@ def test_mean_readings_are_the_expected_ones(paper, light, truth, noisy):
     for part, expected in ((noisy.buckets, ideal.buckets), (noisy.spots, ideal.spots)):
         z = worlds.z_score_exact(electrons(part), electrons(expected)[0])
         assert np.abs(z).max() < 5  # of up to 128 readings
+
+
+def test_the_capture_tells_the_media(paper, light, truth):
+    air = fog(50, "heavy-advection")
+    foggy = replace(PLACE, atmosphere=air)
+    for place, media in ((PLACE, []), (foggy, [{"where": "air", **air.summary()}])):
+        capture = record(place, paper, still(light), truth, seed=5)
+        assert yaml.safe_load(capture.provenance.settings)["media"] == media
 
 
 def test_variance_is_shot_noise_plus_electronics(paper, light, noisy):

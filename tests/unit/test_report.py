@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from densescene import make_capture
 from reconstruction import Capture, InputError, Result, evaluate, make_plan, reconstruct
@@ -201,6 +202,21 @@ def test_the_report_has_settings_and_the_noise_of_the_truth(
     text = report_of(capture, tmp_path, metrics=evaluate(result, capture.truth))
     assert "<pre>spp: 7</pre>" in text
     assert "standard error is 1 % of its RMS" in text
+
+
+def test_the_report_tells_the_weather(capture: Capture, tmp_path: Path) -> None:
+    def told(settings: str) -> str:
+        provenance = replace(capture.provenance, settings=settings)
+        return report_of(replace(capture, provenance=provenance), tmp_path)
+
+    medium = {"where": "volume <bank>", "visibility_m": None, "backscatter_per_sr": 0.0477491}
+    page = told(yaml.safe_dump({"media": [medium]}))
+    assert "<h2>Weather</h2>" in page
+    assert "<td>volume &lt;bank&gt;</td>" in page
+    assert "<td>0.04775</td>" in page
+    assert "<td>–</td>" in page
+    for settings in ("", "media: []", "media: fog", "- media", "a: b: c"):
+        assert "<h2>Weather</h2>" not in told(settings)
 
 
 @pytest.mark.parametrize(("patterns", "share"), [(256, "100 %"), (3, "1.17 %")])

@@ -216,6 +216,28 @@ def test_mistake_in_the_weather(load: Load, sections: str, parts: list[str]) -> 
     assert len(message.splitlines()) == 1
 
 
+def test_a_scene_tells_its_media(load: Load) -> None:
+    assert load("").media_summary() == []
+    only = load("fog: {visibility_m: 50}").media_summary()
+    assert [medium["where"] for medium in only] == ["air"]
+    place = load(
+        "fog: {visibility_m: 50}\nrain: {rate_mm_per_h: 10}\nvolumes:\n"
+        "  - {name: bank, size_m: [1, 1, 1], translate_m: [2, 0, 1], visibility_m: 20}\n"
+    )
+    media = place.media_summary()
+    assert [medium["where"] for medium in media] == ["air", "air, part", "air, part", "volume bank"]
+    air, mist, drops, bank = media
+    assert air["extinction_per_m"] == pytest.approx(
+        mist["extinction_per_m"] + drops["extinction_per_m"]
+    )
+    assert mist["visibility_m"] == 50
+    assert bank["visibility_m"] == 20
+    fields = {"extinction_per_m", "albedo", "g", "backscatter_per_sr", "water_g_per_m3"}
+    for medium in media:
+        assert all(isinstance(medium[field], float) for field in fields)
+    assert yaml.safe_load(yaml.safe_dump(media)) == media  # as a capture keeps them
+
+
 def test_schema_knows_the_weather() -> None:
     from spisim.scene.description import SceneDescription
 
