@@ -202,7 +202,7 @@ def test_a_drop_hides_its_disc_and_sends_its_echo():
     echo = met * scattered * area * -back[2] / distance**3
     dark, power = np.zeros((16, 16)), np.zeros((16, 16))
     power[5, 9] = 1.0
-    assert one_exposure(one, falling, [dark], power)[0] == pytest.approx(echo, rel=1e-6)
+    assert one_exposure(one, falling, [dark], power)[0] == pytest.approx(echo, rel=1e-6, abs=0)
     assert one_exposure(one, falling, [dark], 1 - power)[0] == 0
 
     # From the detector the drop stands before another place of the wall, the same part of a pixel
@@ -284,7 +284,7 @@ def test_a_drop_in_a_laser_beam_casts_a_shadow_and_a_glint():
     back = falling.precipitation.optics.scattered_per_sr(cosine, diameter)
     seen = -cosine / distance**2 * detector.aperture_area_m2
     echo = change.echo[0, 0]
-    assert echo.sum() == pytest.approx(met * back * seen, rel=1e-4)
+    assert echo.sum() == pytest.approx(met * back * seen, rel=1e-4, abs=0)
     assert echo @ LENGTHS / echo.sum() == pytest.approx(range_m + distance, rel=1e-9)
 
 

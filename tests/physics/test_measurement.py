@@ -87,7 +87,7 @@ def test_the_sun_adds_what_the_formula_says(paper, light):
     irradiance = paper.daylight_irradiance(40)
     effective = detector.sensor.effective_area_m2
     closed = 0.5 * irradiance * effective / (4 * detector.f_number**2)
-    assert light.daylight_w == pytest.approx(closed, rel=1e-4)
+    assert light.daylight_w == pytest.approx(closed, rel=1e-4, abs=0)
     np.testing.assert_allclose(light.spot_daylight_w, closed, rtol=0.02)  # 5° off: cos to 0.8 %
 
 
