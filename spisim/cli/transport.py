@@ -64,12 +64,15 @@ def command(
     (rows, columns, bins); `units.*` in either file tells the units. What is longer than 80 m is
     in a histogram's last bin.
     """
+    from reconstruction.errors import InputError
     from reconstruction.files import require_file
     from spisim.transport import LONGEST_PATH_M, PathLengthBins, Wanted, ground_truth, solve
 
     from .files import light_channels, write_histograms, write_truth
 
     histograms = output.with_suffix(".npz")
+    if histograms == output:
+        raise InputError(f"{output}: the spots' histograms need that name; call the image .exr")
     for path in (output, histograms):
         require_file(path)
     wanted = Wanted(

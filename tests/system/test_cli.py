@@ -302,6 +302,13 @@ def test_too_much_light_is_warned_about(tmp_path: Path) -> None:
     assert "record again with less light" in message
 
 
+def test_transport_keeps_the_name_of_its_histograms(tmp_path: Path) -> None:
+    run = spisim("transport", "warehouse", "-o", tmp_path / "w.npz")
+    assert run.exit_code == 2
+    assert "w.npz" in run.stderr
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.slow
 def test_transport_writes_named_channels_with_units(tmp_path: Path) -> None:
     run = spisim("transport", "warehouse", "-o", tmp_path / "w.exr", "--clear", *QUICK, "--json")
