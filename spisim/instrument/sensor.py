@@ -50,11 +50,18 @@ class _Sensor(Section):
         return self.photoactive_area_mm2 * 1e-6 * self.fill_factor
 
 
-class Pin(_Sensor):
+class _Photodiode(_Sensor):
+    responsivity_a_per_w: Spectral  # at unit gain
+
+    def electrons_per_joule(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+        """Primary electrons per joule on the photodiode."""
+        return spectral_value(self.responsivity_a_per_w, wavelength_nm) / elementary_charge
+
+
+class Pin(_Photodiode):
     """Photodiode without gain."""
 
     type: Literal["pin"]
-    responsivity_a_per_w: Spectral
     dark_current_na: NonNegative
 
     @property
@@ -67,17 +74,13 @@ class Pin(_Sensor):
         """Variance of the charge per primary electron, in primary electrons squared."""
         return 1.0
 
-    def electrons_per_joule(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
-        """Primary electrons per joule on the photodiode."""
-        return spectral_value(self.responsivity_a_per_w, wavelength_nm) / elementary_charge
-
     @property
     def dark_rate_hz(self) -> float:
         """Primary dark electrons per second."""
         return self.dark_current_na * 1e-9 / elementary_charge
 
 
-class Apd(_Sensor):
+class Apd(_Photodiode):
     """Avalanche diode in linear mode.
 
     The excess noise is McIntyre's (IEEE Trans. Electron Devices 13, 164 (1966)) for the carriers
@@ -86,7 +89,6 @@ class Apd(_Sensor):
     """
 
     type: Literal["apd"]
-    responsivity_a_per_w: Spectral  # at unit gain
     dark_current_na: NonNegative  # at the operating gain, taken as multiplied altogether
     gain: Annotated[Number, Field(ge=1)]
     ionisation_ratio: Annotated[Number, Field(ge=0, le=1)]  # k of holes to electrons, or inverse
@@ -96,10 +98,6 @@ class Apd(_Sensor):
         """Variance of the charge per primary electron, in primary electrons squared."""
         k, gain = self.ionisation_ratio, self.gain
         return k * gain + (1 - k) * (2 - 1 / gain)
-
-    def electrons_per_joule(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
-        """Primary electrons per joule on the photodiode."""
-        return spectral_value(self.responsivity_a_per_w, wavelength_nm) / elementary_charge
 
     @property
     def dark_rate_hz(self) -> float:
