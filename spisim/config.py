@@ -83,16 +83,10 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
 
-def parse_model(text: str, model: type[Model], source: Path | str) -> Model:
-    """Check YAML text against a model.
+def read_mapping(text: str, model: type[Section], source: Path | str) -> dict[Any, Any]:
+    """Fields of a YAML file that should be of `model`, unchecked.
 
-    Parameters
-    ----------
-    text: the YAML.
-    model: the `Section` that describes the whole file.
-    source: what error messages call the file.
-
-    Raises InputError for YAML that does not parse, is not a mapping, or does not fit the model.
+    Raises InputError, naming `source`, for YAML that does not parse or is not a mapping.
     """
     try:
         # The loader derives from SafeLoader: plain data only, no Python objects.
@@ -108,6 +102,25 @@ def parse_model(text: str, model: type[Model], source: Path | str) -> Model:
         raise InputError(
             f"{source}: expected a mapping with the fields {fields}, found {_show(data)}"
         )
+    return data
+
+
+def parse_model(text: str, model: type[Model], source: Path | str) -> Model:
+    """Check YAML text against a model.
+
+    Parameters
+    ----------
+    text: the YAML.
+    model: the `Section` that describes the whole file.
+    source: what error messages call the file.
+
+    Raises InputError for YAML that does not parse, is not a mapping, or does not fit the model.
+    """
+    return check_fields(read_mapping(text, model, source), model, source)
+
+
+def check_fields(data: Mapping[Any, Any], model: type[Model], source: Path | str) -> Model:
+    """Check the fields of a file against a model. Raises InputError where they do not fit."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -131,7 +144,7 @@ def find_named(name: str, folder: Path, kind: str) -> Path:
     )
 
 
-def _describe(error: ValidationError, data: dict[Any, Any], source: Path | str) -> str:
+def _describe(error: ValidationError, data: Mapping[Any, Any], source: Path | str) -> str:
     # One at a time: later errors are often only the consequence of the first.
     details = error.errors(include_url=False)[0]
     field, value = _locate(details["loc"], data, details["type"] == "missing")

@@ -67,7 +67,6 @@ COMMANDS = (
     budget,
     paper,
     weather,
-    scenes,
     schema,
     doctor,
 )
@@ -75,6 +74,8 @@ COMMANDS = (
 for module in COMMANDS:
     name = module.__name__.rpartition(".")[2]
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
+
+app.add_typer(scenes.app)
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """What is out there: geometry, materials, media, daylight, the drone, and how it all moves."""
 
-from spisim.scene.load import list_scenes, load_scene, scenes_folder
+from spisim.scene.load import draw_scene, list_scenes, load_scene, make_scene, scenes_folder
 from spisim.scene.materials import Material, find_material, material_table
 from spisim.scene.model import Ambient, Scene, SceneObject, Volume
 from spisim.scene.motion import check_clear_of_sensor
@@ -19,12 +19,14 @@ __all__ = [
     "Volume",
     "check_clear_of_sensor",
     "daylight_spectrum",
+    "draw_scene",
     "enclosing_object",
     "find_material",
     "in_band_irradiance",
     "list_scenes",
     "load_scene",
     "look_at",
+    "make_scene",
     "material_table",
     "pose_matrix",
     "scenes_folder",

@@ -316,17 +316,37 @@ class AmbientDescription(Section):
     sky_klx: NonNegative = 0.0
 
 
-class SceneDescription(Section):
-    """A whole scene file."""
+class Surroundings(Section):
+    """Sections that every scene file may have."""
 
-    name: Name
     description: str = ""
-    drone: DroneDescription
-    objects: Annotated[tuple[AnyObject, ...], Field(min_length=1)]
     materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
     fog: FogDescription | None = None
     smoke: SmokeDescription | None = None
     rain: RainDescription | None = None
     snow: SnowDescription | None = None
     volumes: tuple[VolumeDescription, ...] = ()
+
+
+class SceneDescription(Surroundings):
+    """A whole scene file."""
+
+    name: Name
+    drone: DroneDescription
+    objects: Annotated[tuple[AnyObject, ...], Field(min_length=1)]
     ambient: AmbientDescription = AmbientDescription()
+
+
+class DrawnDescription(Surroundings):
+    """A scene file that names a family, from which `seed` draws all that `parameters` leave open.
+
+    Its own sections take the place of those drawn; its objects come in addition.
+    """
+
+    family: Name
+    seed: Annotated[int, Field(ge=0)] = 0
+    name: Name | None = None
+    parameters: dict[Name, Any] = Field(default_factory=dict)
+    drone: DroneDescription | None = None
+    objects: tuple[AnyObject, ...] = ()
+    ambient: AmbientDescription | None = None

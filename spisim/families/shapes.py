@@ -1,0 +1,90 @@
+"""Solids that props are put together from, as triangles; lengths in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike, NDArray
+from trimesh.creation import box, capsule, cylinder, revolve
+
+Point = Sequence[float]
+Mesh: TypeAlias = trimesh.Trimesh
+
+
+def block(size: Point, centre: Point) -> Mesh:
+    """Box with its centre somewhere."""
+    return moved(box(size), centre)
+
+
+def rod(start: Point, end: Point, radius: float, sections: int) -> Mesh:
+    """Round bar between two points."""
+    return cylinder(radius, segment=[start, end], sections=sections)
+
+
+def limb(start: Point, end: Point, radius: float) -> Mesh:
+    """Bar with round ends between two points."""
+    axis = np.subtract(end, start)
+    body = capsule(float(np.linalg.norm(axis)), radius, count=(8, 10))
+    body.apply_transform(trimesh.geometry.align_vectors((0, 0, 1), axis))
+    return moved(body, np.add(start, end) / 2)
+
+
+def lathe(profile: Iterable[Point], sections: int) -> Mesh:
+    """Solid of revolution about z; `profile` lists (radius, height) from below upwards."""
+    return revolve(np.asarray(list(profile)), sections=sections)
+
+
+def moved(mesh: Mesh, by: ArrayLike) -> Mesh:
+    """The mesh itself, moved."""
+    return mesh.apply_translation(by)
+
+
+def union(parts: Sequence[Mesh]) -> Mesh:
+    """All parts as one mesh."""
+    return trimesh.util.concatenate(parts)
+
+
+def tube(path: Sequence[Point], radii: float | Sequence[float], sections: int = 8) -> Mesh:
+    """Round tube along points, closed at both ends: wires, pipes, branches.
+
+    `path` (n, 3), `radii` one for all or one per point. Rings lie across the bisectors of the bends
+    and are carried along without twist (Wang et al. 2008, double reflection, here by rotations).
+    """
+    points = np.asarray(path, float)
+    radius = np.broadcast_to(np.asarray(radii, float), len(points))
+    along = np.diff(points, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    tangents = np.vstack([along[:1], along[:-1] + along[1:], along[-1:]])
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    helper = np.eye(3)[np.abs(tangents[0]).argmin()]
+    across = np.cross(tangents[0], helper)
+    angles = np.linspace(0, 2 * np.pi, sections, endpoint=False)
+    rings = []
+    for i, tangent in enumerate(tangents):
+        across = across - (across @ tangent) * tangent
+        across /= np.linalg.norm(across)
+        round_ = np.outer(np.cos(angles), across) + np.outer(
+            np.sin(angles), np.cross(tangent, across)
+        )
+        rings.append(points[i] + radius[i] * round_)
+    vertices = np.vstack([*rings, points[:1], points[-1:]])
+    return Mesh(vertices, _tube_faces(len(points), sections), process=False)
+
+
+def _tube_faces(rings: int, sections: int) -> NDArray[np.int64]:
+    """Triangles, facing out, of rings of vertices followed by the centres of both ends."""
+    ring = np.arange(sections)
+    following = (ring + 1) % sections
+    start = sections * np.arange(rings - 1)[:, None]
+    near, near_next = start + ring, start + following
+    far, far_next = near + sections, near_next + sections
+    sides = [np.stack([near, near_next, far_next], -1), np.stack([near, far_next, far], -1)]
+    last, first_centre = sections * (rings - 1), sections * rings
+    ends = [
+        np.stack([following, ring, np.full(sections, first_centre)], -1),
+        np.stack([last + ring, last + following, np.full(sections, first_centre + 1)], -1),
+    ]
+    return np.concatenate([part.reshape(-1, 3) for part in (*sides, *ends)])

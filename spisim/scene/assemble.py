@@ -1,0 +1,193 @@
+"""Descriptions to scenes: meshes placed, materials found, media made."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import trimesh
+
+from reconstruction.errors import InputError
+from spisim.atmosphere import Atmosphere, combine
+from spisim.atmosphere.precipitation import Precipitation
+from spisim.scene.description import (
+    AmbientDescription,
+    FallingDescription,
+    MeshObject,
+    ObjectDescription,
+    Pose,
+    SceneDescription,
+    VolumeDescription,
+)
+from spisim.scene.files import read_density
+from spisim.scene.materials import Material, find_material, make_material
+from spisim.scene.media import make_medium, make_precipitation, warn_of_doubtful_media
+from spisim.scene.model import Ambient, Scene, SceneObject, Vector3, Volume
+from spisim.scene.pose import look_at, pose_matrix
+from spisim.scene.rays import enclosing_object
+from spisim.scene.shapes import make_mesh, texture_coordinates
+from spisim.scene.soundness import warn_of_unsound_meshes
+from spisim.scene.volumes import warn_of_overlap
+
+#: Sections of a scene file that fill all of the air, in the order of their fields.
+MEDIA = ("fog", "smoke", "rain", "snow")
+
+Meshes = Mapping[str, trimesh.Trimesh]
+NO_MESHES: Meshes = MappingProxyType({})
+
+
+def assemble(
+    described: SceneDescription,
+    folder: Path,
+    text: str,
+    source: Path | str,
+    meshes: Meshes = NO_MESHES,
+) -> Scene:
+    """Scene of a description.
+
+    `meshes` are mesh files in memory, by name; others, pictures and tables lie in `folder`. `text`
+    is what the scene says that it was made from. Raises InputError, naming `source` and field, for
+    whatever the description alone could not tell.
+    """
+    materials: dict[str, Material] = {}
+    for name, own in described.materials.items():
+        with _problems_at(source, f"materials.{name}"):
+            materials[name] = make_material(name, own, folder)
+    media: list[Atmosphere] = []
+    falling: Precipitation | None = None
+    for field in MEDIA:
+        with _problems_at(source, field):
+            section = getattr(described, field)
+            if isinstance(section, FallingDescription) and section.model == "drops":
+                if falling is not None:
+                    raise InputError("model should be medium beside rain of single drops")
+                falling = make_precipitation(section)
+            elif section is not None:
+                media.append(make_medium(section, folder))
+    with _problems_at(source, "ambient"):
+        ambient = _ambient(described.ambient)
+    with _problems_at(source, "drone"):
+        pose = look_at(described.drone.position_m, described.drone.look_at_m, described.drone.up)
+    objects: list[SceneObject] = []
+    for i, row in enumerate(described.objects):
+        with _problems_at(source, f"objects[{i}] ({row.name})"):
+            objects += _place(row, folder, materials, meshes)
+    volumes: list[Volume] = []
+    for i, box in enumerate(described.volumes):
+        with _problems_at(source, f"volumes[{i}] ({box.name})"):
+            volumes.append(_volume(box, folder))
+    _check_names("objects", [thing.name for thing in objects], source)
+    _check_names("volumes", [volume.name for volume in volumes], source)
+    return Scene(
+        described.name,
+        tuple(objects),
+        combine(media),
+        ambient,
+        pose,
+        text,
+        tuple(volumes),
+        described.drone.velocity_m_s,
+        _radians(described.drone.angular_velocity_deg_s),
+        falling,
+    )
+
+
+def check_drone(scene: Scene, source: Path | str) -> None:
+    """InputError if the drone is inside an object."""
+    position = scene.drone_pose[:3, 3]
+    if name := enclosing_object(scene, position):
+        raise InputError(
+            f"{source}: drone.position_m: {position.tolist()} is inside object {name!r}; move one "
+            "of them, or turn the normals of the mesh inward if it is a room"
+        )
+
+
+def warn_of_oddities(scene: Scene) -> None:
+    """SceneWarning of unsound meshes, volumes that overlap, and media that nature does not have."""
+    warn_of_unsound_meshes(scene)
+    warn_of_overlap(scene.volumes)
+    parts = scene.atmosphere.parts or (scene.atmosphere,)
+    warn_of_doubtful_media([*parts, *(volume.medium for volume in scene.volumes)])
+
+
+@contextmanager
+def _problems_at(source: Path | str, field: str) -> Iterator[None]:
+    """Put file and field in front of an InputError's message."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{source}: {field}: {error}") from None
+
+
+def _volume(described: VolumeDescription, folder: Path) -> Volume:
+    medium = make_medium(described, folder)
+    if medium.extinction_per_m == 0:
+        raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
+    centred = np.diag([*described.size_m, 1.0])
+    centred[:3, 3] = np.multiply(described.size_m, -0.5)
+    to_world = pose_matrix(described.rotate_deg, described.translate_m) @ centred
+    density = None
+    if described.density is not None:
+        density = read_density(folder / described.density)
+    elif described.structure is not None:
+        density = described.structure.density(to_world)
+    return Volume(described.name, medium, to_world, density, described.structure)
+
+
+def _ambient(described: AmbientDescription) -> Ambient:
+    direction = np.asarray(described.sun_direction)
+    length = float(np.linalg.norm(direction))
+    if length == 0:
+        raise InputError("sun_direction should not be zero")
+    x, y, z = (direction / length).tolist()
+    return Ambient(described.sun_klx, (x, y, z), described.sky_klx)
+
+
+def _place(
+    described: ObjectDescription, folder: Path, materials: dict[str, Material], meshes: Meshes
+) -> list[SceneObject]:
+    """An object, or its instances, with meshes in world coordinates."""
+    material = find_material(described.material, materials)
+    if isinstance(described, MeshObject) and described.mesh in meshes:
+        mesh = meshes[described.mesh].copy()
+    else:
+        mesh = make_mesh(described, folder)
+    if material.needs_texture_coordinates and texture_coordinates(mesh) is None:
+        what = f"mesh {described.mesh!r}" if isinstance(described, MeshObject) else "this shape"
+        raise InputError(
+            f"{what} has no texture coordinates, which material {material.name!r} needs for its "
+            "texture or opacity"
+        )
+    mesh.apply_scale(described.scale)
+    mesh.apply_transform(pose_matrix(described.rotate_deg, described.translate_m))
+    instances = {described.name: mesh}
+    if described.instances is not None:
+        instances = {
+            f"{described.name}-{i}": _posed(mesh, instance)
+            for i, instance in enumerate(described.instances, start=1)
+        }
+    turning = _radians(described.angular_velocity_deg_s)
+    return [
+        SceneObject(name, posed, material, described.velocity_m_s, turning)
+        for name, posed in instances.items()
+    ]
+
+
+def _posed(mesh: trimesh.Trimesh, pose: Pose) -> trimesh.Trimesh:
+    return mesh.copy().apply_transform(pose_matrix(pose.rotate_deg, pose.translate_m))
+
+
+def _radians(degrees: Vector3) -> Vector3:
+    x, y, z = (math.radians(angle) for angle in degrees)
+    return x, y, z
+
+
+def _check_names(field: str, names: list[str], source: Path | str) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise InputError(f"{source}: {field}: two of them are named {name!r}")

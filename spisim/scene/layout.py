@@ -1,0 +1,70 @@
+"""Whether a scene is one that the instrument can fly in: room around it, and something to see."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from spisim.scene.model import Floats, Scene
+from spisim.scene.rays import enclosing_object, first_hits
+
+#: Free space around the drone, its own size and a bit.
+CLEARANCE_M = 0.4
+#: Nearest thing in view.
+NEAREST_M = (0.9, 10.0)
+#: What the four laser beams end on; the instrument's range.
+FARTHEST_SPOT_M = 15.0
+#: Half the field of view looked at, and angle of the spots off both axes: the paper's instrument.
+HALF_FIELD_DEG = 10.0
+SPOT_DEG = 5.0
+#: Rays across the field, each way; odd, so that one goes straight ahead.
+RAYS = 11
+
+
+def layout_problem(scene: Scene) -> str | None:
+    """What makes a scene useless to the paper's instrument, in words, or None if nothing does."""
+    if name := enclosing_object(scene, scene.drone_pose[:3, 3]):
+        return f"the drone is inside {name!r}"
+    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
+    triangles = (triangles - scene.drone_pose[:3, 3]) @ scene.drone_pose[:3, :3]
+    clearance = _distance_to(triangles)
+    if clearance < CLEARANCE_M:
+        return f"something is {clearance:.2f} m from the drone, less than {CLEARANCE_M} m"
+    seen = triangles[_may_be_in_view(triangles)]
+    spots = first_hits(np.zeros(3), _rays([-SPOT_DEG, SPOT_DEG]), seen)
+    if spots.max() > FARTHEST_SPOT_M:
+        return f"a laser spot meets nothing within {FARTHEST_SPOT_M:g} m"
+    field = np.linspace(-HALF_FIELD_DEG, HALF_FIELD_DEG, RAYS)
+    nearest = min(first_hits(np.zeros(3), _rays(field), seen).min(), spots.min())
+    low, high = NEAREST_M
+    if not low <= nearest <= high:
+        return f"the nearest surface in view is at {nearest:.2f} m, not {low:g} to {high:g} m"
+    return None
+
+
+def _distance_to(triangles: Floats) -> float:
+    """Distance from the origin to the nearest of triangles (t, 3, 3)."""
+    reach = np.linalg.norm(triangles, axis=2).min(axis=1)
+    size = np.linalg.norm(np.ptp(triangles, axis=1), axis=1)
+    near = triangles[reach - size < CLEARANCE_M]  # exact distances only where they can matter
+    if len(near) == 0:
+        return float("inf")
+    closest = trimesh.triangles.closest_point(near, np.zeros((len(near), 3)))
+    return float(np.linalg.norm(closest, axis=1).min())
+
+
+def _may_be_in_view(triangles: Floats) -> NDArray[np.bool_]:
+    """Which triangles (t, 3, 3) in the optical frame are not wholly beside or behind the field."""
+    edge = np.tan(np.radians(HALF_FIELD_DEG)) * triangles[..., 2]
+    x, y = triangles[..., 0], triangles[..., 1]
+    beside = [x > edge, x < -edge, y > edge, y < -edge, triangles[..., 2] < 0]
+    return ~np.any([side.all(axis=1) for side in beside], axis=0)
+
+
+def _rays(angles_deg: Floats | list[float]) -> Floats:
+    """Unit rays (n², 3) in the optical frame, at all pairs of angles to the right and down."""
+    tangents = np.tan(np.radians(angles_deg))
+    x, y = np.meshgrid(tangents, tangents)
+    rays = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))

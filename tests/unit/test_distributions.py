@@ -1,0 +1,79 @@
+"""Random values of configuration files."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from spisim.distributions import Distribution, is_distribution, stream
+
+ADAPTER: TypeAdapter[Any] = TypeAdapter(Distribution)
+
+
+def draws(description: dict[str, Any], number: int = 4000) -> list[Any]:
+    distribution, rng = ADAPTER.validate_python(description), stream(0, "test")
+    return [distribution.draw(rng) for _ in range(number)]
+
+
+def test_uniform_numbers_have_its_mean_and_spread() -> None:
+    values = np.array(draws({"uniform": [2.0, 4.0]}))
+    assert values.min() >= 2
+    assert values.max() <= 4
+    assert abs(values.mean() - 3) < 4 * (2 / np.sqrt(12)) / np.sqrt(len(values))
+
+
+def test_whole_bounds_give_whole_numbers_both_included() -> None:
+    assert set(draws({"uniform": [1, 4]})) == {1, 2, 3, 4}
+
+
+def test_logarithms_are_uniform() -> None:
+    values = np.log(draws({"log_uniform": [1.0, 100.0]}))
+    expected = np.log(100) / 2
+    assert abs(values.mean() - expected) < 4 * (np.log(100) / np.sqrt(12)) / np.sqrt(len(values))
+
+
+def test_normal_numbers_keep_within_their_bounds() -> None:
+    values = np.array(draws({"normal": [0.0, 1.0]}))
+    assert abs(values.mean()) < 4 / np.sqrt(len(values))
+    assert abs(values.std() - 1) < 4 / np.sqrt(2 * len(values))
+    cut = draws({"normal": [0.0, 1.0], "within": [0.0, 0.5]})
+    assert min(cut) >= 0
+    assert max(cut) <= 0.5
+
+
+def test_choices_come_as_often_as_their_weights() -> None:
+    values = draws({"choice": ["a", "b"], "weights": [3, 1]})
+    assert abs(values.count("a") - 3000) < 4 * np.sqrt(4000 * 0.75 * 0.25)
+    assert set(draws({"choice": [1, "x", {"deep": 2.0}.get("deep")]})) == {1, "x", 2.0}
+
+
+def test_streams_depend_on_seed_and_keys_alone() -> None:
+    assert stream(1, "a", 2).random() == stream(1, "a", 2).random()
+    others = {stream(*key).random() for key in [(1, "a", 2), (2, "a", 2), (1, "b", 2), (1, "a", 3)]}
+    assert len(others) == 4
+
+
+@pytest.mark.parametrize(
+    ("description", "told"),
+    [
+        ({"uniform": [4, 2]}, "lower and a higher bound"),
+        ({"uniform": [2, 2]}, "lower and a higher bound"),
+        ({"log_uniform": [0, 2]}, "greater than 0"),
+        ({"normal": [0, 0]}, "greater than 0"),
+        ({"normal": [0, 1], "within": [10, 12]}, "three standard deviations"),
+        ({"choice": []}, "at least 1"),
+        ({"choice": [1, 2], "weights": [1]}, "one for each choice"),
+        ({"choice": [1, 2], "weights": [0, 0]}, "not all zero"),
+        ({"uniform": [1, 2], "extra": 1}, "unknown field 'extra'"),
+    ],
+)
+def test_what_cannot_be_drawn_from_is_refused(description: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValidationError, match=told):
+        ADAPTER.validate_python(description)
+
+
+def test_what_is_a_distribution() -> None:
+    assert is_distribution({"choice": [1]})
+    assert not is_distribution({"visibility_m": 50})
+    assert not is_distribution([1, 2])

@@ -1,0 +1,105 @@
+"""Families of scenes: what they draw can be flown in, is sound, and comes again from its seed."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reconstruction.errors import InputError
+from spisim.families import FAMILIES
+from spisim.families.shapes import tube
+from spisim.scene import Scene, draw_scene, make_scene
+from spisim.scene.layout import layout_problem
+
+FAST_SEEDS = range(3)
+
+
+def same(one: Scene, other: Scene) -> bool:
+    """Whether two scenes have the same surfaces and the same drone."""
+    return (
+        len(one.objects) == len(other.objects)
+        and np.array_equal(one.drone_pose, other.drone_pose)
+        and all(
+            a.name == b.name
+            and a.material.name == b.material.name
+            and np.array_equal(a.mesh.triangles, b.mesh.triangles)
+            for a, b in zip(one.objects, other.objects, strict=True)
+        )
+    )
+
+
+@pytest.mark.parametrize("seed", FAST_SEEDS)
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_draws_are_sound_scenes_to_fly_in(family: str, seed: int) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = draw_scene(family, seed)
+    assert layout_problem(scene) is None
+    assert sum(len(thing.mesh.faces) for thing in scene.objects) < 200_000
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_a_seed_draws_the_same_scene_again_and_another_seed_another(family: str) -> None:
+    scene = draw_scene(family, 4)
+    assert same(scene, draw_scene(family, 4))
+    assert not same(scene, draw_scene(family, 5))
+
+
+def test_the_text_of_a_drawn_scene_makes_it_again() -> None:
+    scene = draw_scene("targets", 2, {"target": "plane"}, {"fog": {"visibility_m": 50}})
+    again = make_scene(scene.text, Path(), "text")
+    assert same(scene, again)
+    assert again.atmosphere.visibility_m == 50
+
+
+def test_a_given_parameter_leaves_the_others_as_they_were() -> None:
+    drawn = draw_scene("targets", 3, {"target": "plane"})
+    given = draw_scene("targets", 3, {"target": "plane", "bright": drawn.objects[0].material.name})
+    assert same(drawn, given)
+
+
+def test_sections_of_the_file_take_the_place_of_those_drawn() -> None:
+    text = """
+family: targets
+seed: 1
+parameters: {target: plane, distance_m: 4}
+drone: {position_m: [1, 0, 1.5], look_at_m: [4, 0, 1.5]}
+objects:
+  - {name: ball, shape: sphere, radius_m: 0.1, material: rubber-black, translate_m: [3, 0, 1.5]}
+"""
+    scene = make_scene(text, Path(), "text")
+    assert [thing.name for thing in scene.objects] == ["board", "ball"]
+    assert scene.drone_pose[:3, 3].tolist() == [1, 0, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("family", "parameters", "told"),
+    [
+        ("target", {}, ["target", "did you mean 'targets'"]),
+        ("targets", {"target": "plan"}, ["'plan'", "did you mean 'plane'"]),
+        ("targets", {"distance_m": 50}, ["distance_m", "less than or equal to 9", "50"]),
+        ("targets", {"distance": 5}, ["unknown field 'distance'", "distance_m"]),
+        ("targets", {"steps": 3.5}, ["steps", "3.5"]),
+    ],
+)
+def test_what_cannot_be_drawn_is_told(family: str, parameters: dict, told: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        draw_scene(family, 0, parameters)
+    assert all(word in str(error.value) for word in told)
+
+
+def test_a_pose_with_nothing_to_see_is_refused() -> None:
+    drone = {"position_m": [0, 0, 1.5], "look_at_m": [-5, 0, 1.5]}
+    with pytest.raises(InputError, match=r"none of 40 draws is a scene to fly in.*laser spot"):
+        draw_scene("targets", 0, {"target": "plane"}, {"drone": drone})
+
+
+def test_a_tube_is_closed_and_as_thick_as_told() -> None:
+    straight = tube([(0, 0, 0), (0, 0, 1), (0, 0, 3)], 0.1, sections=256)
+    assert straight.is_watertight
+    assert straight.volume == pytest.approx(np.pi * 0.01 * 3, rel=2e-4)
+    bent = tube([(0, 0, 0), (0, 0, 1), (1, 0, 2), (1, 1, 2)], [0.1, 0.08, 0.05, 0.02])
+    assert bent.is_watertight
+    assert bent.is_winding_consistent
+    assert bent.volume > 0
