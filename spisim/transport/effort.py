@@ -14,7 +14,9 @@ from spisim.transport.views import Floats
 MIN_LAUNCHES = 8
 #: Lanes of one launch, per strategy: bounds memory.
 MAX_LANES = 2**20
-#: Where no number of paths is given: per cell and launch, and launches before giving up.
+#: Where no number of paths is given: per cell in each of the first launches, which often are
+#: enough, and in each after them; and launches before giving up.
+FIRST_PATHS = 4
 PATHS_PER_LAUNCH = 16
 MAX_LAUNCHES = 2**16
 
@@ -53,24 +55,30 @@ class Estimate:
 
 
 class _Running:
-    """Mean and standard error of arrays that arrive one by one (Welford)."""
+    """Weighted mean of arrays that arrive one by one, and its standard error.
+
+    The weight of an array is what its variance is inversely proportional to: its number of paths.
+    (West 1979; without weights, Welford.)
+    """
 
     def __init__(self) -> None:
         self.count = 0
+        self.weight = 0
         self.mean: dict[str, Floats] = {}
         self._squares: dict[str, Floats] = {}
 
-    def add(self, values: Mapping[str, Floats]) -> None:
+    def add(self, values: Mapping[str, Floats], weight: int) -> None:
         self.count += 1
+        self.weight += weight
         for name, value in values.items():
             mean = self.mean.get(name, np.zeros(()))
             step = value - mean
-            self.mean[name] = mean + step / self.count
+            self.mean[name] = mean + step * (weight / self.weight)
             before = self._squares.get(name, np.zeros(()))
-            self._squares[name] = before + step * (value - self.mean[name])
+            self._squares[name] = before + weight * step * (value - self.mean[name])
 
     def error(self) -> dict[str, Floats]:
-        spread = max(self.count - 1, 1) * self.count
+        spread = max(self.count - 1, 1) * self.weight
         return {name: np.sqrt(squares / spread) for name, squares in self._squares.items()}
 
 
@@ -85,16 +93,17 @@ def repeat(
     most = max(1, MAX_LANES // cells)
     if isinstance(effort, Paths):
         launches = max(MIN_LAUNCHES, -(-effort.per_cell // most))
-        samples = max(1, round(effort.per_cell / launches))
+        first = later = max(1, round(effort.per_cell / launches))
     else:
-        launches, samples = MAX_LAUNCHES, min(PATHS_PER_LAUNCH, most)
+        launches, first, later = MAX_LAUNCHES, min(FIRST_PATHS, most), min(PATHS_PER_LAUNCH, most)
     running, readings = _Running(), _Running()
     for step in range(launches):
+        samples = first if step < MIN_LAUNCHES else later
         values = launch(samples, _seeds(seed, step))
-        running.add(values)
+        running.add(values, samples)
         done = (step + 1) / launches
         if isinstance(effort, Noise):
-            readings.add({"readings": effort.readings(values)})
+            readings.add({"readings": effort.readings(values)}, samples)
             done = (effort.target / max(_relative(readings), effort.target)) ** 2
             if step + 1 < MIN_LAUNCHES:
                 done = min(done, (step + 1) / MIN_LAUNCHES)
@@ -102,9 +111,8 @@ def repeat(
             progress(done)
         if done >= 1:
             break
-    return Estimate(
-        running.mean, running.error(), running.count, 2 * running.count * samples * cells
-    )
+    paths = 2 * running.weight * cells
+    return Estimate(running.mean, running.error(), running.count, paths)
 
 
 def _relative(readings: _Running) -> float:

@@ -32,8 +32,10 @@ BINS_PER_PULSE = 4
 LONGEST_PATH_M = 80.0
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
-#: Steady light is smooth over the field; this many paths find it to about a percent.
-STEADY_PATHS = 2**16
+#: Paths for steady light, which is smooth over the field and felt by its shot noise alone: a share
+#: of the image's, within bounds that find it to about 5 and 2 percent.
+STEADY_SHARE = 1 / 16
+STEADY_PATHS = (2**14, 2**16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +112,9 @@ def solve(
         seed=streams[1],
         progress=_part(progress, 0.7, 0.9),
     )
+    steady_paths = int(np.clip(image.paths * STEADY_SHARE, *STEADY_PATHS))
     bucket_daylight, spot_daylight = (
-        daylight_power(scene, instrument, world, view, paths=STEADY_PATHS, seed=stream)
+        daylight_power(scene, instrument, world, view, paths=steady_paths, seed=stream)
         for view, stream in zip((placed.bucket, placed.tof), streams[2:4], strict=True)
     )
     crosstalk = projector_power(
@@ -119,7 +122,7 @@ def solve(
         placed.projector,
         instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan),
         placed.tof,
-        paths=STEADY_PATHS,
+        paths=steady_paths,
         seed=streams[4],
     )
     if progress is not None:

@@ -11,7 +11,7 @@ from reconstruction.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.transport import solve
 from spisim.transport.backend import activate, has_cuda
-from spisim.transport.effort import Noise, Paths
+from spisim.transport.effort import FIRST_PATHS, Noise, Paths, repeat
 from spisim.transport.estimator import Wanted, transport_image
 from spisim.transport.tally import PathLengthBins
 from spisim.transport.world import build_world
@@ -55,6 +55,26 @@ def test_a_third_of_the_noise_takes_nine_times_the_paths():
         for t in (0.03, 0.01)
     ]
     assert 5 < paths[1] / paths[0] < 16
+
+
+def test_launches_of_different_sizes_count_by_their_paths():
+    """Mean and standard error of numbers whose variance is one over their paths."""
+    errors, claimed = [], []
+    for number in range(400):
+        rng = np.random.default_rng(number)
+
+        def launch(samples, seeds, rng=rng):
+            return {"image": rng.normal(1, 1 / np.sqrt(samples), 8)}
+
+        effort = Noise(0.05, lambda sums: sums["image"])
+        found = repeat(launch, effort, 8, np.random.SeedSequence(number), None)
+        assert found.paths > 2 * 8 * 8 * FIRST_PATHS  # larger launches follow the first ones
+        errors.append(found.mean["image"] - 1)
+        claimed.append(found.error["image"] ** 2)
+        assert found.paths == pytest.approx(2 * 8 / np.mean(claimed[-1]), rel=0.8)
+    ratio = np.mean(np.square(errors)) / np.mean(claimed)
+    # It stops where the claimed error is small by chance: a bias of a few percent.
+    assert ratio == pytest.approx(1, abs=0.1)
 
 
 def test_the_standard_error_of_every_pixel_is_honest():
