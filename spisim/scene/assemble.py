@@ -11,12 +11,14 @@ from types import MappingProxyType
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from reconstruction.errors import InputError
 from spisim.atmosphere import Atmosphere, combine
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.scene.description import (
     AmbientDescription,
+    DroneDescription,
     FallingDescription,
     MeshObject,
     ObjectDescription,
@@ -36,6 +38,9 @@ from spisim.scene.volumes import warn_of_overlap
 
 #: Sections of a scene file that fill all of the air, in the order of their fields.
 MEDIA = ("fog", "smoke", "rain", "snow")
+
+#: From forward, left, up (ROS REP 103) to right, down, forward.
+OPTICAL_FROM_BODY = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
 
 Meshes = Mapping[str, trimesh.Trimesh]
 NO_MESHES: Meshes = MappingProxyType({})
@@ -72,7 +77,7 @@ def assemble(
     with _problems_at(source, "ambient"):
         ambient = _ambient(described.ambient)
     with _problems_at(source, "drone"):
-        pose = look_at(described.drone.position_m, described.drone.look_at_m, described.drone.up)
+        pose = _drone_pose(described.drone)
     objects: list[SceneObject] = []
     for i, row in enumerate(described.objects):
         with _problems_at(source, f"objects[{i}] ({row.name})"):
@@ -122,6 +127,12 @@ def _problems_at(source: Path | str, field: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(f"{source}: {field}: {error}") from None
+
+
+def _drone_pose(described: DroneDescription) -> NDArray[np.float64]:
+    looking = look_at(described.position_m, described.look_at_m, described.up)
+    offset = pose_matrix(described.turn_deg, described.offset_m)
+    return np.asarray(looking @ OPTICAL_FROM_BODY @ offset @ OPTICAL_FROM_BODY.T)
 
 
 def _volume(described: VolumeDescription, folder: Path) -> Volume:

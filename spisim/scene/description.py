@@ -17,12 +17,17 @@ from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section
 class DroneDescription(Section):
     """Where the instrument is and what it looks at, in world coordinates (z up), and its motion.
 
-    Angular velocities are about the world's axes, right-handed, through the drone.
+    From there it is moved by `offset_m`, [forward, left, up] of the drone, and turned about itself
+    by `turn_deg`, [roll, pitch, yaw] about these axes in this order, right-handed: a pitch above
+    zero looks down, a yaw to the left. Angular velocities are about the world's axes, right-handed,
+    through the drone.
     """
 
     position_m: Vector
     look_at_m: Vector
     up: Vector = (0.0, 0.0, 1.0)
+    offset_m: Vector = (0.0, 0.0, 0.0)
+    turn_deg: Vector = (0.0, 0.0, 0.0)
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
     angular_velocity_deg_s: Vector = (0.0, 0.0, 0.0)
 
@@ -340,13 +345,14 @@ class SceneDescription(Surroundings):
 class DrawnDescription(Surroundings):
     """A scene file that names a family, from which `seed` draws all that `parameters` leave open.
 
-    Its own sections take the place of those drawn; its objects come in addition.
+    Its own sections take the place of those drawn, fields of `drone` and `ambient` one by one; its
+    objects come in addition.
     """
 
     family: Name
     seed: Annotated[int, Field(ge=0)] = 0
     name: Name | None = None
     parameters: dict[Name, Any] = Field(default_factory=dict)
-    drone: DroneDescription | None = None
+    drone: dict[Name, Any] = Field(default_factory=dict)
     objects: tuple[AnyObject, ...] = ()
-    ambient: AmbientDescription | None = None
+    ambient: dict[Name, Any] = Field(default_factory=dict)

@@ -51,6 +51,9 @@ def whole_file(fields: Mapping[str, Any], draft: families.Draft) -> dict[str, An
     """Fields of the scene file that says in full what a draft and a file's own sections say."""
     own = {name: value for name, value in fields.items() if name not in DRAWING}
     name = f"{fields['family']}-{fields.get('seed', 0)}"
-    whole = {"name": name, **draft.sections(), **own}
-    whole["objects"] = [*draft.objects, *own.get("objects", ())]
+    whole = {"name": name, **own}
+    drawn = draft.sections()
+    for section in ("drone", "ambient"):
+        whole[section] = {**drawn[section], **own.get(section, {})}
+    whole["objects"] = [*drawn["objects"], *own.get("objects", ())]
     return whole

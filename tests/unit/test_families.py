@@ -64,13 +64,18 @@ def test_sections_of_the_file_take_the_place_of_those_drawn() -> None:
 family: targets
 seed: 1
 parameters: {target: plane, distance_m: 4}
-drone: {position_m: [1, 0, 1.5], look_at_m: [4, 0, 1.5]}
+drone: {position_m: [1, 0, 1.5], velocity_m_s: [0, 0, 0.1]}
+ambient: {sun_klx: 5}
 objects:
   - {name: ball, shape: sphere, radius_m: 0.1, material: rubber-black, translate_m: [3, 0, 1.5]}
 """
     scene = make_scene(text, Path(), "text")
     assert [thing.name for thing in scene.objects] == ["board", "ball"]
     assert scene.drone_pose[:3, 3].tolist() == [1, 0, 1.5]
+    np.testing.assert_allclose(scene.drone_pose[:3, 2], [1, 0, 0])  # it looks where it was drawn to
+    assert scene.drone_velocity_m_s == (0, 0, 0.1)
+    assert scene.ambient.sun_klx == 5
+    assert scene.ambient.sky_klx > 0  # as drawn
 
 
 @pytest.mark.parametrize(

@@ -435,3 +435,22 @@ def test_missing_scene_file(tmp_path: Path) -> None:
 def test_unknown_scene_names_the_nearest() -> None:
     with pytest.raises(InputError, match=r"'warehose'.*did you mean 'warehouse'"):
         load_scene("warehose")
+
+
+def test_the_drone_is_offset_and_turned_as_it_stands(tmp_path):
+    path = tmp_path / "turned.yaml"
+
+    def pose(turn_deg):
+        path.write_text(
+            "name: turned\n"
+            "drone: {position_m: [0, 0, 2], look_at_m: [0, 5, 2], offset_m: [1, 0.5, 0.25],\n"
+            f"  turn_deg: {turn_deg}}}\n"
+            "objects: [{name: wall, shape: rectangle, size_m: [9, 9], material: concrete}]\n"
+        )
+        return load_scene(path).drone_pose
+
+    # Looking along +y, forward is +y and left is -x.
+    np.testing.assert_allclose(pose([0, 0, 0])[:3, 3], [-0.5, 1, 2.25], atol=1e-12)
+    np.testing.assert_allclose(pose([0, 90, 0])[:3, 2], [0, 0, -1], atol=1e-12)  # down
+    np.testing.assert_allclose(pose([0, 0, 90])[:3, 2], [-1, 0, 0], atol=1e-12)  # left
+    np.testing.assert_allclose(pose([90, 0, 0])[:3, 0], [0, 0, -1], atol=1e-12)  # right side down
