@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from zlib import crc32
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, StrictInt, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from spisim.config import Number, Positive, Section
@@ -35,7 +35,7 @@ def _rising(bounds: tuple[float, float]) -> None:
 class Uniform(Section):
     """Every value between two bounds alike; whole numbers, both bounds included, if both are."""
 
-    uniform: tuple[int, int] | tuple[Number, Number]
+    uniform: tuple[StrictInt, StrictInt] | tuple[Number, Number]
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Uniform:

@@ -81,7 +81,8 @@ def assemble(
     objects: list[SceneObject] = []
     for i, row in enumerate(described.objects):
         with _problems_at(source, f"objects[{i}] ({row.name})"):
-            objects += _place(row, folder, materials, meshes)
+            name = described.material_swaps.get(row.material, row.material)
+            objects += _place(row, find_material(name, materials), folder, meshes)
     volumes: list[Volume] = []
     for i, box in enumerate(described.volumes):
         with _problems_at(source, f"volumes[{i}] ({box.name})"):
@@ -160,10 +161,9 @@ def _ambient(described: AmbientDescription) -> Ambient:
 
 
 def _place(
-    described: ObjectDescription, folder: Path, materials: dict[str, Material], meshes: Meshes
+    described: ObjectDescription, material: Material, folder: Path, meshes: Meshes
 ) -> list[SceneObject]:
     """An object, or its instances, with meshes in world coordinates."""
-    material = find_material(described.material, materials)
     if isinstance(described, MeshObject) and described.mesh in meshes:
         mesh = meshes[described.mesh].copy()
     else:

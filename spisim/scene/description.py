@@ -322,10 +322,14 @@ class AmbientDescription(Section):
 
 
 class Surroundings(Section):
-    """Sections that every scene file may have."""
+    """Sections that every scene file may have.
+
+    `material_swaps` puts materials in place of others, wherever those are used.
+    """
 
     description: str = ""
     materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
+    material_swaps: dict[Name, Name] = Field(default_factory=dict)
     fog: FogDescription | None = None
     smoke: SmokeDescription | None = None
     rain: RainDescription | None = None

@@ -25,6 +25,7 @@ def test_uniform_numbers_have_its_mean_and_spread() -> None:
 
 def test_whole_bounds_give_whole_numbers_both_included() -> None:
     assert set(draws({"uniform": [1, 4]})) == {1, 2, 3, 4}
+    assert len(set(draws({"uniform": [1.0, 4.0]}))) > 1000
 
 
 def test_logarithms_are_uniform() -> None:

@@ -1,0 +1,1 @@
+"""Data sets: many captures of a plan, made on one machine or a cluster, and read again."""
