@@ -1,5 +1,6 @@
 """Materials have a possible reflectance and a source, are found by name, and read from scenes."""
 
+import runpy
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -81,6 +82,13 @@ def test_few_rows_are_estimates() -> None:
     estimates = [name for name, row in SHIPPED.dry.items() if row.source.startswith("estimate")]
     assert len(estimates) <= 15
     assert len(SHIPPED.dry) >= 75
+
+
+def test_documented_table_is_that_of_the_rows() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    table = runpy.run_path(str(docs / "images" / "materials.py"))["table"]()
+    assert len(table) == 2 + len(SHIPPED.names)
+    assert "\n".join(table) in (docs / "materials.md").read_text(encoding="utf-8")
 
 
 def test_names_that_scenes_may_use_stay() -> None:
