@@ -163,11 +163,11 @@ def _locate(loc: tuple[int | str, ...], data: Any, missing: bool) -> tuple[str, 
     path = ""
     for position, key in enumerate(loc):
         is_last = position == len(loc) - 1
-        if isinstance(key, int):
+        if isinstance(key, int) and not isinstance(data, Mapping):
             path = f"{path}[{key}]"
             data = data[key] if isinstance(data, list) and key < len(data) else None
         elif isinstance(data, Mapping) and (key in data or (missing and is_last)):
-            path = f"{path}.{key}" if path else key
+            path = f"{path}.{key}" if path else str(key)
             data = data.get(key)
     return path, data
 

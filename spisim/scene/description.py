@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
@@ -121,25 +121,44 @@ AnyObject = Annotated[
 ]
 
 
+#: A value at every wavelength, or by wavelength in nm.
+Spectrum: TypeAlias = float | Mapping[float, float]
+
+_BY_WAVELENGTH = Discriminator(
+    lambda data: "by wavelength" if isinstance(data, Mapping) else "at every wavelength"
+)
+NumberSpectrum = Annotated[
+    Annotated[Number, Tag("at every wavelength")]
+    | Annotated[dict[Positive, Number], Field(min_length=1), Tag("by wavelength")],
+    _BY_WAVELENGTH,
+]
+FractionSpectrum = Annotated[
+    Annotated[Fraction, Tag("at every wavelength")]
+    | Annotated[dict[Positive, Fraction], Field(min_length=1), Tag("by wavelength")],
+    _BY_WAVELENGTH,
+]
+
+
 class MaterialDescription(Section):
     """A material of this scene's own; `source` says where its values come from.
 
-    Which of `roughness` to `specular` go with a `bsdf`, and their ranges, is up to the model.
+    Which of `roughness` to `specular` go with a `bsdf`, and their ranges, is up to the model. What
+    changes with the wavelength may be given as a mapping from nm: `{850: 0.4, 1550: 0.3}`.
     """
 
-    reflectance: Fraction | None = None
+    reflectance: FractionSpectrum | None = None
     source: Name
     bsdf: str = "diffuse"
     roughness: Number | None = None
-    ior: Number | None = None
-    eta: Number | None = None
-    k: Number | None = None
+    ior: NumberSpectrum | None = None
+    eta: NumberSpectrum | None = None
+    k: NumberSpectrum | None = None
     metallic: Number | None = None
     specular: Number | None = None
     texture: Name | None = None
     opacity: Fraction | Name | None = None
 
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> dict[str, Spectrum]:
         """Parameters of the model, as far as given."""
         names = ("roughness", "ior", "eta", "k", "metallic", "specular")
         return {name: getattr(self, name) for name in names if name in self.model_fields_set}

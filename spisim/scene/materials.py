@@ -1,29 +1,34 @@
-"""Materials: how much a surface reflects at 1550 nm, each with the source of its value, and how."""
+"""Materials: how much a surface reflects, by wavelength, each with the source of its values."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError, naming, nearest
+from spisim.config import Fraction, Name, Section, parse_model, read_text
 from spisim.scene.bsdf import DIFFUSE, Bsdf, Clear, make_bsdf
+from spisim.scene.description import MaterialDescription, Spectrum
 from spisim.scene.files import read_picture
-
-if TYPE_CHECKING:
-    from spisim.scene.description import MaterialDescription
+from spisim.scene.wetness import wet_reflectance
 
 Picture: TypeAlias = NDArray[np.float32]
+
+#: Where materials are looked up unless another wavelength is asked for.
+WAVELENGTH_NM = 1550.0
+#: How far from a wavelength where a value is known it may be used; bands of water are wider.
+MAX_DISTANCE_NM = 50.0
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """A surface.
+    """A surface at one wavelength.
 
     Pictures (h, w) hold values from 0 to 1, first row at the top of the mesh's texture coordinates
     (v = 1), and repeat beyond them. `texture` multiplies what is reflected; `opacity` is the
@@ -33,7 +38,7 @@ class Material:
     """
 
     name: str
-    reflectance: float  # at 1550 nm: of the diffuse body, or at normal incidence without one
+    reflectance: float  # of the diffuse body, or at normal incidence without one
     source: str
     bsdf: Bsdf = DIFFUSE
     texture: Picture | None = None
@@ -49,36 +54,77 @@ class Material:
         return self.texture is not None or isinstance(self.opacity, np.ndarray)
 
 
+class ShippedMaterial(MaterialDescription):
+    """A row of the shipped table; `typical` is the range of reflectances to expect at 1550 nm."""
+
+    typical: tuple[Fraction, Fraction] | None = None
+
+
+class ShippedMaterials(Section):
+    """The shipped table: surfaces as they are when dry, and which of them are there soaked."""
+
+    dry: dict[Name, ShippedMaterial]
+    wet: dict[Name, Name]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all materials."""
+        return [*self.dry, *self.wet]
+
+
 @cache
-def material_table() -> dict[str, Material]:
-    """The shipped materials by name."""
-    text = Path(__file__).with_name("materials.yaml").read_text(encoding="utf-8")
-    rows = yaml.safe_load(text)
-    return {name: Material(name, row["reflectance"], row["source"]) for name, row in rows.items()}
+def shipped_materials() -> ShippedMaterials:
+    """The shipped table, with values at all of its wavelengths."""
+    path = Path(__file__).with_name("materials.yaml")
+    return parse_model(read_text(path), ShippedMaterials, path)
 
 
-def find_material(name: str, extra: dict[str, Material] | None = None) -> Material:
+def material_table(wavelength_nm: float = WAVELENGTH_NM) -> dict[str, Material]:
+    """The shipped materials by name.
+
+    Raises InputError for a wavelength more than `MAX_DISTANCE_NM` from those of the table.
+    """
+    return {name: _shipped(name, float(wavelength_nm)) for name in shipped_materials().names}
+
+
+def find_material(
+    name: str, extra: Mapping[str, Material] | None = None, wavelength_nm: float = WAVELENGTH_NM
+) -> Material:
     """Material of this name, from `extra` or else the shipped table.
 
-    Raises InputError, naming the nearest, where there is none.
+    Raises InputError, naming the nearest, where there is none, and for a wavelength more than
+    `MAX_DISTANCE_NM` from those of the table.
     """
-    known = material_table() | (extra or {})
-    if name not in known:
-        raise InputError(f"unknown material {name!r}: {nearest(name, sorted(known))}")
-    return known[name]
+    extra = extra or {}
+    if name in extra:
+        return extra[name]
+    names = shipped_materials().names
+    if name not in names:
+        raise InputError(f"unknown material {name!r}: {nearest(name, sorted({*names, *extra}))}")
+    return _shipped(name, float(wavelength_nm))
 
 
-def make_material(name: str, described: MaterialDescription, folder: Path) -> Material:
+def make_material(
+    name: str,
+    described: MaterialDescription,
+    folder: Path,
+    wavelength_nm: float = WAVELENGTH_NM,
+) -> Material:
     """Material of a scene file in `folder`, where its pictures are looked for.
 
     Raises InputError for parameters that do not fit the model, pictures that are missing or
-    unusable, and a reflectance that is missing, or given where it follows from refraction.
+    unusable, a reflectance that is missing, or given where it follows from refraction, and values
+    that are not known near the wavelength.
     """
-    bsdf = make_bsdf(described.bsdf, described.parameters())
+    parameters = {
+        field: at_wavelength(field, values, wavelength_nm)
+        for field, values in described.parameters().items()
+    }
+    bsdf = make_bsdf(described.bsdf, parameters)
     texture, opacity = described.texture, described.opacity
     return Material(
         name,
-        _reflectance(described, bsdf.fresnel_reflectance),
+        _reflectance(described, bsdf.fresnel_reflectance, wavelength_nm),
         described.source,
         bsdf,
         None if texture is None else read_picture(folder / texture),
@@ -86,12 +132,47 @@ def make_material(name: str, described: MaterialDescription, folder: Path) -> Ma
     )
 
 
-def _reflectance(described: MaterialDescription, fresnel: float | None) -> float:
+def at_wavelength(field: str, values: Spectrum, wavelength_nm: float) -> float:
+    """Value at a wavelength: linear between those where it is known, constant beyond the ends.
+
+    A plain number holds everywhere. Raises InputError, naming the field, more than
+    `MAX_DISTANCE_NM` from all wavelengths where the value is known.
+    """
+    if not isinstance(values, Mapping):
+        return values
+    known = sorted(values)
+    if min(abs(other - wavelength_nm) for other in known) > MAX_DISTANCE_NM:
+        listed = ", ".join(f"{other:g}" for other in known)
+        raise InputError(
+            f"{field} is known at {listed} nm and {MAX_DISTANCE_NM:g} nm around, "
+            f"asked for at {wavelength_nm:g} nm"
+        )
+    return float(np.interp(wavelength_nm, known, [values[other] for other in known]))
+
+
+@cache
+def _shipped(name: str, wavelength_nm: float) -> Material:
+    table = shipped_materials()
+    with naming(f"material {name!r}"):
+        dry_name = table.wet.get(name, name)
+        dry = make_material(name, table.dry[dry_name], Path(), wavelength_nm)
+        if name not in table.wet:
+            return dry
+        return Material(
+            name,
+            wet_reflectance(dry.reflectance, wavelength_nm),
+            f"{dry_name}, soaked (Lekner & Dorf 1988, Bablet et al. 2018): {dry.source}",
+        )
+
+
+def _reflectance(
+    described: MaterialDescription, fresnel: float | None, wavelength_nm: float
+) -> float:
     given = described.reflectance
     if fresnel is None:
         if given is None:
             raise InputError("reflectance is missing")
-        return given
+        return at_wavelength("reflectance", given, wavelength_nm)
     if given is not None:
         raise InputError(
             f"reflectance does not go with bsdf {described.bsdf}: it follows from refraction, "
