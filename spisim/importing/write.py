@@ -1,0 +1,269 @@
+"""Parts to an editable scene file and its meshes, all there or none of it."""
+
+from __future__ import annotations
+
+import re
+import secrets
+import shutil
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+import yaml
+from scipy.spatial.transform import Rotation
+
+from reconstruction.errors import InputError
+from reconstruction.files import require_file
+from spisim.importing.drone import DronePose
+from spisim.importing.materials import Match, own_materials
+from spisim.importing.model import Floats, Part
+from spisim.importing.shapes import as_mesh, stretched
+from spisim.scene import Scene, SceneWarning, load_scene
+from spisim.scene.pose import pose_matrix
+
+HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
+#: How far, relative to its scale, a pose may be from a rotation: what single precision leaves.
+RIGID = 3e-7
+EXACT = 1e-9
+MAX_NAME = 80
+
+
+@dataclass(frozen=True)
+class Written:
+    """The files of an import, and the scene that they were loaded as to check them."""
+
+    scene_file: Path
+    mesh_files: tuple[Path, ...]
+    scene: Scene
+    warnings: tuple[str, ...]
+
+
+class _Flow(list[float]):
+    """A list that YAML shows in one line."""
+
+
+class _Dumper(yaml.SafeDumper):
+    pass
+
+
+_Dumper.add_representer(
+    _Flow,
+    lambda dumper, row: dumper.represent_sequence("tag:yaml.org,2002:seq", row, flow_style=True),
+)
+
+
+def check_free(output: Path, overwrite: bool) -> None:
+    """InputError unless a scene file and its folder of meshes can be written."""
+    if output.suffix not in (".yaml", ".yml"):
+        raise InputError(f"{output}: the name of a scene file should end in .yaml")
+    require_file(output)
+    for path in (output, mesh_folder(output)):
+        if path.is_symlink():
+            raise InputError(f"{path} is a symbolic link; the name of a new file is needed")
+        if path.exists() and not overwrite:
+            raise InputError(f"{path} exists; --overwrite replaces it")
+    if mesh_folder(output).exists() and not mesh_folder(output).is_dir():
+        raise InputError(f"{mesh_folder(output)} is not a folder")
+
+
+def mesh_folder(output: Path) -> Path:
+    """The folder of the meshes of a scene file."""
+    return output.with_name(f"{output.stem}-meshes")
+
+
+def write_scene(
+    output: Path, parts: Sequence[Part], matches: Sequence[Match], drone: DronePose, source: str
+) -> Written:
+    """Write a scene, load it to see that it is one, then give it its name.
+
+    `matches` are the materials of the parts. Raises InputError for a scene that does not load;
+    then, and when interrupted, nothing is left behind and older files stay.
+    """
+    folder = mesh_folder(output)
+    new_folders = [parent for parent in output.parents if not parent.exists()]
+    output.parent.mkdir(parents=True, exist_ok=True)
+    stage = output.with_name(f".{output.stem}.{secrets.token_hex(4)}.tmp")
+    try:
+        (stage / folder.name).mkdir(parents=True)
+        objects, meshes = _objects(parts, matches, stage, folder.name)
+        scene_text = _scene_text(output.stem, source, objects, matches, drone)
+        staged = stage / output.name
+        staged.write_text(scene_text, encoding="utf-8")
+        scene, odd = _loaded(staged, output)
+        _put_in_place(stage, output, folder)
+    except BaseException:
+        shutil.rmtree(stage, ignore_errors=True)
+        for parent in new_folders:
+            if parent.is_dir() and not any(parent.iterdir()):
+                parent.rmdir()
+        raise
+    shutil.rmtree(stage, ignore_errors=True)
+    return Written(output, tuple(folder / name for name in meshes), scene, odd)
+
+
+def _put_in_place(stage: Path, output: Path, folder: Path) -> None:
+    """Move the staged files to their names; older ones go into the stage, or back on failure."""
+    moved: list[tuple[Path, Path]] = []
+    try:
+        for path in (folder, output):
+            if path.exists():
+                moved.append((path, path.rename(stage / f"old-{path.name}")))
+        for path in (folder, output):
+            moved.append((stage / path.name, (stage / path.name).rename(path)))
+    except BaseException:
+        for before, now in reversed(moved):
+            now.rename(before)
+        raise
+
+
+def _loaded(staged: Path, output: Path) -> tuple[Scene, tuple[str, ...]]:
+    try:
+        with warnings.catch_warnings(record=True) as odd:
+            warnings.simplefilter("always", SceneWarning)
+            scene = load_scene(staged)
+    except InputError as error:
+        raise InputError(str(error).replace(str(staged), str(output))) from None
+    return scene, tuple(str(warning.message) for warning in odd)
+
+
+def _scene_text(
+    name: str,
+    source: str,
+    objects: list[dict[str, Any]],
+    matches: Iterable[Match],
+    drone: DronePose,
+) -> str:
+    used = {match.material for match in matches}
+    own = {name: row for name, row in own_materials().items() if name in used}
+    content: dict[str, Any] = {
+        "name": name,
+        "description": f"imported from {source}",
+        "drone": {
+            "position_m": _flow(drone.position_m, 4),
+            "look_at_m": _flow(drone.look_at_m, 4),
+        },
+    }
+    if own:
+        content["materials"] = own
+    content["objects"] = objects
+    text = yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100)
+    return HEADER + text
+
+
+def _objects(
+    parts: Sequence[Part], matches: Sequence[Match], stage: Path, folder: str
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Rows of a scene file, one for all copies of a part; writes their meshes into the stage."""
+    groups: dict[Any, list[tuple[Part, Floats]]] = {}
+    order: dict[Any, tuple[dict[str, Any], float, str]] = {}
+    files: dict[int, str] = {}
+    for part, match in zip(parts, matches, strict=True):
+        plain, scale, pose = _plain(part)
+        if isinstance(plain.geometry, trimesh.Trimesh):
+            key = id(plain.geometry)
+            if key not in files:
+                files[key] = _unique_file(part.name, files.values())
+                plain.geometry.export(stage / folder / files[key], include_attributes=False)
+            shape: dict[str, Any] = {"mesh": f"{folder}/{files[key]}"}
+        else:
+            shape = _shape_row(plain.geometry)
+        group = (tuple(map(str, shape.items())), scale, match.material)
+        groups.setdefault(group, []).append((plain, pose))
+        order.setdefault(group, (shape, scale, match.material))
+    taken: set[str] = set()
+    return [_row(order[group], copies, taken) for group, copies in groups.items()], list(
+        files.values()
+    )
+
+
+def _plain(part: Part) -> tuple[Part, float, Floats]:
+    """A part as a scene file can place it: with one scale and a rigid pose (4, 4).
+
+    Where its own pose does more, the mesh takes it up.
+    """
+    if not isinstance(part.geometry, trimesh.Trimesh) and (
+        found := stretched(part.geometry, part.to_world)
+    ):
+        return Part(part.name, found[0], found[1], part.surface), 1.0, found[1]
+    linear = part.to_world[:3, :3]
+    determinant = float(np.linalg.det(linear))
+    if determinant > 0:
+        scale = determinant ** (1 / 3)
+        rotation = linear / scale
+        if np.allclose(rotation.T @ rotation, np.eye(3), atol=RIGID):
+            pose = part.to_world.copy()
+            pose[:3, :3] = rotation
+            return part, 1.0 if abs(scale - 1) < EXACT else scale, pose
+    mesh = as_mesh(part.geometry).copy().apply_transform(part.to_world)
+    return Part(part.name, mesh, np.eye(4), part.surface), 1.0, np.eye(4)
+
+
+def _row(
+    shared: tuple[dict[str, Any], float, str],
+    copies: list[tuple[Part, Floats]],
+    taken: set[str],
+) -> dict[str, Any]:
+    shape, scale, material = shared
+    row: dict[str, Any] = {"name": _unique_name(copies[0][0].name, len(copies), taken), **shape}
+    if scale != 1.0:
+        row["scale"] = scale
+    if len(copies) == 1:
+        row |= _pose_row(copies[0][1])
+    row["material"] = material
+    if len(copies) > 1:
+        row["instances"] = [_pose_row(pose) for _, pose in copies]
+    return row
+
+
+def _pose_row(pose: Floats) -> dict[str, Any]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # at 90° of pitch there are many solutions
+        angles = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", degrees=True)
+    row: dict[str, Any] = {}
+    if not np.allclose(pose_matrix(angles, (0, 0, 0))[:3, :3], np.eye(3), atol=EXACT):
+        row["rotate_deg"] = _flow(angles, 9)
+    if not np.allclose(pose[:3, 3], 0, atol=EXACT):
+        row["translate_m"] = _flow(pose[:3, 3], 9)
+    return row
+
+
+def _shape_row(geometry: Any) -> dict[str, Any]:
+    fields = geometry.model_dump(exclude={"name", "material"}, exclude_defaults=True)
+    fields["shape"] = geometry.shape
+    row = {"shape": fields.pop("shape")}
+    for name, value in fields.items():
+        row[name] = _flow(value, 9) if isinstance(value, tuple) else round(value, 9)
+    return row
+
+
+def _flow(values: Iterable[float], digits: int) -> _Flow:
+    """Rounded numbers, whole ones as such."""
+    rounded = (round(float(value), digits) + 0.0 for value in values)
+    return _Flow([int(value) if value == int(value) else value for value in rounded])
+
+
+def _unique_name(name: str, copies: int, taken: set[str]) -> str:
+    """A name, with a number where it is taken; copies are called name-1, name-2, … when loaded."""
+    plain = re.sub(r"\s+", " ", re.sub(r"[^\w .:/+-]", " ", name)).strip()[:MAX_NAME] or "object"
+    number = 1
+    while True:
+        candidate = plain if number == 1 else f"{plain} {number}"
+        called = {candidate}
+        if copies > 1:
+            called |= {f"{candidate}-{i}" for i in range(1, copies + 1)}
+        if not called & taken:
+            taken |= called
+            return candidate
+        number += 1
+
+
+def _unique_file(name: str, taken: Iterable[str]) -> str:
+    plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:40] or "mesh"
+    number, used = 1, set(taken)
+    while (file := f"{plain}.ply" if number == 1 else f"{plain}_{number}.ply") in used:
+        number += 1
+    return file
