@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 import trimesh
 import yaml
+from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 from reconstruction.errors import InputError
 from reconstruction.files import require_file
 from spisim.importing.drone import DronePose
 from spisim.importing.materials import Match, own_materials
-from spisim.importing.model import Floats, Part
+from spisim.importing.model import Floats, Part, Shape
 from spisim.importing.shapes import as_mesh, stretched
 from spisim.scene import Scene, SceneWarning, load_scene
 from spisim.scene.pose import pose_matrix
@@ -158,65 +159,57 @@ def _objects(
     parts: Sequence[Part], matches: Sequence[Match], stage: Path, folder: str
 ) -> tuple[list[dict[str, Any]], list[str]]:
     """Rows of a scene file, one for all copies of a part; writes their meshes into the stage."""
-    groups: dict[Any, list[tuple[Part, Floats]]] = {}
-    order: dict[Any, tuple[dict[str, Any], float, str]] = {}
+    groups: dict[Any, list[tuple[dict[str, Any], str, Floats]]] = {}
+    stretched_meshes: dict[Any, trimesh.Trimesh] = {}
     files: dict[int, str] = {}
     for part, match in zip(parts, matches, strict=True):
-        plain, scale, pose = _plain(part)
-        if isinstance(plain.geometry, trimesh.Trimesh):
-            key = id(plain.geometry)
-            if key not in files:
-                files[key] = _unique_file(part.name, files.values())
-                plain.geometry.export(stage / folder / files[key], include_attributes=False)
-            shape: dict[str, Any] = {"mesh": f"{folder}/{files[key]}"}
+        geometry, scale, pose = _placeable(part, stretched_meshes)
+        if isinstance(geometry, trimesh.Trimesh):
+            if id(geometry) not in files:
+                files[id(geometry)] = _unique_file(part.name, files.values())
+                geometry.export(stage / folder / files[id(geometry)], include_attributes=False)
+            shape: dict[str, Any] = {"mesh": f"{folder}/{files[id(geometry)]}"}
         else:
-            shape = _shape_row(plain.geometry)
-        group = (tuple(map(str, shape.items())), scale, match.material)
-        groups.setdefault(group, []).append((plain, pose))
-        order.setdefault(group, (shape, scale, match.material))
+            shape = _shape_row(geometry)
+        if abs(scale - 1) > RIGID:
+            shape["scale"] = float(f"{scale:.9g}")
+        shape["material"] = match.material
+        groups.setdefault(repr(shape), []).append((shape, part.name, pose))
     taken: set[str] = set()
-    return [_row(order[group], copies, taken) for group, copies in groups.items()], list(
-        files.values()
-    )
+    return [_row(copies, taken) for copies in groups.values()], list(files.values())
 
 
-def _plain(part: Part) -> tuple[Part, float, Floats]:
+def _placeable(
+    part: Part, stretched_meshes: dict[Any, trimesh.Trimesh]
+) -> tuple[trimesh.Trimesh | Shape, float, Floats]:
     """A part as a scene file can place it: with one scale and a rigid pose (4, 4).
 
-    Where its own pose does more, the mesh takes it up.
+    Where its own pose does more, the mesh takes up the stretch, once for all parts that share both.
     """
-    if not isinstance(part.geometry, trimesh.Trimesh) and (
-        found := stretched(part.geometry, part.to_world)
-    ):
-        return Part(part.name, found[0], found[1], part.surface), 1.0, found[1]
-    linear = part.to_world[:3, :3]
-    determinant = float(np.linalg.det(linear))
-    if determinant > 0:
-        scale = determinant ** (1 / 3)
-        rotation = linear / scale
-        if np.allclose(rotation.T @ rotation, np.eye(3), atol=RIGID):
-            pose = part.to_world.copy()
-            pose[:3, :3] = rotation
-            return part, 1.0 if abs(scale - 1) < EXACT else scale, pose
-    mesh = as_mesh(part.geometry).copy().apply_transform(part.to_world)
-    return Part(part.name, mesh, np.eye(4), part.surface), 1.0, np.eye(4)
+    geometry, pose = part.geometry, part.to_world.copy()
+    if not isinstance(geometry, trimesh.Trimesh) and (found := stretched(geometry, pose)):
+        return found[0], 1.0, found[1]
+    rotation, stretch = polar(pose[:3, :3])  # first the stretch
+    if np.linalg.det(rotation) < 0:
+        rotation, stretch = -rotation, -stretch
+    pose[:3, :3] = rotation
+    scale = float(np.trace(stretch)) / 3
+    if scale > 0 and np.allclose(stretch / scale, np.eye(3), atol=RIGID):
+        return geometry, scale, pose
+    key = (id(geometry), tuple(np.round(stretch, 12).ravel()))
+    if key not in stretched_meshes:
+        matrix = np.eye(4)
+        matrix[:3, :3] = stretch
+        stretched_meshes[key] = as_mesh(geometry).copy().apply_transform(matrix)
+    return stretched_meshes[key], 1.0, pose
 
 
-def _row(
-    shared: tuple[dict[str, Any], float, str],
-    copies: list[tuple[Part, Floats]],
-    taken: set[str],
-) -> dict[str, Any]:
-    shape, scale, material = shared
-    row: dict[str, Any] = {"name": _unique_name(copies[0][0].name, len(copies), taken), **shape}
-    if scale != 1.0:
-        row["scale"] = scale
+def _row(copies: list[tuple[dict[str, Any], str, Floats]], taken: set[str]) -> dict[str, Any]:
+    shape, name, pose = copies[0]
+    row: dict[str, Any] = {"name": _unique_name(name, len(copies), taken), **shape}
     if len(copies) == 1:
-        row |= _pose_row(copies[0][1])
-    row["material"] = material
-    if len(copies) > 1:
-        row["instances"] = [_pose_row(pose) for _, pose in copies]
-    return row
+        return row | _pose_row(pose)
+    return row | {"instances": [_pose_row(pose) for _, _, pose in copies]}
 
 
 def _pose_row(pose: Floats) -> dict[str, Any]:
@@ -236,7 +229,7 @@ def _shape_row(geometry: Any) -> dict[str, Any]:
     fields["shape"] = geometry.shape
     row = {"shape": fields.pop("shape")}
     for name, value in fields.items():
-        row[name] = _flow(value, 9) if isinstance(value, tuple) else round(value, 9)
+        row[name] = _flow(value, 9) if isinstance(value, tuple) else _flow([value], 9)[0]
     return row
 
 
