@@ -40,16 +40,16 @@ class Folders:
         try:
             resolved = [path.resolve() for path in candidates]
             inside = [path for path in resolved if self._holds(path)]
-            if not inside:
-                raise InputError(
-                    f"{referrer}: {reference!r} lies outside the folders that may be read "
-                    f"({self._list()}); copy it there or name its folder with --model-path"
-                )
-            for path in inside:
-                if path.exists():
-                    return path
+            found = [path for path in inside if path.exists()]
         except (OSError, RuntimeError, ValueError):  # loops of links, names that cannot be
             raise InputError(f"{referrer}: {reference!r} is no usable path") from None
+        if found:
+            return found[0]
+        if not inside:
+            raise InputError(
+                f"{referrer}: {reference!r} lies outside the folders that may be read "
+                f"({self._list()}); copy it there or name its folder with --model-path"
+            )
         searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
         raise InputError(f"{referrer}: no file {reference!r}; searched {searched}")
 
