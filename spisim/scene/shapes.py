@@ -61,7 +61,7 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
         raise InputError(f"mesh {path.name!r} cannot be read: {error}") from None
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()
-    _check_mesh(mesh, path.name)
+    check_mesh(mesh, path.name)
     return mesh
 
 
@@ -73,7 +73,8 @@ def texture_coordinates(mesh: trimesh.Trimesh) -> NDArray[np.float64] | None:
     return np.asarray(uv, dtype=np.float64)[:, :2]
 
 
-def _check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
+def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
+    """InputError unless a mesh has triangles with an area, and finite vertices for all."""
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"mesh {name!r} is empty: it has no triangles")
     if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):

@@ -1,0 +1,174 @@
+"""`spisim scenes import`: scenes of other programs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .console import messages, print_json, results, warn
+from .options import Json
+
+if TYPE_CHECKING:
+    from spisim.importing import Import
+
+EXAMPLE = "spisim scenes import hangar.glb -o hangar.yaml"
+
+#: Where Gazebo looks for models; read for convenience, --model-path does the same.
+SEARCH_PATHS = ("GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
+TEXTURES = "Texture images are not used: colours mean nothing at 1550 nm."
+
+
+def command(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A scene or mesh: .glb .gltf .obj .stl .ply .dae .sdf .world, Mitsuba's .xml.",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="YAML", help="Scene file to write.")
+    ],
+    units: Annotated[
+        str,
+        typer.Option(metavar="UNIT", help="mm, cm, m, in, ft, or auto: what the file says."),
+    ] = "auto",
+    up: Annotated[
+        str | None, typer.Option(metavar="AXIS", help="Axis that is up in the file: x, y or z.")
+    ] = None,
+    scale: Annotated[float, typer.Option(metavar="S", help="Scale everything once more.")] = 1.0,
+    materials: Annotated[
+        Path | None,
+        typer.Option(metavar="YAML", help="Lines of `name in the file: material of spisim`."),
+    ] = None,
+    model_path: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Folder to look for models in, and to read from."),
+    ] = None,
+    drone: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Where the drone is, metres, z up.")
+    ] = None,
+    look_at: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="What it looks at, metres, z up.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace older files.")] = False,
+    json: Json = False,
+) -> None:
+    """Make an editable scene file, and its meshes beside it, of a file of another program."""
+    from spisim.importing import Options, import_scene
+
+    options = Options(
+        units,
+        up,
+        scale,
+        materials,
+        (*(model_path or ()), *_search_path()),
+        None if drone is None else _point("--drone", drone),
+        None if look_at is None else _point("--look-at", look_at),
+        overwrite,
+    )
+    report = import_scene(file, output, options)
+    warn(report.warnings)
+    if json:
+        print_json(_summary(report))
+    else:
+        _print(report)
+
+
+def _point(option: str, text: str) -> tuple[float, float, float]:
+    from reconstruction.errors import InputError
+
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+    except ValueError:
+        raise InputError(f"{option}: expected three numbers X,Y,Z; found {text!r}") from None
+    return x, y, z
+
+
+def _search_path() -> list[Path]:
+    """Folders of Gazebo's environment variables, those that are there."""
+    listed = (os.environ.get(name, "").split(os.pathsep) for name in SEARCH_PATHS)
+    return [Path(name) for names in listed for name in names if name and Path(name).is_dir()]
+
+
+def _summary(report: Import) -> dict[str, Any]:
+    scene = report.written.scene
+    drone = report.drone
+    return {
+        "written": [report.written.scene_file, *report.written.mesh_files],
+        "objects": len(scene.objects),
+        "triangles": report.triangles,
+        "bounds_m": report.bounds_m.tolist(),
+        "unit_m": report.unit_m,
+        "unit_why": report.unit_why,
+        "up": report.up,
+        "up_why": report.up_why,
+        "materials": [
+            {
+                "source": match.source,
+                "material": match.material,
+                "how": match.how,
+                "why": match.why,
+                "parts": parts,
+            }
+            for match, parts in report.materials
+        ],
+        "drone": {
+            "position_m": drone.position_m.tolist(),
+            "look_at_m": drone.look_at_m.tolist(),
+            "why": drone.why,
+            "nearest_m": drone.nearest_m,
+            "ahead_m": drone.ahead_m,
+        },
+        "notes": [*report.notes, TEXTURES],
+        "warnings": report.warnings,
+    }
+
+
+def _print(report: Import) -> None:
+    from rich.table import Table
+
+    size = report.bounds_m[1] - report.bounds_m[0]
+    drone = report.drone
+    lines = {
+        "objects": f"{len(report.written.scene.objects)}, {report.triangles:,} triangles",
+        "size": f"{_metres(size)} m, from {_metres(report.bounds_m[0])} "
+        f"to {_metres(report.bounds_m[1])}",
+        "unit": f"{report.unit_m:g} m ({report.unit_why})",
+        "up": f"{report.up} ({report.up_why})",
+        "drone": f"at {_metres(drone.position_m)}, looks at {_metres(drone.look_at_m)} "
+        f"({drone.why}); nearest surface {drone.nearest_m:.2f} m, ahead {drone.ahead_m:.2f} m",
+    }
+    for title, text in lines.items():
+        results.print(f"{title:8} {text}", markup=False, soft_wrap=True)
+    table = Table("in the file", "material", "how", "why", "parts", box=None, header_style="dim")
+    for match, parts in report.materials:
+        table.add_row(
+            *map(_plain, (match.source, match.material, match.how, match.why)), str(parts)
+        )
+    results.print()
+    results.print(table)
+    results.print()
+    for note in (*report.notes, TEXTURES):
+        results.print(f"note: {note}", markup=False, soft_wrap=True)
+    written = report.written
+    messages.print(
+        f"Wrote {written.scene_file} and {len(written.mesh_files)} meshes. "
+        f"Look at it: spisim picture {written.scene_file} -o picture.exr --clear",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _metres(values: Any) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)
+
+
+def _plain(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)

@@ -1,0 +1,103 @@
+"""Which files an import may read: those in given folders, none through links or `..`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from reconstruction.errors import InputError, nearest
+
+MAX_FILE_BYTES = 2 * 1024**3
+
+#: Schemes whose first part is the name of a model in one of the folders.
+MODEL_SCHEMES = ("model", "package")
+
+
+@dataclass(frozen=True)
+class Folders:
+    """The folders that may be read, symbolic links resolved."""
+
+    roots: tuple[Path, ...]
+
+    @classmethod
+    def around(cls, file: Path, more: Sequence[Path] = ()) -> Folders:
+        """The folder of a file and more, the search path; InputError for what is no folder."""
+        for folder in more:
+            if not folder.is_dir():
+                raise InputError(f"--model-path {folder}: no such folder")
+        return cls(tuple(folder.resolve() for folder in (file.parent, *more)))
+
+    def find(self, reference: str, beside: Path, referrer: str) -> Path:
+        """Path of the file or folder that a file in folder `beside` refers to.
+
+        `reference` is a path or a URI: relative to `beside`, `file://…`, or `model://name/…` in one
+        of the roots. Raises InputError, starting with `referrer`, where there is none, for one
+        outside the roots, and for one on the network.
+        """
+        candidates = self._candidates(reference.strip(), beside, referrer)
+        try:
+            resolved = [path.resolve() for path in candidates]
+            inside = [path for path in resolved if self._holds(path)]
+            found = [path for path in inside if path.exists()]
+        except (OSError, RuntimeError, ValueError):  # loops of links, names that cannot be
+            raise InputError(f"{referrer}: {reference!r} is no usable path") from None
+        if found:
+            return found[0]
+        if not inside:
+            raise InputError(
+                f"{referrer}: {reference!r} lies outside the folders that may be read "
+                f"({self._list()}); copy it there or name its folder with --model-path"
+            )
+        searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
+        raise InputError(f"{referrer}: no file {reference!r}; searched {searched}")
+
+    def _candidates(self, reference: str, beside: Path, referrer: str) -> list[Path]:
+        if not reference:
+            raise InputError(f"{referrer}: the reference to a file is empty")
+        scheme, rest = _split(reference)
+        if scheme in MODEL_SCHEMES:
+            rest = rest.lstrip("/")
+            model = rest.partition("/")[0]
+            # A model that is itself one of the folders is found by its own name.
+            own = [root.parent / rest for root in self.roots if root.name == model]
+            return [*(root / rest for root in self.roots), *own]
+        if scheme in ("", "file"):
+            return [beside / rest]
+        if scheme in ("http", "https", "ftp", "fuel"):
+            raise InputError(
+                f"{referrer}: {reference!r} is on the network, which is never read; "
+                "download it and refer to the file"
+            )
+        known = nearest(scheme, ("model", "file"))
+        raise InputError(f"{referrer}: {reference!r} has an unknown scheme: {known}")
+
+    def _holds(self, path: Path) -> bool:
+        return any(path.is_relative_to(root) for root in self.roots)
+
+    def _list(self) -> str:
+        return ", ".join(map(str, dict.fromkeys(self.roots)))
+
+
+def read_bytes(path: Path) -> bytes:
+    """All of a file; InputError where it is missing, empty, not regular, or larger than 2 GB."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    size = path.stat().st_size
+    if size == 0:
+        raise InputError(f"{path}: the file is empty")
+    if size > MAX_FILE_BYTES:
+        raise InputError(f"{path}: {size / 1024**3:.1f} GB; more than 2 GB are not read")
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _split(reference: str) -> tuple[str, str]:
+    """Scheme and path; of `model://name/file` the path is `name/file`."""
+    if "://" not in reference:
+        return "", reference
+    parts = urlsplit(reference)
+    return parts.scheme.lower(), unquote(parts.netloc + parts.path)

@@ -1,0 +1,257 @@
+"""Import of glTF, OBJ, STL, PLY and COLLADA: the written scene has the geometry of the file."""
+
+import base64
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from foreign import (
+    TRIANGLE,
+    Y_UP,
+    assert_same,
+    collada,
+    glb,
+    taken,
+    tetrahedron,
+    triangle_header,
+    written,
+)
+
+from spisim.importing.drone import distance
+from spisim.scene import enclosing_object, load_scene
+
+
+def placed(angle: float, offset: list[float], scale: float | list[float] = 1.0) -> np.ndarray:
+    matrix = trimesh.transformations.rotation_matrix(angle, [1, 2, 3])
+    matrix[:3, 3] = offset
+    return matrix @ np.diag([*np.broadcast_to(scale, 3), 1.0])
+
+
+def named(name: str, color: list[float] | None = None) -> trimesh.visual.TextureVisuals:
+    material = trimesh.visual.material.PBRMaterial(name=name, baseColorFactor=color)
+    return trimesh.visual.TextureVisuals(material=material)
+
+
+@pytest.fixture
+def scene() -> trimesh.Scene:
+    """Nested nodes: a group that holds a wedge three times, a stretched ball, a mirrored wedge."""
+    scene = trimesh.Scene()
+    wedge, ball = tetrahedron(), trimesh.creation.icosphere(2, 0.5)
+    wedge.visual = named("BrickWall.001")
+    scene.geometry.update({"wedge": wedge, "ball": ball})
+    graph = scene.graph
+    graph.update("group", matrix=placed(0.4, [0.5, 1, -2], 2.0))
+    graph.update("a", "group", matrix=placed(1.1, [0, 0, 1]), geometry="wedge")
+    graph.update("b", "group", matrix=placed(-2, [3, 0, 0]), geometry="wedge")
+    graph.update("c", "group", matrix=placed(0.1, [0, 4, 0], 0.5), geometry="wedge")
+    graph.update("ball", matrix=placed(0.7, [-3, 0, 0], [1, 2, 3]), geometry="ball")
+    graph.update("ball 2", matrix=placed(0.2, [-8, 0, 0], [1, 2, 3]), geometry="ball")
+    graph.update("mirrored", matrix=placed(0.3, [0, 0, 5], [1, -1, 1]), geometry="wedge")
+    return scene
+
+
+@pytest.fixture
+def report(scene: trimesh.Scene, tmp_path: Path):
+    scene.export(tmp_path / "hall.glb")
+    return taken(tmp_path / "hall.glb")
+
+
+def test_nested_nodes_of_glb(scene: trimesh.Scene, report) -> None:
+    assert_same(written(report), scene.to_mesh().apply_transform(Y_UP))
+    assert report.up == "y"
+    assert report.unit_m == 1
+    assert report.triangles == len(scene.to_mesh().faces)
+    np.testing.assert_allclose(report.bounds_m, written(report).bounds, rtol=0, atol=1e-6)
+
+
+def test_shared_geometry_is_written_once(report) -> None:
+    rows = yaml.safe_load(report.written.scene_file.read_text())["objects"]
+    copies = {row["name"]: len(row.get("instances", [1])) for row in rows}
+    assert copies == {"a": 2, "c": 1, "ball": 2, "mirrored": 1}
+    assert rows[0]["mesh"] == rows[1]["mesh"]
+    assert rows[0]["scale"] == pytest.approx(2)
+    assert "scale" not in rows[1]
+    assert len(report.written.mesh_files) == 3  # wedge, stretched ball, mirrored wedge
+
+
+def test_the_written_scene_loads_by_itself(report) -> None:
+    scene = load_scene(report.written.scene_file)
+    assert [thing.name for thing in scene.objects] == ["a-1", "a-2", "c", "ball-1", "ball-2",
+                                                       "mirrored"]  # fmt: skip
+    assert {thing.material.name for thing in scene.objects} == {"brick", "concrete"}
+
+
+def test_drone_is_proposed_in_the_open(report) -> None:
+    scene, drone = report.written.scene, report.drone
+    assert enclosing_object(scene, drone.position_m) is None
+    every = written(report).triangles
+    assert 1 <= drone.nearest_m <= 10
+    assert drone.nearest_m == pytest.approx(distance(drone.position_m, every))
+    assert 1 <= drone.ahead_m <= 10
+
+
+def test_distance_is_that_of_the_nearest_point() -> None:
+    triangle = np.array([[[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]])
+    cases = {(1, 1, 2): 2, (-3, 1, 0): 3, (4, 4, 0): 8**0.5, (7, 0, 4): 5, (1, -2, 0): 2}
+    for point, expected in cases.items():
+        assert distance(np.array(point, float), triangle) == pytest.approx(expected)
+
+
+def test_nodes_below_a_camera_are_kept(tmp_path: Path) -> None:
+    nodes = [{"camera": 0, "children": [1], "translation": [0, 0, 2]}, {"mesh": 0}]
+    camera = {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1, "aspectRatio": 1}}
+    header = triangle_header(nodes=nodes, cameras=[camera])
+    (tmp_path / "a.glb").write_bytes(glb(header, TRIANGLE))
+    got = written(taken(tmp_path / "a.glb"))
+    np.testing.assert_allclose(got.bounds, [[0, -2, 0], [1, -2, 1]], rtol=0, atol=1e-6)
+
+
+def test_one_object_per_primitive_and_lines_left_out(tmp_path: Path) -> None:
+    row = {"attributes": {"POSITION": 0}}
+    primitives = [row | {"mode": 1}, row | {"material": 1}, row | {"mode": 6}, row | {"material": 0}]
+    meshes = [{"name": "sheet", "primitives": primitives}]
+    materials = [{"name": "concrete"}, {"name": "asphalt"}]
+    header = triangle_header(meshes=meshes, materials=materials)
+    (tmp_path / "a.glb").write_bytes(glb(header, TRIANGLE))
+    report = taken(tmp_path / "a.glb")
+    found = {thing.name: thing.material.name for thing in report.written.scene.objects}
+    assert found == {"sheet": "asphalt", "sheet 2": "concrete"}
+    assert any("lines" in note for note in report.notes)
+
+
+def test_gltf_with_its_buffer_beside_or_inside(tmp_path: Path) -> None:
+    beside = triangle_header(buffers=[{"byteLength": 36, "uri": "my%20data.bin"}])
+    (tmp_path / "my data.bin").write_bytes(TRIANGLE)
+    uri = "data:application/octet-stream;base64," + base64.b64encode(TRIANGLE).decode()
+    inside = triangle_header(buffers=[{"byteLength": 36, "uri": uri}])
+    for header in (beside, inside):
+        (tmp_path / "a.gltf").write_text(json.dumps(header))
+        got = written(taken(tmp_path / "a.gltf", overwrite=True))
+        np.testing.assert_allclose(got.bounds, [[0, 0, 0], [1, 0, 1]], rtol=0, atol=1e-6)
+
+
+def test_a_missing_texture_is_a_note(tmp_path: Path) -> None:
+    header = triangle_header(images=[{"uri": "gone.png"}])
+    (tmp_path / "a.glb").write_bytes(glb(header, TRIANGLE))
+    assert any("gone.png" in note for note in taken(tmp_path / "a.glb").notes)
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "ply"])
+def test_files_without_unit_or_axes(tmp_path: Path, suffix: str) -> None:
+    mesh = tetrahedron().apply_translation([0, 0, 5])
+    mesh.export(tmp_path / f"a.{suffix}")
+    report = taken(tmp_path / f"a.{suffix}")
+    assert_same(written(report), mesh)
+    assert "z" in report.up_why
+    assert not report.warnings
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("in", 0.0254), ("ft", 0.3048)]
+)
+def test_units_given(tmp_path: Path, unit: str, metres: float) -> None:
+    mesh = tetrahedron().apply_scale(1 / metres)
+    mesh.export(tmp_path / "a.stl")
+    assert_same(written(taken(tmp_path / "a.stl", units=unit)), tetrahedron())
+
+
+@pytest.mark.parametrize(
+    ("axis", "turned"), [("x", lambda x, y, z: [-y, -z, x]), ("y", lambda x, y, z: [x, -z, y])]
+)
+def test_axes_given(tmp_path: Path, axis: str, turned) -> None:
+    mesh = tetrahedron()
+    mesh.export(tmp_path / "a.ply")
+    mesh.vertices = np.transpose(turned(*mesh.vertices.T))
+    assert mesh.volume == pytest.approx(1)  # no mirror
+    assert_same(written(taken(tmp_path / "a.ply", up=axis)), mesh)
+
+
+def test_scale_multiplies(tmp_path: Path) -> None:
+    tetrahedron().export(tmp_path / "a.ply")
+    got = written(taken(tmp_path / "a.ply", scale=0.5))
+    assert_same(got, tetrahedron().apply_scale(0.5))
+
+
+@pytest.mark.parametrize(("factor", "width"), [(1e-3, "0.003"), (200, "600")])
+def test_doubtful_sizes_are_told(tmp_path: Path, factor: float, width: str) -> None:
+    tetrahedron().apply_scale(factor).export(tmp_path / "a.ply")
+    warnings = taken(tmp_path / "a.ply").warnings
+    assert any(width in text and "--units" in text for text in warnings)
+
+
+def test_collada_in_millimetres_with_y_up(tmp_path: Path) -> None:
+    (tmp_path / "a.dae").write_text(collada(texture="gone.png"))
+    report = taken(tmp_path / "a.dae")
+    turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
+    turn[0, 3] = 0.5
+    expected = [tetrahedron().apply_transform(turn), tetrahedron().apply_translation([0, 0, -4])]
+    assert_same(written(report), trimesh.util.concatenate(expected).apply_transform(Y_UP))
+    assert report.unit_m == 0.001
+    assert report.up == "y"
+    (found, parts), *others = report.materials
+    assert (found.source, found.material, parts, others) == ("Rusty Steel", "steel-rusty", 2, [])
+    assert any("gone.png" in note for note in report.notes)
+
+
+@pytest.mark.parametrize(
+    ("asset", "up"), [("<up_axis>Z_UP</up_axis>", "z"), ("<up_axis>X_UP</up_axis>", "x"), ("", "y")]
+)
+def test_collada_without_a_unit(tmp_path: Path, asset: str, up: str) -> None:
+    (tmp_path / "a.dae").write_text(collada(asset))
+    report = taken(tmp_path / "a.dae")
+    assert report.up == up
+    assert report.unit_m == 1
+    assert "COLLADA then means metres" in report.unit_why
+    assert any("--units" in text for text in report.warnings)  # 4000 m
+
+
+def test_options_win_over_the_file(tmp_path: Path) -> None:
+    (tmp_path / "a.dae").write_text(collada())
+    report = taken(tmp_path / "a.dae", units="cm", up="z")
+    assert report.unit_m == 0.01
+    assert report.bounds_m[1, 1] == pytest.approx(20)
+
+
+OBJ = """mtllib a.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+v 0 0 1
+o Box Top
+usemtl Red Brick
+f 1 2 3 4
+usemtl glass
+f 1 2 5
+o Other
+usemtl Red Brick
+f 2 3 5
+"""
+
+
+@pytest.mark.parametrize("library", ["newmtl Red Brick\nKd 1 0 0\nmap_Kd -s 1 1 1 no.png\n", None])
+def test_obj_objects_and_materials(tmp_path: Path, library: str | None) -> None:
+    """Materials go by name even where the library is missing, which is told."""
+    (tmp_path / "a.obj").write_text(OBJ)
+    if library is not None:
+        (tmp_path / "a.mtl").write_text(library)
+    report = taken(tmp_path / "a.obj")
+    found = sorted((row.name, row.material.name) for row in report.written.scene.objects)
+    assert [material for _, material in found] == ["brick", "glass-pane", "brick"]
+    assert found[0][0].startswith("Box Top")
+    assert written(report).area == pytest.approx(1 + 0.5 + 0.5 * 2**0.5)
+    missing = "no.png" if library else "a.mtl"
+    assert any(missing in note for note in report.notes)
+
+
+def test_pieces_of_a_room_keep_the_drone_out_of_its_walls(tmp_path: Path) -> None:
+    """A closed room is entered: from outside, its contents are not to be seen."""
+    room = trimesh.creation.box((8, 6, 4))
+    room.invert()
+    room.export(tmp_path / "room.ply")
+    report = taken(tmp_path / "room.ply")
+    assert (np.abs(report.drone.position_m) < [4, 3, 2]).all()
+    assert report.drone.nearest_m >= 1

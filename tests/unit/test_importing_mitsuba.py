@@ -1,0 +1,227 @@
+"""Import of Mitsuba scenes: shapes, transforms, parameters, includes, the sensor."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from foreign import Y_UP, assert_same, taken, tetrahedron, written
+
+from reconstruction.errors import InputError
+
+
+def scene(path: Path, body: str, version: str = "3.0.0") -> Path:
+    path.write_text(f'<scene version="{version}">{body}</scene>')
+    return path
+
+
+def shape(kind: str, body: str = "", steps: str = "") -> str:
+    transform = f'<transform name="to_world">{steps}</transform>'
+    return f'<shape type="{kind}">{body}{transform}</shape>'
+
+
+CUBE = trimesh.creation.box((2, 2, 2))
+
+
+def cube_at(matrix: np.ndarray) -> trimesh.Trimesh:
+    return CUBE.copy().apply_transform(matrix)
+
+
+def turned(axis: list[float], degrees: float) -> np.ndarray:
+    return trimesh.transformations.rotation_matrix(np.radians(degrees), axis)
+
+
+@pytest.mark.parametrize(
+    ("steps", "matrix"),
+    [
+        ('<translate x="1" z="3"/>', trimesh.transformations.translation_matrix([1, 0, 3])),
+        ('<translate value="1 2 3"/>', trimesh.transformations.translation_matrix([1, 2, 3])),
+        ('<scale value="2"/>', np.diag([2.0, 2, 2, 1])),
+        ('<scale x="2" z="0.5"/>', np.diag([2.0, 1, 0.5, 1])),
+        ('<scale value="-1, 2, 3"/>', np.diag([-1.0, 2, 3, 1])),
+        ('<rotate y="1" angle="30"/>', turned([0, 1, 0], 30)),
+        ('<rotate value="1 1 0" angle="30"/>', turned([1, 1, 0], 30)),
+        (
+            '<scale x="3"/><rotate z="1" angle="90"/><translate x="5"/>',
+            trimesh.transformations.translation_matrix([5, 0, 0])
+            @ turned([0, 0, 1], 90)
+            @ np.diag([3.0, 1, 1, 1]),
+        ),
+        (
+            '<matrix value="1 0.5 0 7 0 1 0 8 0 0 2 9 0 0 0 1"/>',
+            np.array([[1, 0.5, 0, 7], [0, 1, 0, 8], [0, 0, 2, 9], [0, 0, 0, 1]]),
+        ),
+        (
+            '<matrix value="0 -1 0 1 0 0 0 0 1"/>',
+            np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
+        ),
+        (
+            '<lookat origin="1 2 3" target="1 2 8" up="0 1 0"/>',  # x left, y up, z forward
+            trimesh.transformations.translation_matrix([1, 2, 3]),
+        ),
+        (
+            '<lookat origin="0 0 0" target="4 0 0" up="0 0 1"/>',
+            np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
+        ),
+    ],
+)
+def test_transforms(tmp_path: Path, steps: str, matrix: np.ndarray) -> None:
+    """A cube with a mark, so that turns by 90° tell, too."""
+    tetrahedron().export(tmp_path / "w.ply")
+    body = shape("cube", "", steps)
+    body += shape("ply", '<string name="filename" value="w.ply"/>', steps)
+    expected = trimesh.util.concatenate([cube_at(matrix), tetrahedron().apply_transform(matrix)])
+    got = written(taken(scene(tmp_path / "a.xml", body)))
+    np.testing.assert_allclose(got.bounds, expected.bounds, rtol=0, atol=1e-6)
+    assert got.volume == pytest.approx(expected.volume, rel=1e-6)
+    np.testing.assert_allclose(
+        got.center_mass, expected.center_mass, rtol=0, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "bounds", "area"),
+    [
+        (shape("rectangle", "", '<scale x="2" y="3"/>'), [[-2, -3, 0], [2, 3, 0]], 24),
+        (shape("disk", "", '<scale value="2"/>'), [[-2, -2, 0], [2, 2, 0]], 4 * np.pi),
+        (
+            shape("cylinder", '<float name="radius" value="0.5"/>'
+                  '<point name="p0" x="1" y="0" z="0"/><point name="p1" x="3" y="0" z="0"/>'),
+            [[1, -0.5, -0.5], [3, 0.5, 0.5]],
+            2 * np.pi,
+        ),
+        (
+            shape("sphere", '<point name="center" value="1, 2, 3"/>'
+                  '<float name="radius" value="2"/>', '<translate z="1"/>'),
+            [[-1, 0, 2], [3, 4, 6]],
+            16 * np.pi,
+        ),
+    ],
+    ids=["rectangle", "disk", "cylinder", "sphere"],
+)  # fmt: skip
+def test_shapes(tmp_path: Path, body: str, bounds: list, area: float) -> None:
+    mesh = written(taken(scene(tmp_path / "a.xml", body)))
+    np.testing.assert_allclose(mesh.bounds, bounds, rtol=0, atol=2e-3)
+    assert mesh.area == pytest.approx(area, rel=2e-3)
+
+
+def test_cylinders_are_open_and_face_out(tmp_path: Path) -> None:
+    mesh = written(taken(scene(tmp_path / "a.xml", shape("cylinder"))))
+    assert not mesh.is_watertight
+    outward = mesh.triangles_center * [1, 1, 0]
+    assert (np.einsum("tk,tk->t", outward, mesh.face_normals) > 0.9).all()
+
+
+def test_flipped_normals(tmp_path: Path) -> None:
+    flip = '<boolean name="flip_normals" value="true"/>'
+    report = taken(scene(tmp_path / "a.xml", shape("cube", flip, '<scale value="5"/>')))
+    assert written(report).volume == pytest.approx(-1000)
+
+
+def test_parameters_includes_and_references(tmp_path: Path) -> None:
+    """A default counts from where it stands on; the first one of a name holds."""
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.obj")
+    (tmp_path / "parts").mkdir()
+    scene(
+        tmp_path / "parts" / "more.xml",
+        '<default name="x" value="99"/><bsdf type="twosided" id="Walls">'
+        '<bsdf type="diffuse"><rgb name="reflectance" value="#ff0000"/></bsdf></bsdf>'
+        '<shape type="obj"><string name="filename" value="../box.obj"/>'
+        '<transform name="to_world"><translate x="$x"/></transform><ref id="Walls"/></shape>',
+    )
+    body = '<default name="part" value="more"/><default name="x" value="7"/>'
+    report = taken(scene(tmp_path / "a.xml", body + '<include filename="parts/$part.xml"/>'))
+    box = trimesh.creation.box((1, 1, 1)).apply_translation([7, 0, 0])
+    assert_same(written(report), box)
+    assert report.materials[0][0].source == "Walls"
+    assert report.written.scene.objects[0].material.name == "paint-white"
+
+
+@pytest.mark.parametrize(
+    ("bsdf", "expected"),
+    [
+        ('<bsdf type="roughconductor"><string name="material" value="Al"/></bsdf>',
+         "aluminium-rough"),
+        ('<bsdf type="thindielectric"/>', "glass-pane"),
+        ('<bsdf type="diffuse" id="red brick"/>', "brick"),
+        ('<bsdf type="mask"><bsdf type="diffuse" id="grass"/></bsdf>', "leaves-green"),
+        ('<bsdf type="diffuse"><rgb name="reflectance" value="0.01"/></bsdf>', "paint-black"),
+        ('<bsdf type="diffuse"><rgb name="reflectance" value="0.9 0.9 0.85"/></bsdf>',
+         "paint-white"),
+        ('<bsdf type="diffuse"><rgb name="reflectance" value="0.5 0.1 0.1"/></bsdf>',
+         "steel-painted"),
+        ("", "concrete"),
+    ],
+)  # fmt: skip
+def test_materials(tmp_path: Path, bsdf: str, expected: str) -> None:
+    report = taken(scene(tmp_path / "a.xml", shape("cube", bsdf)))
+    assert report.written.scene.objects[0].material.name == expected
+
+
+def test_the_sensor_becomes_the_drone_and_tells_what_is_up(tmp_path: Path) -> None:
+    sensor = (
+        '<sensor type="perspective"><transform name="to_world">'
+        '<lookat origin="0, 1, 8" target="0, 1, 0" up="0, 1, 0"/></transform></sensor>'
+    )
+    report = taken(scene(tmp_path / "a.xml", sensor + shape("cube")))
+    np.testing.assert_allclose(report.drone.position_m, [0, -8, 1], atol=1e-12)
+    np.testing.assert_allclose(report.drone.look_at_m, [0, -7, 1], atol=1e-12)
+    assert report.drone.ahead_m == pytest.approx(7)
+    assert_same(written(report), cube_at(Y_UP))
+
+
+def test_a_sensor_inside_an_object_is_no_place_for_the_drone(tmp_path: Path) -> None:
+    sensor = '<sensor type="perspective"/>'
+    report = taken(scene(tmp_path / "a.xml", sensor + shape("cube")))
+    assert report.drone.why == "proposed"
+    assert any("sensor" in note for note in report.notes)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (shape("serialized"), "'serialized' is not supported: export the mesh as PLY"),
+        (shape("teapot"), "shape 'teapot' is not supported: .*allowed: obj, ply"),
+        (shape("hair") + shape("cube"), "shape 'hair' is not supported"),
+        (shape("shapegroup"), "has no shapes that can be read"),
+        (shape("ply", '<string name="filename" value="gone.ply"/>'), "ply shape: no file 'gone.p"),
+        (shape("ply", '<string name="filename" value="../gone.ply"/>'), "outside the folders"),
+        (shape("ply"), "the reference to a file is empty"),
+        (shape("cube", "", '<skew x="1"/>'), "transform 'skew': .*allowed: translate"),
+        (shape("cube", "", '<scale value="0"/>'), "a scale is zero"),
+        (shape("cube", "", '<scale x="one"/>'), "expected 1 numbers; found 'one'"),
+        (shape("cube", "", '<rotate angle="3"/>'), "its axis is zero"),
+        (shape("cube", "", '<matrix value="1 2"/>'), "expected 16 numbers"),
+        (shape("sphere", '<float name="radius" value="-1"/>'), "radius should be a positive"),
+        (shape("cube", "", '<scale value="$x"/>'), r"\$x has no <default>"),
+        (shape("cube", '<ref id="wal"/>') + '<bsdf type="diffuse" id="wall"/>', "did you mean 'wa"),
+        ('<include filename="a.xml"/>', "includes itself"),
+        ('<include filename="gone.xml"/>', "no file 'gone.xml'"),
+    ],
+)
+def test_refused(tmp_path: Path, body: str, message: str) -> None:
+    file = scene(tmp_path / "a.xml", body)
+    with pytest.raises(InputError, match=message):
+        taken(file)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.xml"]
+
+
+@pytest.mark.parametrize("version", ["0.6.0", ""])
+def test_older_formats_are_refused(tmp_path: Path, version: str) -> None:
+    with pytest.raises(InputError, match="format 2 or 3 is expected"):
+        taken(scene(tmp_path / "a.xml", shape("cube"), version))
+
+
+def test_parameters_that_double_are_stopped(tmp_path: Path) -> None:
+    """What entities do in a billion laughs, defaults could do as well."""
+    rows = '<default name="p0" value="0123456789"/>' + "".join(
+        f'<default name="p{i + 1}" value="{f"$p{i}" * 10}"/>' for i in range(20)
+    )
+    with pytest.raises(InputError, match="over 100,000 letters"):
+        taken(scene(tmp_path / "a.xml", rows))
+
+
+def test_bsdfs_that_refer_to_each_other(tmp_path: Path) -> None:
+    body = '<bsdf type="mask" id="a"><ref id="b"/></bsdf><bsdf type="mask" id="b"><ref id="a"/></bsdf>'
+    report = taken(scene(tmp_path / "a.xml", body + shape("cube", '<ref id="a"/>')))
+    assert len(report.materials) == 1

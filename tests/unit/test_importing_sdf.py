@@ -1,0 +1,309 @@
+"""Import of Gazebo worlds: poses relative to frames, included models, simple shapes, meshes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from foreign import assert_same, collada, taken, tetrahedron, written
+
+from reconstruction.errors import InputError
+from spisim.scene.pose import pose_matrix
+
+
+def visual(geometry: str, rest: str = "", name: str = "v") -> str:
+    return f'<visual name="{name}"><geometry>{geometry}</geometry>{rest}</visual>'
+
+
+BOX = visual("<box><size>1 2 3</size></box>")
+
+
+def model(body: str, name: str = "m", pose: str = "") -> str:
+    return f'<model name="{name}">{pose}<link name="l">{body}</link></model>'
+
+
+def world(path: Path, body: str) -> Path:
+    path.write_text(f'<sdf version="1.9"><world name="w">{body}</world></sdf>')
+    return path
+
+
+def posed(*matrices: np.ndarray) -> trimesh.Trimesh:
+    """The box of `BOX` at a chain of poses."""
+    mesh = trimesh.creation.box((1, 2, 3))
+    for matrix in reversed(matrices):
+        mesh.apply_transform(matrix)
+    return mesh
+
+
+def at(*pose: float) -> np.ndarray:
+    """x y z and roll pitch yaw in degrees."""
+    return pose_matrix(pose[3:], pose[:3])
+
+
+@pytest.fixture
+def models(tmp_path: Path) -> Path:
+    """A search path with a model in two versions, whose mesh is COLLADA in millimetres, y up."""
+    crate = tmp_path / "models" / "crate"
+    (crate / "meshes").mkdir(parents=True)
+    (crate / "model.config").write_text(
+        '<model><sdf version="1.4">old.sdf</sdf><sdf version="1.6"> new.sdf </sdf></model>'
+    )
+    (crate / "meshes" / "wedge.dae").write_text(collada())
+    mesh = "<mesh><uri>model://crate/meshes/wedge.dae</uri><scale>1 2 1</scale></mesh>"
+    body = "<pose>0 0 0.5 0 0 0</pose>" + visual(mesh, "<pose>1 0 0 0 0 0</pose>")
+    (crate / "new.sdf").write_text(
+        f'<sdf version="1.6">{model(body, "crate", "<pose>0 0 9 0 0 0</pose>")}</sdf>'
+    )
+    return tmp_path / "models"
+
+
+def wedges() -> trimesh.Trimesh:
+    """Both tetrahedra of the file in metres, axes as they stand there, which is what Gazebo does."""
+    turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
+    turn[0, 3] = 0.5
+    both = [tetrahedron().apply_transform(turn), tetrahedron().apply_translation([0, 0, -4])]
+    return trimesh.util.concatenate(both).apply_scale([1, 2, 1])
+
+
+def test_included_models(tmp_path: Path, models: Path) -> None:
+    file = world(
+        tmp_path / "a.world",
+        "<include><uri>model://crate</uri></include>"
+        "<include><uri>model://crate</uri><name>second</name>"
+        '<pose degrees="true">3 0 0 0 0 90</pose></include>',
+    )
+    expected = [
+        wedges().apply_transform(outer @ at(0, 0, 0.5, 0, 0, 0) @ at(1, 0, 0, 0, 0, 0))
+        for outer in (at(0, 0, 9, 0, 0, 0), at(3, 0, 0, 0, 0, 90))
+    ]
+    report = taken(file, model_path=(models,))
+    assert_same(written(report), trimesh.util.concatenate(expected))
+    assert report.up == "z"
+    names = [thing.name for thing in report.written.scene.objects]
+    assert len(set(names)) == 4
+    assert len(report.written.mesh_files) == 2  # shared by both models
+
+
+def test_relative_uris_of_an_included_model_start_from_its_folder(
+    tmp_path: Path, models: Path
+) -> None:
+    mesh = "<mesh><uri>meshes/wedge.dae</uri><scale>1 2 1</scale></mesh>"
+    (models / "crate" / "new.sdf").write_text(f'<sdf version="1.6">{model(visual(mesh))}</sdf>')
+    file = world(tmp_path / "a.sdf", "<include><uri>models/crate</uri></include>")
+    assert_same(written(taken(file)), wedges())
+
+
+def test_a_model_finds_its_own_meshes(models: Path) -> None:
+    assert len(taken(models / "crate" / "new.sdf").written.mesh_files) == 2
+
+
+@pytest.mark.parametrize("tag", ["model", "link", "frame", "joint", "visual"])
+def test_poses_relative_to_frames(tmp_path: Path, tag: str) -> None:
+    """Frames of all kinds, each relative to the one before."""
+    a, b, c, d = at(1, 2, 3, 10, 20, 30), at(0, 0, 1, 90, 0, 0), at(0, 5, 0, 0, 45, 0), at(
+        2, 0, 0, 0, 0, 60
+    )  # fmt: skip
+    texts = {
+        "model": (
+            '<model name="one"><pose degrees="true">1 2 3 10 20 30</pose><frame name="f">'
+            '<pose degrees="true">0 0 1 90 0 0</pose></frame><link name="x"/></model>'
+            '<model name="m"><pose relative_to="one::f" degrees="true">0 5 0 0 45 0</pose>'
+            f'<link name="l"><pose degrees="true">2 0 0 0 0 60</pose>{BOX}</link></model>',
+            (a, b, c, d),
+        ),
+        "link": (
+            '<model name="m"><pose degrees="true">1 2 3 10 20 30</pose><link name="p">'
+            '<pose degrees="true">0 0 1 90 0 0</pose></link><link name="l">'
+            f'<pose relative_to="p" degrees="true">0 5 0 0 45 0</pose>{BOX}</link></model>',
+            (a, b, c),
+        ),
+        "frame": (
+            '<frame name="g"><pose degrees="true">1 2 3 10 20 30</pose></frame>'
+            '<frame name="f" attached_to="g"><pose degrees="true">0 0 1 90 0 0</pose></frame>'
+            '<model name="m"><pose relative_to="f" degrees="true">0 5 0 0 45 0</pose>'
+            f'<link name="l">{BOX}</link></model>',
+            (a, b, c),
+        ),
+        "joint": (
+            '<model name="m"><link name="p"><pose degrees="true">1 2 3 10 20 30</pose></link>'
+            '<joint name="j" type="fixed"><parent>l</parent><child>p</child>'
+            '<pose degrees="true">0 0 1 90 0 0</pose></joint>'
+            f'<link name="l"><pose relative_to="j" degrees="true">0 5 0 0 45 0</pose>{BOX}</link>'
+            "</model>",
+            (a, b, c),
+        ),
+        "visual": (
+            '<model name="m"><link name="p"><pose degrees="true">1 2 3 10 20 30</pose></link>'
+            '<link name="l"><pose>9 9 9 0 0 0</pose>'
+            + BOX.replace("<geo", '<pose relative_to="p" degrees="true">0 0 1 90 0 0</pose><geo')
+            + "</link></model>",
+            (a, b),
+        ),
+    }
+    text, chain = texts[tag]
+    assert_same(written(taken(world(tmp_path / "a.sdf", text))), posed(*chain))
+
+
+def test_nested_models_and_placement_frames(tmp_path: Path) -> None:
+    inner = model(BOX, "inner", '<pose degrees="true">0 0 1 0 0 90</pose>')
+    text = (
+        '<model name="outer" placement_frame="inner::l"><pose>4 0 0 0 0 0</pose>'
+        f'<link name="x"/>{inner}</model>'
+    )
+    assert_same(written(taken(world(tmp_path / "a.sdf", text))), posed(at(4, 0, 0, 0, 0, 0)))
+    text = text.replace(' placement_frame="inner::l"', "")
+    report = taken(world(tmp_path / "a.sdf", text), overwrite=True)
+    assert_same(written(report), posed(at(4, 0, 0, 0, 0, 0), at(0, 0, 1, 0, 0, 90)))
+    assert [thing.name for thing in report.written.scene.objects] == ["outer inner v"]
+
+
+def test_rotation_by_quaternion_and_radians(tmp_path: Path) -> None:
+    half = 0.5**0.5
+    quaternion = f'<pose rotation_format="quat_xyzw">1 0 0 0 0 {half} {half}</pose>'
+    radians = "<pose>1 0 0 0 0 1.5707963267948966</pose>"
+    for pose in (quaternion, radians):
+        file = world(tmp_path / "a.sdf", model(BOX, pose=pose))
+        assert_same(written(taken(file, overwrite=True)), posed(at(1, 0, 0, 0, 0, 90)))
+
+
+@pytest.mark.parametrize(
+    ("geometry", "size", "volume"),
+    [
+        ("<box><size>1 2 3</size></box>", (1, 2, 3), 6),
+        ("<sphere><radius>2</radius></sphere>", (4, 4, 4), 4 / 3 * np.pi * 8),
+        ("<cylinder><radius>1</radius><length>3</length></cylinder>", (2, 2, 3), 3 * np.pi),
+        ("<cone><radius>1</radius><length>3</length></cone>", (2, 2, 3), np.pi),
+        ("<ellipsoid><radii>1 2 3</radii></ellipsoid>", (2, 4, 6), 8 * np.pi),
+        ("<capsule><radius>1</radius><length>3</length></capsule>", (2, 2, 5), 13 / 3 * np.pi),
+    ],
+)
+def test_shapes(tmp_path: Path, geometry: str, size: tuple, volume: float) -> None:
+    """Centred on their pose; the volume lacks what flat triangles cut off a round surface."""
+    file = world(tmp_path / "a.sdf", model(visual(geometry), pose="<pose>1 2 3 0 0 0</pose>"))
+    mesh = written(taken(file))
+    middle = np.array([1, 2, 3])
+    half = np.array(size) / 2
+    np.testing.assert_allclose(mesh.bounds, [middle - half, middle + half], rtol=0, atol=2e-3)
+    assert 0.995 * volume < mesh.volume <= volume * (1 + 1e-9)
+
+
+def test_a_plane_faces_its_normal(tmp_path: Path) -> None:
+    plane = "<plane><normal>1 0 0</normal><size>4 4</size></plane>"
+    mesh = written(taken(world(tmp_path / "a.sdf", model(visual(plane)))))
+    np.testing.assert_allclose(mesh.face_normals, [[1, 0, 0]] * 2, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(mesh.extents, [0, 4, 4], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("center", [False, True])
+def test_one_submesh(tmp_path: Path, models: Path, center: bool) -> None:
+    only = f"<submesh><name>second</name><center>{center}</center></submesh>"
+    mesh = f"<mesh><uri>model://crate/meshes/wedge.dae</uri>{only}</mesh>"
+    got = written(taken(world(tmp_path / "a.sdf", model(visual(mesh))), model_path=(models,)))
+    expected = tetrahedron().apply_translation([0, 0, -4])
+    if center:
+        expected.apply_translation(-expected.bounds.mean(axis=0))
+    assert_same(got, expected)
+
+
+@pytest.mark.parametrize(
+    ("material", "expected"),
+    [
+        ("<script><name>Gazebo/WoodFloor</name></script>", "wood-dry"),
+        ("<diffuse>1 1 1 1</diffuse>", "paint-white"),
+        ("<ambient>0.5 0.1 0.1 1</ambient>", "steel-painted"),
+        ("<pbr><metal><albedo_map>brick_albedo.png</albedo_map></metal></pbr>", "brick"),
+        ("<pbr><metal><metalness>1.0</metalness></metal></pbr>", "steel-painted"),
+        ("", "concrete"),
+    ],
+)
+def test_materials(tmp_path: Path, material: str, expected: str) -> None:
+    rest = f"<material>{material}</material>"
+    report = taken(world(tmp_path / "a.sdf", model(visual(BOX_SHAPE, rest))))
+    assert report.written.scene.objects[0].material.name == expected
+    assert any("brick_albedo" in note for note in report.notes) == ("albedo" in material)
+
+
+BOX_SHAPE = "<box><size>1 1 1</size></box>"
+
+
+def test_what_is_left_out_is_told(tmp_path: Path) -> None:
+    heightmap = visual("<heightmap><uri>h.png</uri></heightmap>", name="hills")
+    unseen = visual(BOX_SHAPE, "<transparency>1</transparency>", "ghost")
+    body = '<light name="sun" type="directional"/><actor name="a"/>' + model(
+        BOX + heightmap + unseen + "<collision name='c'/>"
+    )
+    report = taken(world(tmp_path / "a.sdf", body))
+    told = " ".join(report.notes)
+    assert all(word in told for word in ("lights", "actors", "heightmap", "ghost"))
+    assert len(report.written.scene.objects) == 1
+
+
+MESH = "<mesh><uri>{}</uri></mesh>"
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (model(visual(MESH.format("gone.dae"))), "visual 'v': mesh: no file 'gone.dae'; searched"),
+        (model(visual(MESH.format("model://gone/a.dae"))), "no file 'model://gone/a.dae'"),
+        (model(visual(MESH.format("https://x.org/a.dae"))), "on the network"),
+        (model(visual(MESH.format("../../etc/passwd"))), "outside the folders"),
+        (model(visual(MESH.format("file:///etc/passwd"))), "outside the folders"),
+        (model(visual(MESH.format("model://../../a.dae"))), "outside the folders"),
+        (model(visual(MESH.format(""))), "empty"),
+        (model(visual(MESH.format("a.world"))), "mesh 'a.world': .*allowed: .glb"),
+        (model(visual("<bax/>")), "geometry bax is unknown"),
+        (model(visual("<box><size>1 2</size></box>")), "size: expected 3 numbers; found '1 2'"),
+        (model(visual("<box><size>1 2 0</size></box>")), "size should be a positive number"),
+        (model(visual("<sphere><radius>nan</radius></sphere>")), "radius should be a positive"),
+        (model(visual("<sphere/>")), "sphere: radius: expected 1 numbers"),
+        (model(BOX, pose="<pose>1 2 3</pose>"), "model 'm': pose: expected 6 numbers"),
+        (model(BOX, pose="<pose>nan 2 3 0 0 0</pose>"), "not made of finite numbers"),
+        (model(BOX, pose='<pose relative_to="nn"/>'), "no frame 'nn'"),
+        (model(BOX) + model(BOX), "two things in it are named 'm'"),
+        (
+            '<frame name="a" attached_to="b"/><frame name="b" attached_to="a"/>'
+            + model(BOX, pose='<pose relative_to="a"/>'),
+            "circle: m → a → b → a",
+        ),
+        ("<include><uri>model://gone</uri></include>", "include 'model://gone': no file"),
+        ("<include><uri>a.world</uri></include>", "includes itself: .*a.world → .*a.world"),
+        ('<light name="l"/>', "has no visuals"),
+    ],
+)
+def test_refused(tmp_path: Path, body: str, message: str) -> None:
+    file = world(tmp_path / "a.world", body)
+    with pytest.raises(InputError, match=message):
+        taken(file)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.world"]
+
+
+def test_models_that_include_each_other(tmp_path: Path) -> None:
+    for name, other in (("a", "b"), ("b", "a")):
+        body = f"<include><uri>{other}.sdf</uri></include>"
+        text = f'<sdf version="1.9"><model name="{name}">{body}</model></sdf>'
+        (tmp_path / f"{name}.sdf").write_text(text)
+    with pytest.raises(InputError, match=r"a.sdf → .*b.sdf → .*a.sdf"):
+        taken(tmp_path / "a.sdf")
+
+
+def test_includes_that_double_are_stopped(tmp_path: Path) -> None:
+    """Fifteen files of ten includes each stand for 10^15 models."""
+    for level in range(15):
+        rows = "".join(
+            f"<include><uri>{level + 1}.sdf</uri><name>n{i}</name></include>" for i in range(10)
+        )
+        text = f'<sdf version="1.9"><model name="m">{rows}</model></sdf>'
+        (tmp_path / f"{level}.sdf").write_text(text)
+    (tmp_path / "15.sdf").write_text(f'<sdf version="1.9">{model("")}</sdf>')
+    with pytest.raises(InputError, match="more than 10,000 includes"):
+        taken(tmp_path / "0.sdf")
+
+
+def test_includes_that_are_nested_too_deeply(tmp_path: Path) -> None:
+    for level in range(30):
+        body = f"<include><uri>{level + 1}.sdf</uri></include>"
+        text = f'<sdf version="1.9"><model name="m">{body}</model></sdf>'
+        (tmp_path / f"{level}.sdf").write_text(text)
+    with pytest.raises(InputError, match="nested more than 16 deep"):
+        taken(tmp_path / "0.sdf")
