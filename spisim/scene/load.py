@@ -53,11 +53,17 @@ def list_scenes() -> list[str]:
     return sorted(path.stem for path in scenes_folder().glob("*.yaml"))
 
 
-def load_scene(path: str | Path, changes: Mapping[str, Any] | None = None) -> Scene:
+def load_scene(
+    path: str | Path,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    wavelength_nm: float = 1550.0,
+) -> Scene:
     """Scene from a YAML file, or a shipped one by its name ("warehouse").
 
     `changes` are top-level sections, as in the file, to put in place of the file's own; None leaves
-    a section out. The scene's text is changed along.
+    a section out. The scene's text is changed along. Materials and weather are made for
+    `wavelength_nm`, which is the instrument's.
 
     Raises InputError, naming file, field and what is allowed, for a file that is missing or not
     YAML, fields that are unknown, missing or out of range, a mesh that is missing or unusable, an
@@ -86,9 +92,9 @@ def load_scene(path: str | Path, changes: Mapping[str, Any] | None = None) -> Sc
             if isinstance(section, FallingDescription) and section.model == "drops":
                 if falling is not None:
                     raise InputError("model should be medium beside rain of single drops")
-                falling = make_precipitation(section)
+                falling = make_precipitation(section, wavelength_nm)
             elif section is not None:
-                media.append(make_medium(section, folder))
+                media.append(make_medium(section, folder, wavelength_nm))
     with _problems_at(file, "ambient"):
         ambient = _ambient(described.ambient)
     with _problems_at(file, "drone"):
@@ -100,7 +106,7 @@ def load_scene(path: str | Path, changes: Mapping[str, Any] | None = None) -> Sc
     volumes: list[Volume] = []
     for i, box in enumerate(described.volumes):
         with _problems_at(file, f"volumes[{i}] ({box.name})"):
-            volumes.append(_volume(box, folder))
+            volumes.append(_volume(box, folder, wavelength_nm))
     scene = Scene(
         described.name,
         tuple(objects),
@@ -112,6 +118,7 @@ def load_scene(path: str | Path, changes: Mapping[str, Any] | None = None) -> Sc
         described.drone.velocity_m_s,
         _radians(described.drone.angular_velocity_deg_s),
         falling,
+        wavelength_nm,
     )
     _check_names("objects", [thing.name for thing in objects], file)
     _check_names("volumes", [volume.name for volume in volumes], file)
@@ -131,8 +138,8 @@ def _problems_at(file: Path, field: str) -> Iterator[None]:
         raise InputError(f"{file}: {field}: {error}") from None
 
 
-def _volume(described: VolumeDescription, folder: Path) -> Volume:
-    medium = make_medium(described, folder)
+def _volume(described: VolumeDescription, folder: Path, wavelength_nm: float) -> Volume:
+    medium = make_medium(described, folder, wavelength_nm)
     if medium.extinction_per_m == 0:
         raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
     centred = np.diag([*described.size_m, 1.0])

@@ -94,7 +94,7 @@ class Scene:
     `drone_pose` (4, 4) takes points of the instrument's optical frame (x right, y down, z forward,
     metres) to the world (z up). The drone's velocities are in world axes, about its position.
     `text` is the YAML that the scene was made from, or "". The drops of `precipitation` are no part
-    of the atmosphere.
+    of the atmosphere. Materials and media are those of `wavelength_nm`.
     """
 
     name: str
@@ -107,6 +107,7 @@ class Scene:
     drone_velocity_m_s: Vector3 = STILL
     drone_angular_velocity_rad_s: Vector3 = STILL
     precipitation: Precipitation | None = None
+    wavelength_nm: float = 1550.0
 
     @property
     def drone_moves(self) -> bool:
