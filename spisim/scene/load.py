@@ -85,14 +85,12 @@ def load_scene(
         with _problems_at(file, f"materials.{name}"):
             materials[name] = make_material(name, own, folder)
     media: list[Atmosphere] = []
-    falling: Precipitation | None = None
+    falling: list[Precipitation] = []
     for field in MEDIA:
         with _problems_at(file, field):
             section = getattr(described, field)
             if isinstance(section, FallingDescription) and section.model == "drops":
-                if falling is not None:
-                    raise InputError("model should be medium beside rain of single drops")
-                falling = make_precipitation(section, wavelength_nm)
+                falling.append(make_precipitation(section, wavelength_nm))
             elif section is not None:
                 media.append(make_medium(section, folder, wavelength_nm))
     with _problems_at(file, "ambient"):
@@ -117,7 +115,7 @@ def load_scene(
         tuple(volumes),
         described.drone.velocity_m_s,
         _radians(described.drone.angular_velocity_deg_s),
-        falling,
+        tuple(falling),
         wavelength_nm,
     )
     _check_names("objects", [thing.name for thing in objects], file)

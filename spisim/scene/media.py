@@ -8,7 +8,6 @@ from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
-from reconstruction.errors import InputError
 from spisim import atmosphere
 from spisim.atmosphere import (
     Atmosphere,
@@ -64,12 +63,13 @@ def _(described: FogDescription, folder: Path, wavelength_nm: float) -> Atmosphe
 
 
 def make_precipitation(described: FallingDescription, wavelength_nm: float) -> Precipitation:
-    """The single drops or flakes that a section describes. InputError for rates out of range."""
-    if wavelength_nm != 1550:
-        raise InputError(f"single drops are known at 1550 nm alone; found {wavelength_nm:g}")
+    """The single drops or flakes that a section describes, at a wavelength.
+
+    Raises InputError for rates out of range, and rain of a wavelength that it is not tabulated at.
+    """
     rate, wind = described.rate_mm_per_h, described.wind_m_s
     if isinstance(described, RainDescription):
-        return precipitation.rain(rate, wind_m_s=wind)
+        return precipitation.rain(rate, wavelength_nm=wavelength_nm, wind_m_s=wind)
     assert isinstance(described, SnowDescription)
     given = {name: getattr(described, name) for name in described.model_fields_set}
     optics = {name: given[name] for name in ("albedo", "g") if name in given}

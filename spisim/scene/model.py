@@ -106,7 +106,7 @@ class Scene:
     volumes: tuple[Volume, ...] = ()
     drone_velocity_m_s: Vector3 = STILL
     drone_angular_velocity_rad_s: Vector3 = STILL
-    precipitation: Precipitation | None = None
+    precipitation: tuple[Precipitation, ...] = ()
     wavelength_nm: float = 1550.0
 
     @property
@@ -123,11 +123,15 @@ class Scene:
     def media_summary(self) -> list[dict[str, Any]]:
         """What hangs in the air, in plain numbers, and `where`: nothing for clear air.
 
-        That of all of the air together, each part of a mixture, and each volume, of density 1.
+        That of all of the air together, each part of a mixture, single drops, and each volume, of
+        density 1.
         """
         air = self.atmosphere
-        media = [("air", air)] if air.extinction_per_m > 0 else []
+        media: list[tuple[str, Atmosphere | Precipitation]] = []
+        if air.extinction_per_m > 0:
+            media += [("air", air)]
         media += [("air, part", part) for part in air.parts]
+        media += [("air, single drops", falling) for falling in self.precipitation]
         media += [(f"volume {volume.name}", volume.medium) for volume in self.volumes]
         return [{"where": where, **medium.summary()} for where, medium in media]
 

@@ -8,7 +8,7 @@ import pytest
 
 import worlds
 from reconstruction.errors import InputError
-from spisim.atmosphere import fog, rain, snow
+from spisim.atmosphere import fog, precipitation, rain, snow
 from spisim.instrument import load_instrument
 from spisim.scene import Scene, load_scene
 from spisim.transport import camera_view, ground_truth, solve
@@ -61,6 +61,17 @@ def test_weather_of_volumes_too(load: Load) -> None:
     assert volume.medium.extinction_per_m == expected
 
 
+def test_rain_and_snow_of_single_drops(load: Load) -> None:
+    text = "rain: {rate_mm_per_h: 5, model: drops}\nsnow: {rate_mm_per_h: 1, model: drops}"
+    scene = load(text, wavelength_nm=905)
+    assert scene.atmosphere.extinction_per_m == 0
+    told = {row["kind"]: row for row in scene.media_summary()}
+    assert set(told) == {"rain, 5 mm/h, single drops", "snow, 1 mm/h, single drops"}
+    assert {row["where"] for row in told.values()} == {"air, single drops"}
+    drops = precipitation.rain(5, wavelength_nm=905).summary()
+    assert told["rain, 5 mm/h, single drops"] == {"where": "air, single drops"} | drops
+
+
 def test_coefficients_hold_at_every_wavelength(load: Load) -> None:
     text = "fog: {extinction_per_m: 0.1, g: 0.8}"
     assert load(text, wavelength_nm=905).atmosphere.extinction_per_m == 0.1
@@ -69,6 +80,9 @@ def test_coefficients_hold_at_every_wavelength(load: Load) -> None:
 def test_wavelengths_without_tables_are_refused(load: Load) -> None:
     with pytest.raises(InputError, match=r"scene\.yaml: fog: wavelength_nm.*400 and 1700"):
         load("fog: {visibility_m: 50}", wavelength_nm=2000)
+    for model in ("medium", "drops"):
+        with pytest.raises(InputError, match=r"scene\.yaml: rain: rain is tabulated at.*1310"):
+            load(f"rain: {{rate_mm_per_h: 5, model: {model}}}", wavelength_nm=1310)
 
 
 @pytest.mark.parametrize("use", [solve, ground_truth, camera_view])
