@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
 from reconstruction.errors import InputError, nearest
 from spisim.atmosphere import refractive_index
+from spisim.budget.laser_limits import accessible_energy_j
+from spisim.scene.sun import in_band_irradiance
 
-#: Daylight, W m⁻² nm⁻¹ for 100 klx, mean over the 12 nm around each wavelength: ASTM G173-03
-#: global, which has 109.5 klx. 905 and 940 nm lie in bands of water vapour, 1460 nm in a deep one;
-#: a few nm further on, or in drier air, there is up to twice as much.
-SUN_W_PER_M2_NM_100KLX: Mapping[int, float] = MappingProxyType(
-    {850: 0.8791, 905: 0.6365, 940: 0.2683, 1460: 0.0964, 1550: 0.2472}
-)
-WAVELENGTHS_NM = tuple(SUN_W_PER_M2_NM_100KLX)
+#: Those of lidars and cameras that are compared, and that all tables know.
+WAVELENGTHS_NM = (850, 905, 940, 1460, 1550)
+#: Width of the band that sunlight is the mean of.
+SUN_BAND_NM = 12.0
+CONTINUOUS_S, PULSE_S = 100.0, 1e-8
 
 
 def wavelength_figures(wavelength_nm: int) -> dict[str, float]:
@@ -22,12 +19,12 @@ def wavelength_figures(wavelength_nm: int) -> dict[str, float]:
 
     Raises InputError for another wavelength.
     """
-    if wavelength_nm not in SUN_W_PER_M2_NM_100KLX:
+    if wavelength_nm not in WAVELENGTHS_NM:
         known = nearest(str(wavelength_nm), map(str, WAVELENGTHS_NM))
         raise InputError(f"wavelength_nm {wavelength_nm}: {known}")
     mean_w, pulse_j = class_1_limits(wavelength_nm)
     return {
-        "sun_w_per_m2_nm_100klx": SUN_W_PER_M2_NM_100KLX[wavelength_nm],
+        "sun_w_per_m2_nm_100klx": sun_w_per_m2_nm_100klx(wavelength_nm),
         "class_1_mean_w": mean_w,
         "class_1_pulse_j": pulse_j,
         "water_k": -refractive_index("water", wavelength_nm).imag,
@@ -35,14 +32,21 @@ def wavelength_figures(wavelength_nm: int) -> dict[str, float]:
     }
 
 
+def sun_w_per_m2_nm_100klx(wavelength_nm: float) -> float:
+    """Daylight, W m⁻² nm⁻¹ for 100 klx, mean over 12 nm around a wavelength.
+
+    905 and 940 nm lie in bands of water vapour, 1460 nm in a deep one; a few nm further on, or in
+    drier air, there is up to twice as much.
+    """
+    half = SUN_BAND_NM / 2
+    band = (wavelength_nm - half, wavelength_nm + half)
+    return in_band_irradiance(100.0, band) / SUN_BAND_NM
+
+
 def class_1_limits(wavelength_nm: float) -> tuple[float, float]:
     """Mean power (W) of a beam left on, and energy (J) of one pulse of nanoseconds, of class 1.
 
-    IEC 60825-1:2014 for a point source, 700 to 1050 nm and 1400 to 1800 nm: up to 1050 nm light
-    reaches the retina, from 1400 nm on the cornea stops it. An engineering check, no certification;
-    trains of pulses have limits of their own.
+    See `accessible_energy_j`; trains of pulses have limits of their own.
     """
-    if wavelength_nm < 1400:
-        transmission = 10 ** (0.002 * (wavelength_nm - 700))  # C4
-        return 3.9e-4 * transmission, 7.7e-8 * transmission
-    return 1e-2, 8e-4 if wavelength_nm < 1500 else 8e-3
+    mean_w = accessible_energy_j(CONTINUOUS_S, wavelength_nm) / CONTINUOUS_S
+    return mean_w, accessible_energy_j(PULSE_S, wavelength_nm)

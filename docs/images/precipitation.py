@@ -36,7 +36,7 @@ def main() -> None:
     spots = spot_light(instrument, light, 1).echo_per_s.sum(axis=-1)
     for name, weather in WEATHERS.items():
         drops = falling_drops(
-            replace(scene, precipitation=weather),
+            replace(scene, precipitation=(weather,)),
             instrument,
             truth,
             FRAMES,
@@ -50,7 +50,7 @@ def main() -> None:
             f"{np.sqrt(np.mean(between**2)):.3f} %, within a frame "
             f"{change.std(axis=1, ddof=1).mean():.3f} %, shot noise {shot:.3f} %"
         )
-        times_ms = 1e3 * drops.times_s[0, lit]
+        times_ms = 1e3 * drops[0].times_s[0, lit]
         (line,) = axes[0, 0].plot(times_ms, change[0], lw=1, label=name)
         light_of_spots = spot_light(instrument, light, FRAMES, drops)
         echo = light_of_spots.echo_per_s.sum(axis=-1) / spots

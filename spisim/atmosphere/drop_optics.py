@@ -16,10 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.errors import InputError
-from spisim.atmosphere.drop_table import ANGLES, FINE_DEG, TABLE
 from spisim.atmosphere.phase import Phase, henyey_greenstein
+from spisim.atmosphere.rain_table import EDGES_MM, rain_table, solid_angle_weights
 
 Floats = NDArray[np.float64]
+
+#: Diffraction of the smallest drops reaches so far.
+FORWARD_DEG = 8.0
 
 
 class Scatterer(Protocol):
@@ -35,32 +38,35 @@ class Scatterer(Protocol):
 
 
 class WaterDrops:
-    """Spheres of water at 1550 nm, from a table of Mie theory (see `drop_table`).
+    """Spheres of water, by the size classes of `rain_table`.
 
-    Water absorbs within 0.9 mm, so large drops send back little but what their surface reflects.
-    Linear in the logarithm of the diameter; beyond the table, 0.1 to 8 mm, its ends hold.
+    Water absorbs 1550 nm within 0.9 mm, so large drops send back little but what their surface
+    reflects; at 905 nm they are clear. Linear in the logarithm of the diameter and in the angle;
+    beyond the middles of the table's outer classes, 0.11 and 5.5 mm, their values hold. Light
+    scattered by less than `FORWARD_DEG`, which neither comes back nor leaves the beam by much, is
+    what the other angles leave of the albedo, and even.
     """
 
-    def __init__(self) -> None:
-        with np.load(TABLE) as table:
-            self._log_diameters = np.log(table["diameters_mm"])
-            angles = table["angles_from_back_rad"]
-            self._table = table["scattered_per_sr"].astype(np.float64)
-        ring = 2 * np.pi * self._table * np.sin(angles)
-        self._albedo = np.trapezoid(ring, angles, axis=1)
+    def __init__(self, wavelength_nm: float) -> None:
+        table = rain_table(wavelength_nm)
+        scattered = table.extinction * table.albedo * (1 - table.diffracted)
+        self._log_diameters = np.log(EDGES_MM[:-1] * EDGES_MM[1:]) / 2
+        self._angles = np.radians(table.angles_deg)
+        self._albedo = 1 - table.extinction * (1 - table.albedo)
+        self._table = scattered[:, None] * table.phase
+        weights, forward = solid_angle_weights(table.angles_deg), table.angles_deg <= FORWARD_DEG
+        rest = self._albedo - self._table[:, ~forward] @ weights[~forward]
+        self._table[:, forward] = rest[:, None] / weights[forward].sum()
 
     def albedo(self, diameter_mm: ArrayLike) -> Floats:
         """See `Scatterer`."""
-        row, part = self._row(diameter_mm)
+        row, part = _place(np.log(diameter_mm), self._log_diameters)
         return np.asarray((1 - part) * self._albedo[row] + part * self._albedo[row + 1])
 
     def scattered_per_sr(self, cos: ArrayLike, diameter_mm: ArrayLike) -> Floats:
         """See `Scatterer`."""
-        row, part = self._row(diameter_mm)
-        from_back_deg = np.degrees(np.arccos(np.clip(np.negative(cos), -1, 1)))
-        place = np.arcsinh(from_back_deg / FINE_DEG) / np.arcsinh(180 / FINE_DEG) * (ANGLES - 1)
-        column = np.clip(place.astype(np.intp), 0, ANGLES - 2)
-        across = place - column
+        row, part = _place(np.log(diameter_mm), self._log_diameters)
+        column, across = _place(np.arccos(np.clip(cos, -1, 1)), self._angles)
 
         def at(rows: NDArray[np.intp]) -> Floats:
             left, right = self._table[rows, column], self._table[rows, column + 1]
@@ -68,18 +74,18 @@ class WaterDrops:
 
         return np.asarray((1 - part) * at(row) + part * at(row + 1))
 
-    def _row(self, diameter_mm: ArrayLike) -> tuple[NDArray[np.intp], Floats]:
-        """Row below each diameter, and how far it is to the next."""
-        logs = self._log_diameters
-        place = (np.log(diameter_mm) - logs[0]) / (logs[1] - logs[0])
-        row = np.clip(place.astype(np.intp), 0, len(logs) - 2)
-        return row, np.clip(place - row, 0, 1)
+
+def _place(values: ArrayLike, nodes: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Node below each value, and how far it is to the next; the ends hold."""
+    at = np.asarray(values)
+    below = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
+    return below, np.clip((at - nodes[below]) / (nodes[below + 1] - nodes[below]), 0, 1)
 
 
 @cache
-def water_drops() -> WaterDrops:
-    """The table, read once."""
-    return WaterDrops()
+def water_drops(wavelength_nm: float = 1550.0) -> WaterDrops:
+    """Drops of rain. InputError for a wavelength that rain is not tabulated at."""
+    return WaterDrops(wavelength_nm)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,10 @@ from scipy.special import gammainc
 
 from reconstruction.errors import InputError
 from spisim.atmosphere.drop_optics import Scatterer, flakes, water_drops
+from spisim.atmosphere.droplets import WATER_G_PER_CM3
+from spisim.atmosphere.medium import DB_PER_NEPER
+from spisim.atmosphere.rain_table import ANGLES_DEG, solid_angle_weights
+from spisim.atmosphere.visibility import visibility
 
 Floats = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
@@ -26,6 +31,8 @@ HEAVIEST_RAIN_MM_PER_H = 300.0
 HEAVIEST_SNOW_MM_PER_H = 20.0
 #: Sizes over which properties of the whole population are integrated.
 SIZES = 2000
+#: Directions over which they are.
+COSINES = np.cos(np.radians(ANGLES_DEG))
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +53,7 @@ class Precipitation:
     largest_mm: float
     fall_speed_m_s: Callable[[Floats], Floats]  # of diameters in mm
     optics: Scatterer
+    density_kg_m3: float  # of a sphere as wide as the disc
     wind_m_s: Vector3 = (0.0, 0.0, 0.0)  # world axes
     near_m: float = 0.05
     far_m: float = 10.0
@@ -71,6 +79,36 @@ class Precipitation:
     def albedo(self) -> float:
         """Share of the light on the discs that is scattered."""
         return self._total(self.optics.albedo) / self.extinction_per_m
+
+    @property
+    def g(self) -> float:
+        """Mean cosine of the scattering angle, without diffraction."""
+        scattered = solid_angle_weights(ANGLES_DEG) * self.scattering_per_m_sr(COSINES)
+        return float(scattered @ COSINES / scattered.sum())
+
+    @property
+    def water_g_per_m3(self) -> float:
+        """Water, liquid or frozen, per volume of air."""
+        volume = 2 / 3 * self._total(lambda diameter: diameter * 1e-3)  # of spheres
+        return 1e3 * self.density_kg_m3 * volume
+
+    def summary(self) -> dict[str, Any]:
+        """Of the mean over all drops, as `Atmosphere.summary`.
+
+        The eye loses what the discs diffract as well, so visibility is that of twice their area.
+        """
+        scattering = self.extinction_per_m * self.albedo
+        return {
+            "kind": f"{self.kind}, {self.rate_mm_per_h:g} mm/h, single drops",
+            "extinction_per_m": self.extinction_per_m,
+            "extinction_db_per_km": 1e3 * DB_PER_NEPER * self.extinction_per_m,
+            "albedo": self.albedo,
+            "g": self.g,
+            "backscatter_per_sr": float(self.scattering_per_m_sr(-1.0)) / scattering,
+            "visibility_m": visibility(2 * self.extinction_per_m),
+            "visibility_definition": "koschmieder",
+            "water_g_per_m3": self.water_g_per_m3,
+        }
 
     @property
     def left_out(self) -> float:
@@ -114,6 +152,7 @@ def terminal_speed_m_s(diameter_mm: Floats) -> Floats:
 def rain(
     rate_mm_per_h: float,
     *,
+    wavelength_nm: float = 1550.0,
     smallest_mm: float = 0.2,
     largest_mm: float = 8.0,
     wind_m_s: Vector3 = (0.0, 0.0, 0.0),
@@ -125,8 +164,8 @@ def rain(
     Drops below `smallest_mm`, many but small, are left out: 1.4 % of the area at 10 mm/h, 5 % at
     1 mm/h, as `left_out` tells. Larger ones than 8 mm break up.
 
-    Raises InputError for a rate that is not above 0 and at most 300 mm/h, and sizes or distances
-    out of order.
+    Raises InputError for a rate that is not above 0 and at most 300 mm/h, sizes or distances out of
+    order, and a wavelength that rain is not tabulated at.
     """
     _check_rate(rate_mm_per_h, HEAVIEST_RAIN_MM_PER_H)
     _check_sizes(smallest_mm, largest_mm)
@@ -138,7 +177,8 @@ def rain(
         smallest_mm=smallest_mm,
         largest_mm=largest_mm,
         fall_speed_m_s=terminal_speed_m_s,
-        optics=water_drops(),
+        optics=water_drops(wavelength_nm),
+        density_kg_m3=1e3 * WATER_G_PER_CM3,
         wind_m_s=wind_m_s,
         near_m=near_m,
         far_m=far_m,
@@ -163,7 +203,8 @@ def snow(
     The rate R is of water, and so are the diameters of that distribution; a flake of density ρ is
     (1000/ρ)^⅓ times as wide as the drop it melts into. Flakes all fall at one speed (1 to 1.5 m/s
     for aggregates, Locatelli & Hobbs 1974). Density, albedo and g are assumptions: with diffraction
-    put back, the defaults amount to an albedo of 0.75 and g = 0.87.
+    put back, the defaults amount to an albedo of 0.75 and g = 0.87. They are so at any wavelength,
+    though ice absorbs next to nothing below 1000 nm: give flakes an albedo of 1 there.
 
     Raises InputError for a rate that is not above 0 and at most 20 mm/h, and for the rest out of
     its range.
@@ -187,6 +228,7 @@ def snow(
         largest_mm=largest_mm,
         fall_speed_m_s=lambda diameter_mm: np.full_like(diameter_mm, fall_speed_m_s),
         optics=flakes(albedo, g),
+        density_kg_m3=flake_density_kg_m3,
         wind_m_s=wind_m_s,
         near_m=near_m,
         far_m=far_m,

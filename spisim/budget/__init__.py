@@ -4,7 +4,13 @@ For a flat Lambertian target across the optical axis that fills the field. `spis
 `spisim.measurement` answer the same questions for any scene; where both apply, they agree.
 """
 
-from spisim.budget.eye_safety import LaserSafety, RiskGroup, array_risk_group, laser_safety
+from spisim.budget.eye_safety import (
+    LaserSafety,
+    RiskGroup,
+    array_risk_group,
+    class_1_power_w,
+    laser_safety,
+)
 from spisim.budget.findings import background_warnings, budget_warnings, instrument_warnings
 from spisim.budget.link import BucketLink, SpotLink, Target, bucket_link, spot_link
 from spisim.budget.noise import NoiseBudget, bucket_noise, spot_noise
@@ -22,6 +28,7 @@ __all__ = [
     "bucket_link",
     "bucket_noise",
     "budget_warnings",
+    "class_1_power_w",
     "instrument_warnings",
     "laser_safety",
     "longest_range_m",

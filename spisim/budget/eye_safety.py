@@ -1,8 +1,6 @@
 """Laser class and risk group, as engineering checks. They are no certification.
 
-IEC 60825-1:2014 for lasers from 1500 to 1800 nm, IEC 62471:2006 for the array. Limits follow from
-the exposure limits of Directive 2006/25/EC: 10⁴ J/m² up to 10 s and 1000 W/m² beyond, through an
-aperture of 1 mm up to 0.35 s, 1.5 t^0.375 mm up to 10 s and 3.5 mm beyond.
+IEC 60825-1:2014 for the lasers, whose limits are in `laser_limits`, IEC 62471:2006 for the array.
 """
 
 from __future__ import annotations
@@ -15,6 +13,15 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from spisim.budget.laser_limits import (
+    POWER_3B_W,
+    RETINA_UP_TO_NM,
+    TIME_BASE_S,
+    accessible_energy_j,
+    class_3b_energy_j,
+    merging_time_s,
+    repeated_pulse_factor,
+)
 from spisim.instrument import CwTof, DirectTof, Instrument, PulsedTof
 
 LaserClass = Literal["1", "3R", "3B", "4"]
@@ -22,17 +29,21 @@ RiskGroupName = Literal["exempt", "1", "2", "3"]
 LASER_CLASSES: tuple[LaserClass, ...] = ("1", "3R", "3B", "4")
 RISK_GROUPS: tuple[RiskGroupName, ...] = ("exempt", "1", "2", "3")
 
-#: Distance at which lasers are measured for the naked eye, and the aperture for long exposures.
-MEASURED_AT_M, APERTURE_M = 0.1, 3.5e-3
+#: Distance at which lasers are measured for the naked eye, and the aperture: a pupil of 7 mm up to
+#: 1400 nm, 3.5 mm for long exposures of a cornea.
+MEASURED_AT_M, PUPIL_M, APERTURE_M = 0.1, 7e-3, 3.5e-3
 #: Class 3R is five times class 1.
 TIMES_3R = 5.0
-ENERGY_3B_J, POWER_3B_W, PEAK_3B_W = 0.125, 0.5, 1.25e8
-SHORTEST_PULSE_S = 1e-9
+#: A power computed to be just within a limit is within it.
+ROUNDING = 1e-9
 
 #: Distance and exposure limits of risk groups, W/m² at 780 to 3000 nm on cornea and lens:
 #: 18000 t^-¾ with t = 100 s (group 1) and 10 s (group 2); 100 W/m² for 1000 s and longer.
 ARRAY_AT_M = 0.2
 GROUP_LIMITS_W_PER_M2 = (100.0, 18000 * 100**-0.75, 18000 * 10**-0.75)
+#: Infrared light that nobody looks away from must not exceed this radiance, W m⁻² sr⁻¹ over the
+#: angle of the source, at any time (section 4.3.6); the eye's movements smear smaller sources.
+RETINA_W_PER_M2_SR, SMALLEST_RAD, LARGEST_RAD = 6000.0, 0.011, 0.1
 
 
 class Emission(NamedTuple):
@@ -57,41 +68,44 @@ class LaserSafety:
 
 @dataclass(frozen=True)
 class RiskGroup:
-    """The array at 0.2 m, all pixels on; the margin is irradiance over the exempt group's limit."""
+    """The array at 0.2 m, all pixels on.
+
+    The margin is the irradiance over the exempt group's limit for cornea and lens, `retinal_margin`
+    the radiance over the retina's, which is the same for all groups but the highest.
+    """
 
     risk_group: RiskGroupName
     irradiance_w_per_m2: float
     margin: float
-
-
-def accessible_energy_j(time_s: float) -> float:
-    """Class 1 limit of the energy within a time, 1500 to 1800 nm: 8 mJ from 1 ns to 0.35 s."""
-    if time_s < SHORTEST_PULSE_S:
-        return 8e6 * time_s
-    if time_s <= 0.35:
-        return 8e-3
-    if time_s <= 10:
-        return 1.8e-2 * time_s**0.75
-    return 1e-2 * time_s
+    retinal_margin: float
 
 
 def laser_safety(instrument: Instrument) -> LaserSafety:
-    """Class of the four lasers: single pulse, and mean power of a beam left on for 100 s.
+    """Class of the four lasers: pulses, alone and in their train, and a beam left on for 100 s.
 
     Beams count together if their axes are closer to each other than the limiting aperture and
     their own widths, 10 cm from where they leave.
+
+    Raises InputError for a wavelength outside 700 to 1800 nm.
     """
     one = emission(instrument.tof, instrument.lasers.power_w)
     beams = _beams_together(instrument)
-    mean_w, pulse_j = beams * one.mean_w, beams * one.pulse_j
+    together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
+    mean_margin, pulse_margin = _margins(together, instrument.wavelength_nm)
     return LaserSafety(
-        laser_class=_class(mean_w, pulse_j, one.pulse_s),
+        laser_class=_class(together, max(mean_margin, pulse_margin), instrument.wavelength_nm),
         beams=beams,
-        mean_w=mean_w,
-        pulse_j=pulse_j,
-        mean_margin=mean_w / (accessible_energy_j(100.0) / 100.0),
-        pulse_margin=pulse_j / accessible_energy_j(one.pulse_s),
+        mean_w=together.mean_w,
+        pulse_j=together.pulse_j,
+        mean_margin=mean_margin,
+        pulse_margin=pulse_margin,
     )
+
+
+def class_1_power_w(instrument: Instrument) -> float:
+    """`lasers.power_w` with which the instrument's lasers would just be of class 1."""
+    safety = laser_safety(instrument)
+    return instrument.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
 
 
 @singledispatch
@@ -122,19 +136,48 @@ def _(tof: DirectTof, power_w: float) -> Emission:
 def array_risk_group(instrument: Instrument) -> RiskGroup:
     """Risk group of the projector at 0.2 m, where its brightest pixel falls; all its light counts.
 
-    Risk groups of real lamps are measured; this one takes the array as a point.
+    Risk groups of real lamps are measured; this one takes the array as an evenly lit lens, or as a
+    point without one, and all its light as that of the spectrum's peak.
     """
     projector = instrument.projector
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * ARRAY_AT_M**2
     shares = projector.pixel_shares
-    return risk_group(projector.power_w * float(shares.max()) * shares.size / lit_m2)
+    return risk_group(
+        projector.power_w * float(shares.max()) * shares.size / lit_m2,
+        projector.spectrum.peak_nm if projector.spectrum else instrument.wavelength_nm,
+        2 * projector.lens_radius_m,
+    )
 
 
-def risk_group(irradiance_w_per_m2: float) -> RiskGroup:
-    """Risk group by the irradiance at 0.2 m; the retina has no limit beyond 1400 nm."""
+def risk_group(
+    irradiance_w_per_m2: float, wavelength_nm: float = 1550.0, source_m: float = 0.0
+) -> RiskGroup:
+    """Risk group by the irradiance at 0.2 m of a source of some diameter.
+
+    The retina has no limit beyond 1400 nm. Up to there, a source that is too bright for it is in
+    the highest group, since infrared light does not make anyone look away.
+    """
     place = int(np.searchsorted(GROUP_LIMITS_W_PER_M2, irradiance_w_per_m2))
-    margin = irradiance_w_per_m2 / GROUP_LIMITS_W_PER_M2[0]
-    return RiskGroup(RISK_GROUPS[place], irradiance_w_per_m2, margin)
+    angle = min(max(source_m / ARRAY_AT_M, SMALLEST_RAD), LARGEST_RAD)
+    radiance = irradiance_w_per_m2 / (math.pi / 4 * angle**2)
+    retinal = retinal_weight(wavelength_nm) * radiance * angle / RETINA_W_PER_M2_SR
+    return RiskGroup(
+        RISK_GROUPS[-1 if retinal > 1 else place],
+        irradiance_w_per_m2,
+        irradiance_w_per_m2 / GROUP_LIMITS_W_PER_M2[0],
+        retinal,
+    )
+
+
+def retinal_weight(wavelength_nm: float) -> float:
+    """R(λ) of the thermal hazard to the retina (IEC 62471:2006, table 4.2), from 700 nm on."""
+    if wavelength_nm >= RETINA_UP_TO_NM:
+        return 0.0
+    if wavelength_nm < 1050:
+        return float(10 ** ((700 - wavelength_nm) / 500))
+    if wavelength_nm <= 1150:
+        return 0.2
+    return float(max(0.2 * 10 ** (0.02 * (1150 - wavelength_nm)), 0.02))
 
 
 def safety_warnings(instrument: Instrument) -> list[str]:
@@ -158,18 +201,31 @@ def safety_warnings(instrument: Instrument) -> list[str]:
     return warnings
 
 
-def _class(mean_w: float, pulse_j: float, pulse_s: float) -> LaserClass:
-    mean_limit, pulse_limit = accessible_energy_j(100.0) / 100.0, accessible_energy_j(pulse_s)
-    short = pulse_s < SHORTEST_PULSE_S
-    limits: dict[LaserClass, tuple[float, float]] = {
-        "1": (mean_limit, pulse_limit),
-        "3R": (TIMES_3R * mean_limit, TIMES_3R * pulse_limit),
-        "3B": (POWER_3B_W, PEAK_3B_W * pulse_s if short else ENERGY_3B_J),
-    }
-    for name, (mean, pulse) in limits.items():
-        if mean_w <= mean and pulse_j <= pulse:
-            return name
-    return "4"
+def _margins(one: Emission, wavelength_nm: float) -> tuple[float, float]:
+    """Mean power and pulses over their limits of class 1.
+
+    The retina takes pulses within a few microseconds as one, and fewer joules of each where many
+    follow one another; a cornea's limits know no trains.
+    """
+    mean = one.mean_w * TIME_BASE_S / accessible_energy_j(TIME_BASE_S, wavelength_nm)
+    merging_s = merging_time_s(wavelength_nm)
+    limit_j = accessible_energy_j(one.pulse_s, wavelength_nm)
+    if one.pulse_s > merging_s:
+        return mean, one.pulse_j / limit_j
+    merged_j = max(one.pulse_j, one.mean_w * merging_s)
+    factor = repeated_pulse_factor(one.mean_w / one.pulse_j, wavelength_nm)
+    return mean, merged_j / (factor * limit_j)
+
+
+def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
+    """By the larger of the margins to class 1."""
+    margin -= ROUNDING
+    if margin <= 1:
+        return "1"
+    if margin <= TIMES_3R:
+        return "3R"
+    within_3b = one.pulse_j <= class_3b_energy_j(one.pulse_s, wavelength_nm)
+    return "3B" if within_3b and one.mean_w <= POWER_3B_W else "4"
 
 
 def _beams_together(instrument: Instrument) -> int:
@@ -179,4 +235,5 @@ def _beams_together(instrument: Instrument) -> int:
     places: NDArray[np.float64] = MEASURED_AT_M * directions / directions[:, 2:]
     apart = np.linalg.norm(places[:, None] - places, axis=-1)
     width = 4e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
-    return int(np.max(np.sum(apart < APERTURE_M + width, axis=1)))
+    aperture_m = PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
+    return int(np.max(np.sum(apart < aperture_m + width, axis=1)))

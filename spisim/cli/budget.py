@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import messages, print_json, results, warn
-from .options import Json
+from .inputs import instrument_with
+from .options import Json, Wavelength
 from .tables import plain_table
 
 if TYPE_CHECKING:
@@ -26,11 +27,12 @@ def command(
     instrument: Annotated[
         str, typer.Argument(metavar="INSTRUMENT", help="An instrument file, or a preset's name.")
     ] = "paper",
+    wavelength: Wavelength = None,
     distance: Annotated[
         float, typer.Option("--range", min=0.01, max=1e4, metavar="M", help="Of the target.")
     ] = 5.0,
     reflectance: Annotated[
-        float, typer.Option(min=0.001, max=1, metavar="X", help="Of the target, at 1550 nm.")
+        float, typer.Option(min=0.001, max=1, metavar="X", help="Of the target.")
     ] = 0.5,
     illuminance: Annotated[
         float, typer.Option(min=0, max=200, metavar="KLX", help="Daylight on the target.")
@@ -47,12 +49,13 @@ def command(
     from reconstruction.files import require_file, write_atomically
     from spisim.atmosphere import CLEAR, fog
     from spisim.budget import Target, budget_warnings
-    from spisim.instrument import load_instrument
 
     if output is not None:
         require_file(output)
-    carried = load_instrument(instrument)
-    air = CLEAR if visibility is None else fog(visibility, "moderate-radiation")
+    carried = instrument_with(instrument, wavelength)
+    air = CLEAR
+    if visibility is not None:
+        air = fog(visibility, "moderate-radiation", wavelength_nm=carried.wavelength_nm)
     target = Target(distance, reflectance, illuminance, air.extinction_per_m)
     figures = summarise(carried, target)
     warn(warnings := budget_warnings(carried, target))
@@ -225,6 +228,9 @@ def _print_safety(safety: dict[str, Any]) -> None:
         "exempt" if array["risk_group"] == "exempt" else f"risk group {array['risk_group']}",
         _declared("risk group", array["declared"]),
     )
+    if array["retinal_margin"]:
+        margin = f"{100 * array['retinal_margin']:.0f} %"
+        table.add_row("array, on the retina", "", margin, "", "")
     results.print(table)
     results.print(
         "Limits: class 1 of IEC 60825-1, and the exempt group of IEC 62471 (all day long). "

@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 
 def scene_with(
     name: str,
+    wavelength_nm: float,
     visibility_m: float | None,
     clear: bool,
     fog_kind: str | None = None,
     rain_mm_per_h: float | None = None,
     drops: bool = False,
 ) -> Scene:
-    """Load a scene and replace its weather where the command line says so.
+    """Load a scene at a wavelength and replace its weather where the command line says so.
 
     The scene's text is changed along, so that a capture tells how to make it again.
     """
@@ -37,7 +38,7 @@ def scene_with(
         raise InputError("--drops goes with --rain")
     with catch_warnings(record=True) as odd:
         simplefilter("always", SceneWarning)
-        scene = load_scene(name)
+        scene = load_scene(name, wavelength_nm=wavelength_nm)
         changes: dict[str, Any] = {}
         if clear:
             changes = dict.fromkeys(("fog", "smoke", "rain", "snow", "volumes"))
@@ -48,7 +49,7 @@ def scene_with(
             changes["rain"] = {"rate_mm_per_h": rain_mm_per_h} | model
         if changes:
             odd.clear()
-            scene = load_scene(name, changes)
+            scene = load_scene(name, changes, wavelength_nm=wavelength_nm)
     warn(str(warning.message) for warning in odd)
     return scene
 
@@ -77,13 +78,19 @@ def _fog(
 
 
 def instrument_with(
-    name: str, patterns: int | None = None, order: str | None = None, polarity: str | None = None
+    name: str,
+    wavelength_nm: float | None = None,
+    patterns: int | None = None,
+    order: str | None = None,
+    polarity: str | None = None,
 ) -> Instrument:
-    """Load an instrument and replace parts of its pattern plan where the command line says so."""
+    """Load an instrument; move it and change its pattern plan where the command line says so."""
     from spisim.config import parse_model
     from spisim.instrument import Instrument, load_instrument
 
     instrument = load_instrument(name)
+    if wavelength_nm is not None:
+        instrument = instrument.at_wavelength(wavelength_nm)
     plan = {"patterns": patterns, "order": order, "polarity": polarity}
     changes = {key: value for key, value in plan.items() if value is not None}
     if not changes:

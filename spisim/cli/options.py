@@ -57,6 +57,15 @@ Drops = Annotated[bool, typer.Option("--drops", help="Rain of single drops that 
 Clear = Annotated[
     bool, typer.Option("--clear", help="Clear air, in place of the scene's fog and weather.")
 ]
+Wavelength = Annotated[
+    float | None,
+    typer.Option(
+        "--wavelength",
+        metavar="NM",
+        help="The instrument moved to this wavelength, 850, 905, 940, 1460 or 1550: its filter "
+        "and LEDs move along, powers and quantum efficiencies stay.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Bar = Annotated[
     bool | None,

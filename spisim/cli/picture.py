@@ -1,4 +1,4 @@
-"""`spisim picture`: what a camera at 1550 nm would see."""
+"""`spisim picture`: what a camera at the instrument's wavelength would see."""
 
 from enum import Enum
 from pathlib import Path
@@ -17,6 +17,7 @@ from .options import (
     SceneArgument,
     Seed,
     Visibility,
+    Wavelength,
     number_option,
 )
 
@@ -34,6 +35,7 @@ def command(
     scene: SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
     instrument: InstrumentOption = "paper",
+    wavelength: Wavelength = None,
     visibility: Visibility = None,
     fog: Fog = None,
     rain: Rain = None,
@@ -64,8 +66,8 @@ def command(
     from spisim.transport import CAMERA_OFFSET_M, camera_view
 
     require_file(output)
-    there = scene_with(scene, visibility, clear, fog, rain)
-    carried = instrument_with(instrument)
+    carried = instrument_with(instrument, wavelength)
+    there = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
     plan = carried.pattern_plan
     if pattern is not None and pattern >= plan.exposures:
         raise InputError(f"--pattern {pattern}: the plan has exposures 0..{plan.exposures - 1}")

@@ -20,6 +20,7 @@ from .options import (
     Seed,
     Spp,
     Visibility,
+    Wavelength,
     number_option,
 )
 
@@ -30,6 +31,7 @@ def command(
     scene: SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAPTURE", help="HDF5 file.")],
     instrument: InstrumentOption = "paper",
+    wavelength: Wavelength = None,
     visibility: Visibility = None,
     fog: Fog = None,
     rain: Rain = None,
@@ -60,8 +62,8 @@ def command(
     from spisim.transport import fine_view
 
     require_file(output)
-    place = scene_with(scene, visibility, clear, fog, rain, drops)
-    carried = instrument_with(instrument, patterns, order, polarity)
+    carried = instrument_with(instrument, wavelength, patterns, order, polarity)
+    place = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
         simulation = simulate(

@@ -19,6 +19,7 @@ from .options import (
     Seed,
     Spp,
     Visibility,
+    Wavelength,
 )
 
 EXAMPLE = "spisim transport warehouse -o warehouse.exr --noise 0.002 --frequency 15e6"
@@ -28,6 +29,7 @@ def command(
     scene: SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
     instrument: InstrumentOption = "paper",
+    wavelength: Wavelength = None,
     visibility: Visibility = None,
     fog: Fog = None,
     rain: Rain = None,
@@ -80,8 +82,8 @@ def command(
         frequencies_hz=tuple(frequency or ()),
         bins=None if cube is None else PathLengthBins.up_to(LONGEST_PATH_M, cube),
     )
-    place = scene_with(scene, visibility, clear, fog, rain)
-    carried = instrument_with(instrument)
+    carried = instrument_with(instrument, wavelength)
+    place = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
     with progress_bar("Tracing light", progress) as advance:
         light = solve(
             place,

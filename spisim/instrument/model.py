@@ -11,7 +11,7 @@ from scipy.constants import c, elementary_charge, h
 
 from reconstruction.errors import InputError
 from reconstruction.patterns import PatternPlan, make_plan
-from spisim.config import Number, Positive, Section
+from spisim.config import Number, Positive, Section, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.parts import Filter, Floats, Lasers, Plan, Projector
@@ -41,12 +41,12 @@ def _pattern_period(fields: dict[str, Any]) -> float:
 class Instrument(Section):
     """An instrument: projector and bucket detector, lasers and time-of-flight detectors.
 
-    Materials, fog and sun are tabulated around 1550 nm, so the wavelength is bound to 1500 to
-    1600 nm. `exposure_time_s` is the part of a pattern's period, its end, in which the bucket
-    collects.
+    Daylight is tabulated from 800 to 1600 nm, so the filter's band is bound to that. What a scene
+    knows the materials at is up to the scene. `exposure_time_s` is the part of a pattern's period,
+    its end, in which the bucket collects.
     """
 
-    wavelength_nm: Annotated[Number, Field(ge=1500, le=1600)]
+    wavelength_nm: Annotated[Number, Field(ge=800, le=1600)]
     projector: Projector
     plan: Plan
     filter: Filter
@@ -61,6 +61,38 @@ class Instrument(Section):
         """YAML that loads as this very instrument."""
         fields = self.model_dump(mode="json", exclude_none=True)
         return yaml.safe_dump(fields, sort_keys=False)
+
+    def at_wavelength(self, wavelength_nm: float) -> Instrument:
+        """The same instrument built for another wavelength.
+
+        Filter and LED spectrum move along and keep their widths, powers stay. Detectors keep their
+        quantum efficiency, but for tables that cover the new band, which hold: how well a real
+        photodiode does elsewhere is up to its material.
+
+        Raises InputError for a wavelength or a band outside 800 to 1600 nm.
+        """
+        moved_nm = wavelength_nm - self.wavelength_nm
+        low, high = self.filter.band_nm
+        band_nm = low + moved_nm, high + moved_nm
+        fields = yaml.safe_load(self.text)
+        fields["wavelength_nm"] = float(wavelength_nm)
+        fields["filter"]["band_nm"] = list(band_nm)
+        if self.projector.spectrum is not None:
+            fields["projector"]["spectrum"]["peak_nm"] += moved_nm
+        for part, detector in ((fields, self.detector), (fields["tof"], self.tof.detector)):
+            sensor = detector.sensor.at_band(band_nm, self.wavelength_nm, wavelength_nm)
+            part["detector"]["sensor"] = sensor.model_dump(mode="json")
+        source = f"instrument at {wavelength_nm:g} nm"
+        return parse_model(yaml.safe_dump(fields), Instrument, source)
+
+    def with_laser_power(self, power_w: float) -> Instrument:
+        """The same instrument with lasers of another power each.
+
+        Raises InputError for a power that is not positive and finite.
+        """
+        fields = yaml.safe_load(self.text)
+        fields["lasers"]["power_w"] = float(power_w)
+        return parse_model(yaml.safe_dump(fields), Instrument, f"instrument of {power_w:g} W")
 
     @property
     def pattern_plan(self) -> PatternPlan:

@@ -6,7 +6,7 @@ Electrons are *primary* ones throughout: one per detected photon, before any gai
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +40,11 @@ def spectral_value(curve: Any, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
     return np.full(at.shape, float(curve))
 
 
+def _covers(curve: Any, band_nm: tuple[float, float]) -> bool:
+    """Whether a `Spectral` field is a table that reaches over a band."""
+    return isinstance(curve, tuple) and curve[0][0] <= band_nm[0] and band_nm[1] <= curve[-1][0]
+
+
 class _Sensor(Section):
     photoactive_area_mm2: Positive
     fill_factor: PositiveFraction = 1.0
@@ -56,6 +61,16 @@ class _Photodiode(_Sensor):
     def electrons_per_joule(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
         """Primary electrons per joule on the photodiode."""
         return spectral_value(self.responsivity_a_per_w, wavelength_nm) / elementary_charge
+
+    def at_band(self, band_nm: tuple[float, float], old_nm: float, new_nm: float) -> Self:
+        """For light of another band: of the same quantum efficiency, but where a table covers it.
+
+        At one quantum efficiency the responsivity is proportional to the wavelength.
+        """
+        if _covers(self.responsivity_a_per_w, band_nm):
+            return self
+        old = float(spectral_value(self.responsivity_a_per_w, old_nm))
+        return self.model_copy(update={"responsivity_a_per_w": old * (new_nm / old_nm)})
 
 
 class Pin(_Photodiode):
@@ -133,6 +148,13 @@ class Spad(_Sensor):
         """Primary detections per joule on the diode."""
         at = np.asarray(wavelength_nm, dtype=np.float64)
         return spectral_value(self.detection_efficiency, at) * at * 1e-9 / (h * c)
+
+    def at_band(self, band_nm: tuple[float, float], old_nm: float, new_nm: float) -> Self:
+        """For light of another band, as efficient as at `old_nm` but where a table covers it."""
+        if _covers(self.detection_efficiency, band_nm):
+            return self
+        old = float(spectral_value(self.detection_efficiency, old_nm))
+        return self.model_copy(update={"detection_efficiency": old})
 
     @property
     def dark_rate_hz(self) -> float:

@@ -64,8 +64,9 @@ def simulate(
     Raises
     ------
     InputError
-        If a laser beam hits nothing, an object would pass through the instrument, or no backend
-        for the light transport works.
+        If a laser beam hits nothing, an object would pass through the instrument, the scene was
+        made for another wavelength than the instrument's, or no backend for the light transport
+        works.
     """
     truth = ground_truth(scene.at(frame_time_s(instrument) / 2), instrument)
     light = trace(

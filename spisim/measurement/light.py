@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +41,10 @@ class BucketLight:
 
 
 def bucket_light(
-    instrument: Instrument, light: LightSequence, frames: int, drops: FallingDrops | None = None
+    instrument: Instrument,
+    light: LightSequence,
+    frames: int,
+    drops: Sequence[FallingDrops] = (),
 ) -> BucketLight:
     """Electrons from the fractions of emitted power that the light transport found.
 
@@ -65,9 +68,7 @@ def bucket_light(
         by_tap_steady = np.tile(modulation.taps.share * steady, (len(by_tap), 1))
         steadies = np.concatenate([steadies, by_tap_steady])
     pictures = pictures * electrons
-    changes = np.zeros((len(pictures), *shares.shape[:2]))
-    if drops is not None:
-        changes = on_buckets(drops, pictures, shares, electrons, _response(instrument))
+    changes = on_buckets(drops, pictures, shares, electrons, _response(instrument))
     buckets, *taps = (
         _readings(instrument, shares, *window)
         for window in zip(pictures, steadies, changes, strict=True)

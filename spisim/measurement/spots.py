@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
 from typing import Any
@@ -42,7 +42,10 @@ class SpotLight:
 
 
 def spot_light(
-    instrument: Instrument, light: LightSequence, frames: int, drops: FallingDrops | None = None
+    instrument: Instrument,
+    light: LightSequence,
+    frames: int,
+    drops: Sequence[FallingDrops] = (),
 ) -> SpotLight:
     """Rates from the fractions of emitted power that the light transport found.
 
@@ -59,7 +62,7 @@ def spot_light(
     steady = rate("spot_daylight_w", "daylight") + rate("spot_crosstalk_w", "projector")
     lengths = light.transports[0].path_length_m
     echo = rate("spot_histogram", "laser")
-    if drops is not None:
+    if drops:
         change = on_spots(drops, lengths)
         echo = echo * change.passed + change.echo * instrument.electrons_per_joule(
             detector, "laser"

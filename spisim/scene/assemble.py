@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -46,34 +47,39 @@ Meshes = Mapping[str, trimesh.Trimesh]
 NO_MESHES: Meshes = MappingProxyType({})
 
 
-def assemble(
-    described: SceneDescription,
-    folder: Path,
-    text: str,
-    source: Path | str,
-    meshes: Meshes = NO_MESHES,
-) -> Scene:
-    """Scene of a description.
+@dataclass(frozen=True)
+class Setting:
+    """Where a description comes from, and the wavelength that its scene is made for.
 
-    `meshes` are mesh files in memory, by name; others, pictures and tables lie in `folder`. `text`
-    is what the scene says that it was made from. Raises InputError, naming `source` and field, for
-    whatever the description alone could not tell.
+    Pictures, tables and meshes lie in `folder`; `text` is what the scene says that it was made
+    from, `source` what error messages call it.
     """
+
+    folder: Path
+    text: str
+    source: Path | str
+    wavelength_nm: float = 1550.0
+
+
+def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_MESHES) -> Scene:
+    """Scene of a description; `meshes` are mesh files that are in memory, by name.
+
+    Raises InputError, naming source and field, for whatever the description alone could not tell.
+    """
+    folder, source, wavelength_nm = setting.folder, setting.source, setting.wavelength_nm
     materials: dict[str, Material] = {}
     for name, own in described.materials.items():
         with _problems_at(source, f"materials.{name}"):
-            materials[name] = make_material(name, own, folder)
+            materials[name] = make_material(name, own, folder, wavelength_nm)
     media: list[Atmosphere] = []
-    falling: Precipitation | None = None
+    falling: list[Precipitation] = []
     for field in MEDIA:
         with _problems_at(source, field):
             section = getattr(described, field)
             if isinstance(section, FallingDescription) and section.model == "drops":
-                if falling is not None:
-                    raise InputError("model should be medium beside rain of single drops")
-                falling = make_precipitation(section)
+                falling.append(make_precipitation(section, wavelength_nm))
             elif section is not None:
-                media.append(make_medium(section, folder))
+                media.append(make_medium(section, folder, wavelength_nm))
     with _problems_at(source, "ambient"):
         ambient = _ambient(described.ambient)
     with _problems_at(source, "drone"):
@@ -82,11 +88,11 @@ def assemble(
     for i, row in enumerate(described.objects):
         with _problems_at(source, f"objects[{i}] ({row.name})"):
             name = described.material_swaps.get(row.material, row.material)
-            objects += _place(row, find_material(name, materials), folder, meshes)
+            objects += _place(row, find_material(name, materials, wavelength_nm), folder, meshes)
     volumes: list[Volume] = []
     for i, box in enumerate(described.volumes):
         with _problems_at(source, f"volumes[{i}] ({box.name})"):
-            volumes.append(_volume(box, folder))
+            volumes.append(_volume(box, folder, wavelength_nm))
     _check_names("objects", [thing.name for thing in objects], source)
     _check_names("volumes", [volume.name for volume in volumes], source)
     return Scene(
@@ -95,11 +101,12 @@ def assemble(
         combine(media),
         ambient,
         pose,
-        text,
+        setting.text,
         tuple(volumes),
         described.drone.velocity_m_s,
         _radians(described.drone.angular_velocity_deg_s),
-        falling,
+        tuple(falling),
+        wavelength_nm,
     )
 
 
@@ -136,8 +143,8 @@ def _drone_pose(described: DroneDescription) -> NDArray[np.float64]:
     return np.asarray(looking @ OPTICAL_FROM_BODY @ offset @ OPTICAL_FROM_BODY.T)
 
 
-def _volume(described: VolumeDescription, folder: Path) -> Volume:
-    medium = make_medium(described, folder)
+def _volume(described: VolumeDescription, folder: Path, wavelength_nm: float) -> Volume:
+    medium = make_medium(described, folder, wavelength_nm)
     if medium.extinction_per_m == 0:
         raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
     centred = np.diag([*described.size_m, 1.0])

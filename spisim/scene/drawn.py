@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from reconstruction.errors import InputError
 from spisim import families
 from spisim.config import check_fields
-from spisim.scene.assemble import assemble
+from spisim.scene.assemble import Setting, assemble
 from spisim.scene.description import DrawnDescription, SceneDescription
 from spisim.scene.layout import layout_problem
 from spisim.scene.model import Scene
@@ -20,12 +19,13 @@ DRAWING = ("family", "seed", "parameters")
 ATTEMPTS = 40
 
 
-def draw(fields: Mapping[str, Any], folder: Path, text: str, source: Path | str) -> Scene:
+def draw(fields: Mapping[str, Any], setting: Setting) -> Scene:
     """The first scene of a family that has a sound layout, from the fields of a scene file.
 
-    Raises InputError, naming `source`, for fields that do not fit, an unknown family, unknown
+    Raises InputError, naming the source, for fields that do not fit, an unknown family, unknown
     parameters, and where none of many draws has a sound layout.
     """
+    source = setting.source
     described = check_fields(fields, DrawnDescription, source)
     problem: str | None = ""
     for attempt in range(ATTEMPTS):
@@ -37,7 +37,7 @@ def draw(fields: Mapping[str, Any], folder: Path, text: str, source: Path | str)
             source=f"{source}: parameters",
         )
         full = check_fields(whole_file(fields, draft), SceneDescription, source)
-        scene = assemble(full, folder, text, source, draft.meshes)
+        scene = assemble(full, setting, draft.meshes)
         problem = layout_problem(scene)
         if problem is None:
             return scene

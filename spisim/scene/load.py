@@ -10,7 +10,7 @@ import yaml
 
 from reconstruction.errors import InputError
 from spisim.config import check_fields, find_named, read_mapping, read_text
-from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
+from spisim.scene.assemble import Setting, assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, SceneDescription
 from spisim.scene.drawn import draw
 from spisim.scene.model import Scene
@@ -29,11 +29,17 @@ def list_scenes() -> list[str]:
     return sorted(path.stem for path in scenes_folder().glob("*.yaml"))
 
 
-def load_scene(path: str | Path, changes: Mapping[str, Any] | None = None) -> Scene:
+def load_scene(
+    path: str | Path,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    wavelength_nm: float = 1550.0,
+) -> Scene:
     """Scene from a YAML file, or a shipped one by its name ("warehouse").
 
     `changes` are top-level sections, as in the file, to put in place of the file's own; None leaves
-    a section out. The scene's text is changed along.
+    a section out. The scene's text is changed along. Materials and weather are made for
+    `wavelength_nm`, which is the instrument's.
 
     Raises InputError, naming file, field and what is allowed, for a file that is missing or not
     YAML, fields that are unknown, missing or out of range, a mesh that is missing or unusable, an
@@ -50,7 +56,7 @@ def load_scene(path: str | Path, changes: Mapping[str, Any] | None = None) -> Sc
         sections = {**fields, **changes}
         kept = {name: section for name, section in sections.items() if section is not None}
         text = yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)
-    return make_scene(text, file.parent, file)
+    return make_scene(text, file.parent, file, wavelength_nm=wavelength_nm)
 
 
 def draw_scene(
@@ -58,6 +64,8 @@ def draw_scene(
     seed: int = 0,
     parameters: Mapping[str, Any] | None = None,
     changes: Mapping[str, Any] | None = None,
+    *,
+    wavelength_nm: float = 1550.0,
 ) -> Scene:
     """Scene of a family; equal seeds and parameters give equal scenes.
 
@@ -66,19 +74,22 @@ def draw_scene(
     """
     sections = {"family": family, "seed": seed, "parameters": dict(parameters or {})}
     text = yaml.safe_dump({**sections, **(changes or {})}, sort_keys=False, allow_unicode=True)
-    return make_scene(text, Path(), f"family {family}")
+    return make_scene(text, Path(), f"family {family}", wavelength_nm=wavelength_nm)
 
 
-def make_scene(text: str, folder: Path, source: Path | str) -> Scene:
+def make_scene(
+    text: str, folder: Path, source: Path | str, *, wavelength_nm: float = 1550.0
+) -> Scene:
     """Scene from the text of a scene file; the files it names are looked for in `folder`.
 
     `source` is what error messages call it. Raises and warns as `load_scene` does.
     """
+    setting = Setting(folder, text, source, wavelength_nm)
     fields = read_mapping(text, SceneDescription, source)
     if "family" in fields:
-        scene = draw(fields, folder, text, source)
+        scene = draw(fields, setting)
     else:
-        scene = assemble(check_fields(fields, SceneDescription, source), folder, text, source)
+        scene = assemble(check_fields(fields, SceneDescription, source), setting)
         check_drone(scene, source)
     warn_of_oddities(scene)
     return scene

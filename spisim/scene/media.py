@@ -32,8 +32,10 @@ from spisim.scene.warning import SceneWarning
 
 
 @singledispatch
-def make_medium(described: Any, folder: Path) -> Atmosphere:
-    """The medium that a section describes; files are relative to `folder`.
+def make_medium(described: Any, folder: Path, wavelength_nm: float) -> Atmosphere:
+    """The medium that a section describes, at a wavelength; files are relative to `folder`.
+
+    What is given by its coefficients has the same at every wavelength.
 
     Raises InputError for what the section's fields cannot tell alone: unknown kinds, values outside
     the range of a model, contradictions, and phase functions that are none.
@@ -42,7 +44,7 @@ def make_medium(described: Any, folder: Path) -> Atmosphere:
 
 
 @make_medium.register
-def _(described: FogDescription, folder: Path) -> Atmosphere:
+def _(described: FogDescription, folder: Path, wavelength_nm: float) -> Atmosphere:
     if described.extinction_per_m is not None:
         phase = _phase(described.phase, folder) if described.phase else None
         return atmosphere.explicit(
@@ -55,14 +57,19 @@ def _(described: FogDescription, folder: Path) -> Atmosphere:
         described.visibility_m, described.liquid_water_g_per_m3, kind, described.definition
     )
     form = described.phase if isinstance(described.phase, str) else "mie"
-    return atmosphere.fog(visibility_m, kind, described.definition, phase=form)
+    return atmosphere.fog(
+        visibility_m, kind, described.definition, wavelength_nm=wavelength_nm, phase=form
+    )
 
 
-def make_precipitation(described: FallingDescription) -> Precipitation:
-    """The single drops or flakes that a section describes. InputError for rates out of range."""
+def make_precipitation(described: FallingDescription, wavelength_nm: float) -> Precipitation:
+    """The single drops or flakes that a section describes, at a wavelength.
+
+    Raises InputError for rates out of range, and rain of a wavelength that it is not tabulated at.
+    """
     rate, wind = described.rate_mm_per_h, described.wind_m_s
     if isinstance(described, RainDescription):
-        return precipitation.rain(rate, wind_m_s=wind)
+        return precipitation.rain(rate, wavelength_nm=wavelength_nm, wind_m_s=wind)
     assert isinstance(described, SnowDescription)
     given = {name: getattr(described, name) for name in described.model_fields_set}
     optics = {name: given[name] for name in ("albedo", "g") if name in given}
@@ -70,16 +77,23 @@ def make_precipitation(described: FallingDescription) -> Precipitation:
 
 
 @make_medium.register
-def _(described: RainDescription, folder: Path) -> Atmosphere:
+def _(described: RainDescription, folder: Path, wavelength_nm: float) -> Atmosphere:
     return atmosphere.rain(
-        described.rate_mm_per_h, described.kind, diffraction=described.diffraction
+        described.rate_mm_per_h,
+        described.kind,
+        wavelength_nm=wavelength_nm,
+        diffraction=described.diffraction,
     )
 
 
 @make_medium.register
-def _(described: SnowDescription, folder: Path) -> Atmosphere:
+def _(described: SnowDescription, folder: Path, wavelength_nm: float) -> Atmosphere:
     return atmosphere.snow(
-        described.rate_mm_per_h, described.kind, albedo=described.albedo, g=described.g
+        described.rate_mm_per_h,
+        described.kind,
+        wavelength_nm=wavelength_nm,
+        albedo=described.albedo,
+        g=described.g,
     )
 
 

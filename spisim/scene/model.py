@@ -94,7 +94,7 @@ class Scene:
     `drone_pose` (4, 4) takes points of the instrument's optical frame (x right, y down, z forward,
     metres) to the world (z up). The drone's velocities are in world axes, about its position.
     `text` is the YAML that the scene was made from, or "". The drops of `precipitation` are no part
-    of the atmosphere.
+    of the atmosphere. Materials and media are those of `wavelength_nm`.
     """
 
     name: str
@@ -106,7 +106,8 @@ class Scene:
     volumes: tuple[Volume, ...] = ()
     drone_velocity_m_s: Vector3 = STILL
     drone_angular_velocity_rad_s: Vector3 = STILL
-    precipitation: Precipitation | None = None
+    precipitation: tuple[Precipitation, ...] = ()
+    wavelength_nm: float = 1550.0
 
     @property
     def drone_moves(self) -> bool:
@@ -122,11 +123,15 @@ class Scene:
     def media_summary(self) -> list[dict[str, Any]]:
         """What hangs in the air, in plain numbers, and `where`: nothing for clear air.
 
-        That of all of the air together, each part of a mixture, and each volume, of density 1.
+        That of all of the air together, each part of a mixture, single drops, and each volume, of
+        density 1.
         """
         air = self.atmosphere
-        media = [("air", air)] if air.extinction_per_m > 0 else []
+        media: list[tuple[str, Atmosphere | Precipitation]] = []
+        if air.extinction_per_m > 0:
+            media += [("air", air)]
         media += [("air, part", part) for part in air.parts]
+        media += [("air, single drops", falling) for falling in self.precipitation]
         media += [(f"volume {volume.name}", volume.medium) for volume in self.volumes]
         return [{"where": where, **medium.summary()} for where, medium in media]
 

@@ -1,4 +1,4 @@
-"""How much of daylight, given in lux, falls into a band around 1550 nm."""
+"""How much of daylight, given in lux, falls into a band of the near infrared."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ def in_band_irradiance(illuminance_klx: float, band_nm: tuple[float, float]) -> 
 
     Spectrum of ASTM G173-03 global, for sun and sky alike: 2.967 W/m² per 100 klx between 1544 and
     1556 nm. A clear sky's own blue light has about a quarter of that per lux, an overcast sky
-    about all of it. Lamps are no daylight: the same lux from white LEDs hold next to nothing here,
+    about all of it. Lamps are no daylight: the same lux from white LEDs hold next to nothing there,
     from incandescent lamps eleven times as much.
 
-    Raises InputError unless the band lies within 1500 to 1600 nm.
+    Raises InputError unless the band lies within 800 to 1600 nm.
     """
     wavelengths, irradiance, klx = daylight_spectrum()
     low, high = band_nm

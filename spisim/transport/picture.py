@@ -1,4 +1,4 @@
-"""What a camera at 1550 nm would see."""
+"""What a camera at the instrument's wavelength would see."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def fine_view(
     light is traced from both ends. In units of the power that reaches the detector from a virtual
     pixel's share of the light, so that the mean over the small ones is the transport image.
     """
-    placed = InstrumentView.of(instrument, scene.drone_pose)
+    placed = InstrumentView.placed(scene, instrument)
     height, width = placed.projector.shape
     fine = replace(placed.projector, shape=(refine * height, refine * width))
     stream = np.random.SeedSequence(seed)
@@ -67,8 +67,8 @@ def camera_view(
     position_m
         Of the camera in the optical frame; it looks along the optical axis.
     """
+    placed = InstrumentView.placed(scene, instrument).projector
     world = build_world(scene)
-    placed = InstrumentView.of(instrument, scene.drone_pose).projector
     half_width = placed.tan_half_width
     if fov_deg is not None:
         half_width = float(np.tan(np.radians(fov_deg) / 2))

@@ -87,12 +87,18 @@ def solve(
         What to keep besides the transport image.
     progress
         Called with the fraction done.
+
+    Raises
+    ------
+    InputError
+        If the scene was made for another wavelength than the instrument's, or the histograms are
+        too coarse for what is modulated onto the light.
     """
     began = time.perf_counter()
     _check_resolution(instrument.tof)
+    placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
-    placed = InstrumentView.of(instrument, scene.drone_pose)
     image = transport_image(
         world,
         placed.projector,

@@ -48,10 +48,10 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
     Raises
     ------
     InputError
-        If a laser beam hits nothing.
+        If a laser beam hits nothing, or the scene was made for another wavelength.
     """
+    placed = InstrumentView.placed(scene, instrument)
     geometry = build_world(scene).geometry.scene
-    placed = InstrumentView.of(instrument, scene.drone_pose)
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     shape = placed.projector.shape
 

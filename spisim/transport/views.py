@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.errors import InputError
+
 if TYPE_CHECKING:
     from spisim.instrument import Instrument
+    from spisim.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -73,6 +76,18 @@ class InstrumentView:
     bucket: DetectorView
     beams: BeamView
     tof: DetectorView
+
+    @classmethod
+    def placed(cls, scene: Scene, instrument: Instrument) -> InstrumentView:
+        """Where the scene has its drone. InputError for a scene of another wavelength."""
+        if scene.wavelength_nm != instrument.wavelength_nm:
+            raise InputError(
+                f"wavelength_nm {instrument.wavelength_nm:g} of the instrument is not that of "
+                f"scene {scene.name!r}, {scene.wavelength_nm:g}: load the scene with "
+                f"wavelength_nm={instrument.wavelength_nm:g}, or move the instrument with "
+                f"at_wavelength({scene.wavelength_nm:g})"
+            )
+        return cls.of(instrument, scene.drone_pose)
 
     @classmethod
     def of(cls, instrument: Instrument, pose: Floats) -> InstrumentView:

@@ -53,13 +53,13 @@ def depths(one, depth_m=WALL_M):
 
 def drops(one, falling, seed=0, fog_per_m=0.0, frames=1):
     place = worlds.scene(worlds.plane(WALL_M), extinction_per_m=fog_per_m)
-    scene = replace(place, precipitation=falling)
+    scene = replace(place, precipitation=(falling,))
     return falling_drops(scene, one, depths(one), frames, np.random.default_rng(seed))
 
 
 def one_drop(one, place_m, diameter_mm, **options):
     """A single drop that hangs in the air."""
-    all_of_them = drops(one, rain(10.0, near_m=0.05, far_m=0.2), **options)
+    (all_of_them,) = drops(one, rain(10.0, near_m=0.05, far_m=0.2), **options)
     field = all_of_them.field
     hanging = replace(
         field,
@@ -68,7 +68,7 @@ def one_drop(one, place_m, diameter_mm, **options):
         diameters_mm=np.array([diameter_mm], float),
         box=np.array([[-9.0, -9.0, -9.0], [9.0, 9.0, 9.0]]),
     )
-    return replace(all_of_them, field=hanging, precipitation=rain(10.0))
+    return (replace(all_of_them, field=hanging, precipitation=rain(10.0)),)
 
 
 def one_exposure(one, falling, pictures, electrons):
@@ -197,7 +197,7 @@ def test_a_drop_hides_its_disc_and_sends_its_echo():
     back = detector - place
     distance = np.linalg.norm(back)
     cosine = np.dot(place, back) / np.linalg.norm(place) / distance
-    scattered = falling.precipitation.optics.scattered_per_sr(cosine, diameter)
+    scattered = falling[0].precipitation.optics.scattered_per_sr(cosine, diameter)
     area = one.detector.aperture_area_m2
     echo = met * scattered * area * -back[2] / distance**3
     dark, power = np.zeros((16, 16)), np.zeros((16, 16))
@@ -232,7 +232,7 @@ def test_a_close_drop_hides_the_pixels_that_its_ball_covers():
     """Against rays through 32 × 32 parts of each pixel."""
     one = instrument()
     centre, diameter = np.array([0.004, -0.006, 0.15]), 6.0
-    falling = one_drop(one, centre, diameter)
+    (falling,) = one_drop(one, centre, diameter)
     rays = pixel_rays(one, 32)
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     aside = np.linalg.norm(centre - (rays @ centre)[:, None] * rays, axis=1)
@@ -281,14 +281,14 @@ def test_a_drop_in_a_laser_beam_casts_a_shadow_and_a_glint():
     to_detector = end - direction * range_m
     distance = np.linalg.norm(to_detector)
     cosine = direction @ to_detector / distance
-    back = falling.precipitation.optics.scattered_per_sr(cosine, diameter)
+    back = falling[0].precipitation.optics.scattered_per_sr(cosine, diameter)
     seen = -cosine / distance**2 * detector.aperture_area_m2
     echo = change.echo[0, 0]
     assert echo.sum() == pytest.approx(met * back * seen, rel=1e-4, abs=0)
     assert echo @ LENGTHS / echo.sum() == pytest.approx(range_m + distance, rel=1e-9)
 
 
-def readings(one, falling, frames=1, seed=0):
+def readings(one, *falling, frames=1, seed=0):
     """Mean electrons of a wall, all pixels alike, with drops before it."""
     place = replace(worlds.scene(worlds.plane(WALL_M)), precipitation=falling)
     noise = np.random.default_rng(seed)
@@ -320,7 +320,7 @@ def transport(one):
 def test_flicker_grows_with_the_rain():
     """Equal patterns differ from frame to frame, the more the harder it rains."""
     one = instrument(pattern_rate_hz=200.0, patterns=3)
-    still = readings(one, None)
+    still = readings(one)
     flicker = []
     for rate in (3.0, 100.0):
         spread = readings(one, rain(rate, near_m=0.2, far_m=4.0), frames=40) / still - 1
@@ -340,7 +340,7 @@ def test_taps_share_what_drops_do_to_the_bucket():
     still = LightSequence(np.zeros(1), (dark,))
     place, diameter = np.array([0.01, 0.02, 1.5]), 3.0
     wet, dry = (
-        bucket_light(one, still, 1, weather) for weather in (one_drop(one, place, diameter), None)
+        bucket_light(one, still, 1, weather) for weather in (one_drop(one, place, diameter), ())
     )
     echo = wet.taps[0, 0] - dry.taps[0, 0]
     np.testing.assert_allclose(echo.sum(), wet.buckets[0, 0] - dry.buckets[0, 0], rtol=1e-6)
@@ -351,11 +351,41 @@ def test_taps_share_what_drops_do_to_the_bucket():
     assert phase - offset == pytest.approx(2 * np.pi * 15e6 * length / c, rel=1e-3)
 
 
+def test_drops_and_flakes_hide_one_after_the_other():
+    """What passes both is the product; their echoes add up."""
+    one = instrument()
+    image, power = np.ones((1, 16, 16)), np.zeros((16, 16))
+    power[5, 9] = image[0, 5, 9] = 1.0
+    ray = pixel_rays(one)[5 * 16 + 9]
+    image[0] *= power
+    near, far = (one_drop(one, distance * ray, 3.0) for distance in (0.8, 1.7))
+    hidden = {
+        name: one_exposure(one, weather, image, 0 * power)[0]
+        for name, weather in (("near", near), ("far", far), ("both", near + far))
+    }
+    assert -0.9 < hidden["near"] < hidden["far"] < -0.01
+    passed = (1 + hidden["near"]) * (1 + hidden["far"])
+    assert 1 + hidden["both"] == pytest.approx(passed, rel=1e-12)
+    echo = {
+        name: one_exposure(one, weather, 0 * image, power)[0]
+        for name, weather in (("near", near), ("far", far), ("both", near + far))
+    }
+    assert echo["both"] == pytest.approx(echo["near"] + echo["far"], rel=1e-12, abs=0)
+
+    beam = one.lasers.directions[0]
+    first, second = (one_drop(one, distance * beam, 1.0) for distance in (0.8, 1.7))
+    alone = [on_spots(weather, LENGTHS) for weather in (first, second)]
+    both = on_spots(first + second, LENGTHS)
+    np.testing.assert_allclose(both.passed, alone[0].passed * alone[1].passed, rtol=1e-12)
+    np.testing.assert_allclose(both.echo, alone[0].echo + alone[1].echo, rtol=1e-12)
+    assert both.passed.min() < 0.99
+
+
 def test_rain_in_a_recording():
     """The same seed gives the same drops, another one others; without noise too."""
     one = instrument(patterns=8)
     place = worlds.scene(worlds.plane(WALL_M))
-    rainy = replace(place, precipitation=rain(50.0))
+    rainy = replace(place, precipitation=(rain(50.0),))
     light = LightSequence(np.zeros(1), (transport(one),))
     truth = spisim.transport.ground_truth(place, one)
 

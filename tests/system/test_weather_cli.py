@@ -131,23 +131,23 @@ def scene_file(tmp_path: Path) -> Path:
 
 def test_options_change_the_weather_and_the_scene_s_text(scene_file: Path) -> None:
     scene_file.write_text(SCENE + "fog: {visibility_m: 100, definition: mor, phase: hg}\n")
-    scene = scene_with(str(scene_file), 50, False, "heavy-radiation", 5)
+    scene = scene_with(str(scene_file), 1550, 50, False, "heavy-radiation", 5)
     expected = combine([fog(50, "heavy-radiation", "mor", phase="hg"), rain(5)])
     assert scene.atmosphere.summary() == expected.summary()
     assert yaml.safe_load(scene.text)["rain"] == {"rate_mm_per_h": 5}
-    thicker = scene_with(str(scene_file), None, False, "haze-m")
+    thicker = scene_with(str(scene_file), 1550, None, False, "haze-m")
     assert thicker.atmosphere.visibility_m == 100
     assert thicker.atmosphere.kind == "haze-m"
-    clear = scene_with(str(scene_file), None, True)
+    clear = scene_with(str(scene_file), 1550, None, True)
     assert clear.atmosphere.extinction_per_m == 0
     assert "fog" not in yaml.safe_load(clear.text)
 
 
 def test_options_replace_a_medium_by_coefficients(scene_file: Path) -> None:
     scene_file.write_text(SCENE + "fog: {extinction_per_m: 0.1, phase: {g: 0.5}}\n")
-    assert scene_with(str(scene_file), 50, False).atmosphere.kind == "moderate-radiation"
+    assert scene_with(str(scene_file), 1550, 50, False).atmosphere.kind == "moderate-radiation"
     with pytest.raises(InputError, match="--fog needs --visibility"):
-        scene_with(str(scene_file), None, False, "haze-m")
+        scene_with(str(scene_file), 1550, None, False, "haze-m")
 
 
 @pytest.mark.parametrize(
@@ -156,4 +156,4 @@ def test_options_replace_a_medium_by_coefficients(scene_file: Path) -> None:
 def test_clear_and_weather_exclude_each_other(scene_file: Path, options: tuple) -> None:
     scene_file.write_text(SCENE)
     with pytest.raises(InputError, match=r"--clear and --.* exclude each other"):
-        scene_with(str(scene_file), *options)
+        scene_with(str(scene_file), 1550, *options)

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from foreign import assert_same, collada, taken, tetrahedron, written
 
+from foreign import assert_same, collada, taken, tetrahedron, written
 from reconstruction.errors import InputError
 from spisim.scene.pose import pose_matrix
 

@@ -213,6 +213,63 @@ def test_responsivity_may_be_a_table(paper: Instrument, tmp_path: Path) -> None:
     assert tabled.electrons_per_joule(tabled.detector, "daylight") == pytest.approx(flat, rel=1e-4)
 
 
+# Another wavelength
+
+
+@pytest.mark.parametrize("name", list_presets())
+@pytest.mark.parametrize("wavelength_nm", [850, 905, 940, 1460, 1550])
+def test_moved_to_another_wavelength(name: str, wavelength_nm: float) -> None:
+    """Widths, powers and quantum efficiencies stay."""
+    before = load_instrument(name)
+    after = before.at_wavelength(wavelength_nm)
+    assert after.wavelength_nm == wavelength_nm
+    assert np.diff(after.filter.band_nm) == pytest.approx(np.diff(before.filter.band_nm))
+    assert np.mean(after.filter.band_nm) - wavelength_nm == pytest.approx(
+        np.mean(before.filter.band_nm) - before.wavelength_nm
+    )
+    assert after.in_band_fraction == pytest.approx(before.in_band_fraction, rel=1e-12)
+    np.testing.assert_allclose(after.pixel_powers_w, before.pixel_powers_w, rtol=1e-12)
+    for old, new in (
+        (before.detector.sensor, after.detector.sensor),
+        (before.tof.detector.sensor, after.tof.detector.sensor),
+    ):
+        assert quantum_efficiency(new, wavelength_nm) == pytest.approx(
+            quantum_efficiency(old, before.wavelength_nm)
+        )
+    assert after.lasers == before.lasers
+
+
+@pytest.mark.parametrize("name", list_presets())
+def test_moved_to_where_it_is(name: str) -> None:
+    instrument = load_instrument(name)
+    assert instrument.at_wavelength(instrument.wavelength_nm) == instrument
+
+
+def test_a_table_that_covers_the_new_band_holds(tmp_path: Path) -> None:
+    table = "responsivity_a_per_w: [[840, 0.2], [1000, 0.4], [1550, 0.95], [1600, 1.0]]"
+    tabled = load_text(tmp_path, PAPER.replace("responsivity_a_per_w: 0.95", table, 1))
+    sensor = tabled.at_wavelength(905).detector.sensor
+    assert sensor.electrons_per_joule(905) * elementary_charge == pytest.approx(0.28125)
+    # where it does not, its value at the old wavelength is the measure
+    sensor = tabled.at_wavelength(842).detector.sensor
+    assert sensor.electrons_per_joule(842) * elementary_charge == pytest.approx(0.95 * 842 / 1550)
+
+
+def test_only_so_far_as_daylight_is_known(paper: Instrument) -> None:
+    with pytest.raises(InputError, match=r"instrument at 803 nm: .*filter.band_nm.*800 to 1600"):
+        paper.at_wavelength(803)
+    with pytest.raises(InputError, match=r"instrument at 532 nm: wavelength_nm.*800; found 532"):
+        paper.at_wavelength(532)
+
+
+def test_another_laser_power(paper: Instrument) -> None:
+    stronger = paper.with_laser_power(9e-3)
+    assert stronger.lasers.power_w == 9e-3
+    assert stronger.with_laser_power(paper.lasers.power_w) == paper
+    with pytest.raises(InputError, match=r"lasers\.power_w.*greater than 0"):
+        paper.with_laser_power(0)
+
+
 def test_aperture_and_f_number_are_two_words_for_one_lens(tmp_path: Path) -> None:
     paper = load_instrument("paper")
     area = paper.detector.aperture_area_m2
@@ -278,9 +335,10 @@ def test_exposure_defaults_to_the_pattern_period_and_may_be_shorter(tmp_path: Pa
             ("polarity: single-ended", "polarity: signed"),
             ["plan.polarity", "formed by a recorder; choose differential or single-ended"],
         ),
-        (("[1544, 1556]", "[1556, 1544]"), ["filter.band_nm", "1500 to 1600"]),
+        (("[1544, 1556]", "[1556, 1544]"), ["filter.band_nm", "800 to 1600"]),
         (("[1544, 1556]", "[1520, 1530]"), ["wavelength_nm", "band_nm"]),
-        (("wavelength_nm: 1550", "wavelength_nm: 905"), ["wavelength_nm", "1500", "905"]),
+        (("wavelength_nm: 1550", "wavelength_nm: 905"), ["wavelength_nm", "1544", "905"]),
+        (("wavelength_nm: 1550", "wavelength_nm: 532"), ["wavelength_nm", "800", "532"]),
         (("f_number: 0.95", "f_number: 0.4"), ["detector.f_number", "0.5", "0.4"]),
         (("fill_factor: 0.35", "fill_factor: 35"), ["detector.sensor.fill_factor", "35"]),
         (("responsivity_a_per_w: 0.95", "responsivity_a_per_w: 1.3"), ["electron per photon"]),

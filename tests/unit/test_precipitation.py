@@ -8,11 +8,13 @@ import pytest
 import spisim
 import worlds
 from reconstruction.errors import InputError
+from spisim.atmosphere import rain as rain_medium
+from spisim.atmosphere import refractive_index
 from spisim.atmosphere.drop_optics import flakes, water_drops
-from spisim.atmosphere.drop_table import WATER
 from spisim.atmosphere.precipitation import rain, snow, terminal_speed_m_s
 from spisim.measurement.drops import drop_field
 from spisim.measurement.sequence import frame_time_s
+from spisim.wavelengths import WAVELENGTHS_NM
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +128,7 @@ def test_equal_seeds_give_equal_drops(paper):
 
 def test_what_is_scattered_is_the_albedo():
     angle = np.linspace(0, np.pi, 20_001)
-    for optics in (water_drops(), flakes(0.5, 0.6)):
+    for optics in (*(water_drops(nm) for nm in WAVELENGTHS_NM), flakes(0.5, 0.6)):
         for diameter in (0.2, 0.77, 3.0):
             ring = optics.scattered_per_sr(np.cos(angle), diameter) * np.sin(angle)
             whole = 2 * np.pi * np.trapezoid(ring, angle)
@@ -135,16 +137,61 @@ def test_what_is_scattered_is_the_albedo():
 
 def test_large_drops_send_back_what_their_surface_reflects():
     """Water takes all that enters: a sphere's reflection is R/4π at 180°, isotropic."""
-    reflectance = abs((WATER - 1) / (WATER + 1)) ** 2
-    back = water_drops().scattered_per_sr(-1.0, 8.0)
-    assert back == pytest.approx(reflectance / (4 * np.pi), rel=0.02)
+    for wavelength_nm in (1460, 1550):
+        water = refractive_index("water", wavelength_nm)
+        reflectance = abs((water - 1) / (water + 1)) ** 2
+        back = water_drops(wavelength_nm).scattered_per_sr(-1.0, 8.0)
+        assert back == pytest.approx(reflectance / (4 * np.pi), rel=0.02)
 
 
 def test_the_albedo_is_what_water_does_not_absorb():
     """Mie theory's 1 - Q_abs of single spheres (miepython 3.3)."""
     sizes = np.array([0.2, 0.5, 1.0, 2.0, 4.0])
     mie = [0.83076, 0.64130, 0.42528, 0.20755, 0.08657]
-    np.testing.assert_allclose(water_drops().albedo(sizes), mie, rtol=0.03)
+    np.testing.assert_allclose(water_drops().albedo(sizes), mie, rtol=0.01)
+
+
+@pytest.mark.parametrize("wavelength_nm", [850, 905, 940])
+def test_drops_are_clear_in_the_near_infrared(wavelength_nm):
+    """A ray crosses 2/3 n D (1 - (1 - 1/n²)^1.5) of water on average: so much is absorbed."""
+    water = refractive_index("water", wavelength_nm)
+    absorption_per_mm = -4e6 * np.pi * water.imag / wavelength_nm
+    n = water.real
+    crossed = 2 / 3 * n**2 * (1 - (1 - 1 / n**2) ** 1.5) * 2.0  # mm, of a drop of 2 mm
+    lost = 1 - water_drops(wavelength_nm).albedo(2.0)
+    assert lost == pytest.approx(absorption_per_mm * crossed, rel=0.05)
+    # the rear surface glints: drops are brighter straight back than at 1550 nm
+    back = [water_drops(nm).scattered_per_sr(-1.0, 1.0) for nm in (wavelength_nm, 1550)]
+    assert back[0] > 3 * back[1]
+
+
+@pytest.mark.parametrize("wavelength_nm", WAVELENGTHS_NM)
+@pytest.mark.parametrize("rate", [2.0, 20.0])
+def test_drops_tell_of_themselves_what_the_medium_does(wavelength_nm, rate):
+    """The same table: what is apart is what small drops diffract by more than 1.5°."""
+    drops = rain(rate, wavelength_nm=wavelength_nm, smallest_mm=0.1, largest_mm=6.0).summary()
+    medium = rain_medium(rate, wavelength_nm=wavelength_nm).summary()
+    assert drops.keys() == medium.keys()
+    assert drops["kind"] == f"rain, {rate:g} mm/h, single drops"
+    absorbed = [one["extinction_per_m"] * (1 - one["albedo"]) for one in (drops, medium)]
+    assert absorbed[0] == pytest.approx(absorbed[1], rel=0.02)
+    echoes = [
+        one["extinction_per_m"] * one["albedo"] * one["backscatter_per_sr"]
+        for one in (drops, medium)
+    ]
+    assert echoes[0] == pytest.approx(echoes[1], rel=0.06)
+    assert drops["water_g_per_m3"] == pytest.approx(medium["water_g_per_m3"], rel=0.01)
+    assert drops["visibility_m"] == pytest.approx(medium["visibility_m"], rel=0.05)
+    assert drops["extinction_per_m"] == pytest.approx(medium["extinction_per_m"], rel=0.07)
+
+
+def test_flakes_tell_of_themselves():
+    told = snow(2.0, flake_density_kg_m3=50.0).summary()
+    assert (told["albedo"], told["kind"]) == (0.5, "snow, 2 mm/h, single drops")
+    assert told["g"] == pytest.approx(0.6, abs=1e-3)
+    # π ρ N0 / Λ⁴ of the drops that they melt into, less those out of bounds
+    melted = np.pi * 3800 * 2.0**-0.87 / (2.55 * 2.0**-0.48) ** 4
+    assert told["water_g_per_m3"] == pytest.approx(1e-3 * melted, rel=0.05)
 
 
 def test_snow_is_within_what_is_measured():
@@ -159,6 +206,7 @@ def test_snow_is_within_what_is_measured():
         (lambda: rain(0.0), "rate_mm_per_h should be above 0 and at most 300; found 0.0"),
         (lambda: rain(301.0), "at most 300; found 301.0"),
         (lambda: rain(float("nan")), "found nan"),
+        (lambda: rain(1.0, wavelength_nm=1310), "each for up to 30 nm more or less; found"),
         (lambda: snow(30.0), "at most 20; found 30.0"),
         (lambda: rain(1.0, smallest_mm=9.0), "smallest_mm 9.0 and largest_mm 8.0"),
         (lambda: rain(1.0, near_m=0.0), "near_m 0.0 and far_m 10.0"),
@@ -172,13 +220,3 @@ def test_what_cannot_be_is_refused(make, message):
     with pytest.raises(InputError) as refusal:
         make()
     assert message in str(refusal.value)
-
-
-@pytest.mark.slow
-def test_the_shipped_table_is_made_from_mie_theory():
-    pytest.importorskip("miepython")
-    from spisim.atmosphere.drop_table import DIAMETERS_MM, TABLE, table
-
-    with np.load(TABLE) as shipped:
-        np.testing.assert_array_equal(shipped["diameters_mm"], DIAMETERS_MM)
-        np.testing.assert_allclose(shipped["scattered_per_sr"][:1], table(DIAMETERS_MM[:1]), 1e-5)

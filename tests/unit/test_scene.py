@@ -12,6 +12,7 @@ from reconstruction.errors import InputError
 from spisim.scene import (
     Scene,
     SceneWarning,
+    daylight_spectrum,
     enclosing_object,
     in_band_irradiance,
     list_scenes,
@@ -296,14 +297,22 @@ def test_daylight_in_the_paper_s_band() -> None:
     assert in_band_irradiance(109.5, (1544, 1556)) == pytest.approx(3.249, abs=0.001)
 
 
+def test_daylight_is_weak_where_water_vapour_absorbs() -> None:
+    """Rows of ASTM G173-03: 0.89372 W/m² per nm at 850 nm, next to nothing at 1380 nm."""
+    wavelengths, irradiance, klx = daylight_spectrum()
+    assert klx == 109.5
+    assert dict(zip(wavelengths, irradiance, strict=True))[850] == 0.89372
+    assert in_band_irradiance(100, (1370, 1390)) < 1e-3 * in_band_irradiance(100, (840, 860))
+
+
 def test_daylight_adds_over_bands() -> None:
     parts = in_band_irradiance(10, (1544, 1547.3)) + in_band_irradiance(10, (1547.3, 1556))
     assert parts == pytest.approx(in_band_irradiance(10, (1544, 1556)))
 
 
-@pytest.mark.parametrize("band", [(1490, 1556), (1544, 1601), (1556, 1544), (1550, 1550)])
+@pytest.mark.parametrize("band", [(799, 856), (1544, 1601), (1556, 1544), (1550, 1550)])
 def test_daylight_outside_its_table(band: tuple[float, float]) -> None:
-    with pytest.raises(InputError, match="1500 to 1600 nm"):
+    with pytest.raises(InputError, match="800 to 1600 nm"):
         in_band_irradiance(10, band)
 
 

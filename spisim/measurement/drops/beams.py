@@ -7,7 +7,7 @@ squares with centre ρ²/s².
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.special import chndtr
 
 from spisim.measurement.drops.echo import echo
 from spisim.measurement.drops.falling import FallingDrops
+from spisim.measurement.drops.field import DropField
 
 Floats = NDArray[np.float64]
 
@@ -51,40 +52,62 @@ class _Met(NamedTuple):
     share: Floats  # of the light that comes so far
 
 
-def on_spots(drops: FallingDrops, path_length_m: Floats) -> SpotChange:
+def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange:
     """Change of the four spots' light, by bins (bins,) of the path length, evenly spaced from 0.
+
+    `drops` are one or more entries of one recording.
 
     A drop hides all light that goes further than itself. On the way back, that is the light of the
     laser's spot; what fog scatters counts as coming back along with it. Footprint and aperture
     together count as Gaussian there.
     """
-    frames, _ = drops.times_s.shape
-    beams = [_out_and_back(drops, number) for number in range(len(drops.view.beams.directions))]
-    passed = np.zeros((frames, len(beams), len(path_length_m)))
+    times_s = drops[0].times_s
+    beams = [_out_and_back(drops[0], number) for number in range(4)]
+    passed = np.zeros((len(times_s), len(beams), len(path_length_m)))
     echoes = np.zeros_like(passed)
-    for frame in range(frames):
-        field, middle, moved = drops.in_frame(frame)
-        near = [_near(beam, middle, field.diameters_mm, moved) for pair in beams for beam in pair]
-        field = field.kept(np.any(near, axis=0))
-        for time_s in drops.times_s[frame]:
-            positions, diameters = drops.at(field, time_s)
-            for number, (out, back) in enumerate(beams):
-                there, here = (_met(beam, positions, diameters) for beam in (out, back))
-                hidden = _beyond(path_length_m, there) + _beyond(path_length_m, here)
-                passed[frame, number] += np.exp(hidden)
-                light = echo(
-                    positions[there.drop],
-                    diameters[there.drop],
-                    drops.precipitation.optics,
-                    drops.view.tof,
-                    number,
-                    drops.fog_per_m,
-                    APERTURE_POINTS,
-                )
-                sent = there.share * light.share
-                echoes[frame, number] += _binned(path_length_m, light.length_m, sent)
-    exposures = drops.times_s.shape[1]
+    for frame, times in enumerate(times_s):
+        fields = [_in_reach(one, beams, frame) for one in drops]
+        for time_s in times:
+            for number, beam in enumerate(beams):
+                changes = [
+                    _at(one, field, time_s, beam, number, path_length_m)
+                    for one, field in zip(drops, fields, strict=True)
+                ]
+                passed[frame, number] += np.exp(sum(hidden for hidden, _ in changes))
+                echoes[frame, number] += sum(sent for _, sent in changes)
+    exposures = times_s.shape[1]
     return SpotChange(passed / exposures, echoes / exposures)
+
+
+def _in_reach(drops: FallingDrops, beams: list[tuple[_Beam, _Beam]], frame: int) -> DropField:
+    """The drops that may come into a beam in a frame."""
+    field, middle, moved = drops.in_frame(frame)
+    near = [_near(beam, middle, field.diameters_mm, moved) for pair in beams for beam in pair]
+    return field.kept(np.any(near, axis=0))
+
+
+def _at(
+    drops: FallingDrops,
+    field: DropField,
+    time_s: float,
+    beams: tuple[_Beam, _Beam],
+    number: int,
+    lengths: Floats,
+) -> tuple[Floats, Floats]:
+    """Logarithm (bins,) of what passes of a laser's light, and (bins,) the echo, at one time."""
+    positions, diameters = drops.at(field, time_s)
+    out, back = (_met(beam, positions, diameters) for beam in beams)
+    light = echo(
+        positions[out.drop],
+        diameters[out.drop],
+        drops.precipitation.optics,
+        drops.view.tof,
+        number,
+        drops.fog_per_m,
+        APERTURE_POINTS,
+    )
+    echoed = _binned(lengths, light.length_m, out.share * light.share)
+    return _beyond(lengths, out) + _beyond(lengths, back), echoed
 
 
 def _out_and_back(drops: FallingDrops, number: int) -> tuple[_Beam, _Beam]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 def on_buckets(
-    drops: FallingDrops,
+    drops: Sequence[FallingDrops],
     pictures: Floats,
     shares: Floats,
     electrons: Floats,
@@ -33,6 +33,8 @@ def on_buckets(
 
     Parameters
     ----------
+    drops
+        Of one recording; each entry's hide light independently of the others'.
     pictures
         Electrons of each fully lit pixel without drops, (windows, keys, H, W).
     shares
@@ -46,17 +48,23 @@ def on_buckets(
     straight back, which it does but for fog and interreflections. Drops are still during an
     exposure; rays out and back are hidden independently.
     """
-    plan, dark = drops.instrument.pattern_plan, drops.instrument.projector.dark_level
     changes = np.zeros((len(pictures), *shares.shape[:2]))
+    if not drops:
+        return changes
+    instrument, times_s = drops[0].instrument, drops[0].times_s
+    plan, dark = instrument.pattern_plan, instrument.projector.dark_level
     for frame in range(shares.shape[0]):
-        field = _in_sight(drops, frame)
-        for exposure, time_s in enumerate(drops.times_s[frame]):
+        fields = [_in_sight(one, frame) for one in drops]
+        for exposure, time_s in enumerate(times_s[frame]):
             lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)
-            passed, met, echoed = _at(drops, field, time_s, response)
             shown = np.tensordot(pictures, shares[frame, exposure], (1, 0))
-            hidden = shown.reshape(len(pictures), -1) @ (lit * (passed - 1))
-            light_on_drops = (lit * electrons.ravel())[met.pixel] * met.share
-            changes[:, frame, exposure] = hidden + echoed[:, met.point] @ light_on_drops
+            left = np.ones(lit.size)
+            for one, field in zip(drops, fields, strict=True):
+                passed, met, echoed = _at(one, field, time_s, response)
+                left *= passed
+                light_on_drops = (lit * electrons.ravel())[met.pixel] * met.share
+                changes[:, frame, exposure] += echoed[:, met.point] @ light_on_drops
+            changes[:, frame, exposure] += shown.reshape(len(pictures), -1) @ (lit * (left - 1))
     return changes
 
 

@@ -23,7 +23,7 @@ FAR_AWAY_M = 1e6
 
 @dataclass(frozen=True, eq=False)
 class FallingDrops:
-    """The drops of a recording, in the instrument's optical frame.
+    """The drops or the flakes of a recording, in the instrument's optical frame.
 
     `fog_per_m` is the extinction of the air between the drops; boxes of fog do not weaken their
     echo.
@@ -74,17 +74,18 @@ def falling_drops(
     truth: GroundTruth,
     frames: int,
     rng: np.random.Generator,
-) -> FallingDrops | None:
-    """Draw the drops of a recording; None where the scene has no precipitation."""
-    if scene.precipitation is None:
-        return None
-    return FallingDrops(
-        field=drop_field(scene.precipitation, scene, instrument, frames, rng),
-        precipitation=scene.precipitation,
-        instrument=instrument,
-        view=InstrumentView.of(instrument, np.eye(4)),
-        depth_m=np.nan_to_num(truth.depth_m.astype(np.float64), nan=FAR_AWAY_M),
-        spot_range_m=truth.spot_range_m,
-        fog_per_m=scene.atmosphere.extinction_per_m,
-        times_s=exposure_times_s(instrument, frames),
+) -> tuple[FallingDrops, ...]:
+    """Draw the drops of a recording, one entry for each part of the scene's precipitation."""
+    return tuple(
+        FallingDrops(
+            field=drop_field(precipitation, scene, instrument, frames, rng),
+            precipitation=precipitation,
+            instrument=instrument,
+            view=InstrumentView.of(instrument, np.eye(4)),
+            depth_m=np.nan_to_num(truth.depth_m.astype(np.float64), nan=FAR_AWAY_M),
+            spot_range_m=truth.spot_range_m,
+            fog_per_m=scene.atmosphere.extinction_per_m,
+            times_s=exposure_times_s(instrument, frames),
+        )
+        for precipitation in scene.precipitation
     )
