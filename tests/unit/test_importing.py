@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
+
 from foreign import (
     TRIANGLE,
     Y_UP,
@@ -19,7 +20,6 @@ from foreign import (
     triangle_header,
     written,
 )
-
 from spisim.importing.drone import distance
 from spisim.scene import enclosing_object, load_scene
 
@@ -111,7 +111,12 @@ def test_nodes_below_a_camera_are_kept(tmp_path: Path) -> None:
 
 def test_one_object_per_primitive_and_lines_left_out(tmp_path: Path) -> None:
     row = {"attributes": {"POSITION": 0}}
-    primitives = [row | {"mode": 1}, row | {"material": 1}, row | {"mode": 6}, row | {"material": 0}]
+    primitives = [
+        row | {"mode": 1},
+        row | {"material": 1},
+        row | {"mode": 6},
+        row | {"material": 0},
+    ]
     meshes = [{"name": "sheet", "primitives": primitives}]
     materials = [{"name": "concrete"}, {"name": "asphalt"}]
     header = triangle_header(meshes=meshes, materials=materials)

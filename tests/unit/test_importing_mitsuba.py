@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from foreign import Y_UP, assert_same, taken, tetrahedron, written
 
+from foreign import Y_UP, assert_same, taken, tetrahedron, written
 from reconstruction.errors import InputError
 
 
@@ -74,9 +74,7 @@ def test_transforms(tmp_path: Path, steps: str, matrix: np.ndarray) -> None:
     got = written(taken(scene(tmp_path / "a.xml", body)))
     np.testing.assert_allclose(got.bounds, expected.bounds, rtol=0, atol=1e-6)
     assert got.volume == pytest.approx(expected.volume, rel=1e-6)
-    np.testing.assert_allclose(
-        got.center_mass, expected.center_mass, rtol=0, atol=1e-6
-    )
+    np.testing.assert_allclose(got.center_mass, expected.center_mass, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -222,6 +220,8 @@ def test_parameters_that_double_are_stopped(tmp_path: Path) -> None:
 
 
 def test_bsdfs_that_refer_to_each_other(tmp_path: Path) -> None:
-    body = '<bsdf type="mask" id="a"><ref id="b"/></bsdf><bsdf type="mask" id="b"><ref id="a"/></bsdf>'
+    body = (
+        '<bsdf type="mask" id="a"><ref id="b"/></bsdf><bsdf type="mask" id="b"><ref id="a"/></bsdf>'
+    )
     report = taken(scene(tmp_path / "a.xml", body + shape("cube", '<ref id="a"/>')))
     assert len(report.materials) == 1

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from foreign import assert_same, collada, taken, tetrahedron, written
 
+from foreign import assert_same, collada, taken, tetrahedron, written
 from reconstruction.errors import InputError
 from spisim.scene.pose import pose_matrix
 
@@ -58,7 +58,7 @@ def models(tmp_path: Path) -> Path:
 
 
 def wedges() -> trimesh.Trimesh:
-    """Both tetrahedra of the file in metres, axes as they stand there, which is what Gazebo does."""
+    """Both tetrahedra of the file in metres, axes as they stand there, as in Gazebo."""
     turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
     turn[0, 3] = 0.5
     both = [tetrahedron().apply_transform(turn), tetrahedron().apply_translation([0, 0, -4])]
