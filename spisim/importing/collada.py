@@ -7,6 +7,8 @@ materials.
 from __future__ import annotations
 
 import io
+import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,7 @@ def read_collada(path: Path, folders: Folders) -> Content:
 
     data = read_bytes(path)
     refuse_doctype(data, path)
+    _refuse_nan(data)
     with readable(str(path), "a COLLADA file"):
         document = collada.Collada(io.BytesIO(data), ignore=[DaeUnsupportedError])
         if document.scene is None:
@@ -45,6 +48,13 @@ def read_collada(path: Path, folders: Folders) -> Content:
         return content
 
 
+def _refuse_nan(data: bytes) -> None:
+    """pycollada reads NaN as 0, which moves vertices."""
+    for found in re.finditer(rb"<[^<>]*float_array[^<>]*>([^<]*)", data):
+        if b"nan" in found[1].lower():
+            raise InputError("a float_array has numbers that are not finite (NaN)")
+
+
 def _empty(asset: Any) -> Content:
     axis = AXES[asset.upaxis]
     content = Content(up=axis, up_why=f"up_axis of the file: {asset.upaxis}")
@@ -54,7 +64,9 @@ def _empty(asset: Any) -> Content:
     if asset.unitmeter is None:
         content.unit_why = "the file has no unit, and COLLADA then means metres"
         return content
-    content.unit_m = float(asset.unitmeter)
+    if not 0 < asset.unitmeter < math.inf:
+        raise InputError(f"unit: meter should be a positive number; found {asset.unitmeter}")
+    content.unit_m = asset.unitmeter
     content.unit_why = f"unit of the file: {asset.unitname or 'unnamed'}, {content.unit_m:g} m"
     return content
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError, naming, nearest
 from spisim.importing import drone as drones
 from spisim.importing.drone import DronePose
 from spisim.importing.files import Folders
@@ -77,7 +78,9 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     reader = _reader(file)
     check_free(output, options.overwrite)
     chosen = {} if options.materials is None else read_map(options.materials)
-    content = reader(file, Folders.around(file, options.model_path))
+    folders = Folders.around(file, options.model_path)
+    with _naming_once(file):
+        content = reader(file, folders)
     content = choose_up(choose_unit(content, options.units), options.up)
     if not content.parts:
         raise InputError(f"{file}: holds no triangles")
@@ -85,7 +88,8 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     if options.materials is not None:
         check_map(chosen, content.parts, options.materials)
     matches = [match(part, chosen) for part in content.parts]
-    placed = _placed(content)
+    with _naming_once(file):
+        placed = _placed(content)
     bounds_m = np.array(
         [
             np.min([m.bounds[0] for m in placed], axis=0),
@@ -118,11 +122,21 @@ def _reader(file: Path) -> Callable[[Path, Folders], Content]:
     if suffix in ARCHIVES:
         raise InputError(f"{file}: archives are not read; unpack it and import the file in it")
     if suffix not in FORMATS:
-        raise InputError(f"{file}: unknown format {suffix or 'without suffix'!r}: "
-                         f"{nearest(suffix, FORMATS)}")  # fmt: skip
+        raise InputError(f"{file}: unknown format {suffix!r}: {nearest(suffix, FORMATS)}")
     if not file.is_file():
         raise InputError(f"{file}: no such file")
     return FORMATS[suffix]
+
+
+@contextmanager
+def _naming_once(file: Path) -> Iterator[None]:
+    """Put the file in front of an InputError's message that does not begin with it."""
+    try:
+        yield
+    except InputError as error:
+        if str(error).startswith(str(file)):
+            raise
+        raise InputError(f"{file}: {error}") from None
 
 
 def _placed(content: Content) -> list[trimesh.Trimesh]:
@@ -141,9 +155,10 @@ def _placed(content: Content) -> list[trimesh.Trimesh]:
 def _drone(placed: Sequence[trimesh.Trimesh], content: Content, options: Options) -> DronePose:
     """The pose that is asked for, else the camera's where that is in the open, else a proposal."""
     if options.position_m is not None:
-        given = options.look_at_m
-        target = drones.aim(placed, options.position_m) if given is None else np.array(given)
-        return drones.pose_at(placed, options.position_m, target, "--drone")
+        given, target = options.position_m, options.look_at_m
+        with naming("--drone"):
+            goal = drones.aim(placed, given) if target is None else np.array(target)
+            return drones.pose_at(placed, given, goal, "--drone")
     if options.look_at_m is not None:
         raise InputError("--look-at goes with --drone")
     if content.camera is not None:

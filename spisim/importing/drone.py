@@ -76,7 +76,7 @@ def pose_at(
     """A pose with its distances; InputError for a line of sight that is none, or straight up."""
     position, target = np.asarray(position_m, float), np.asarray(look_at_m, float)
     if not (np.isfinite(position).all() and np.isfinite(target).all()):
-        raise InputError("the drone's position and what it looks at should be finite numbers")
+        raise InputError("position and look-at should be finite numbers")
     forward = look_at(position, target, (0.0, 0.0, 1.0))[:3, 2]
     ahead_m = min(float(first_hits(position, forward[None], m.triangles)[0]) for m in meshes)
     nearest_m = min(distance(position, mesh.triangles) for mesh in meshes)

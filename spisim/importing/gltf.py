@@ -46,8 +46,9 @@ def read_glb(path: Path, folders: Folders) -> Content:
     with readable(str(path), "a GLB file"):
         header = _glb_header(data)
         buffers = _check(header, path, folders, len(data))
+        roots = _roots(header)
         loaded = load_glb(io.BytesIO(data), resolver=buffers, skip_materials=True)
-        return _content(header, loaded["geometry"], path, folders)
+        return _content(header, roots, loaded["geometry"], path, folders)
 
 
 def read_gltf(path: Path, folders: Folders) -> Content:
@@ -56,8 +57,9 @@ def read_gltf(path: Path, folders: Folders) -> Content:
     with readable(str(path), "a glTF file"):
         header = json.loads(data)
         buffers = _check(header, path, folders, 0)
+        roots = _roots(header)
         loaded = load_gltf(io.BytesIO(data), resolver=buffers, skip_materials=True)
-        return _content(header, loaded["geometry"], path, folders)
+        return _content(header, roots, loaded["geometry"], path, folders)
 
 
 def _glb_header(data: bytes) -> Any:
@@ -106,7 +108,7 @@ def _check(header: Any, path: Path, folders: Folders, glb_bytes: int) -> dict[st
 
 
 def _buffer(uri: str, path: Path, folders: Folders) -> bytes:
-    return read_bytes(folders.find(_unquoted(uri), path.parent, f"{path}: buffer"))
+    return read_bytes(folders.find(_unquoted(uri), path.parent, "buffer"))
 
 
 def _unquoted(uri: str) -> str:
@@ -137,7 +139,11 @@ def _triangles(primitive: dict[str, Any], header: dict[str, Any]) -> int:
 
 
 def _content(
-    header: dict[str, Any], geometry: dict[str, Any], path: Path, folders: Folders
+    header: dict[str, Any],
+    roots: list[int],
+    geometry: dict[str, Any],
+    path: Path,
+    folders: Folders,
 ) -> Content:
     content = Content(
         unit_why="glTF is in metres", up="y", up_why="glTF has y up", notes=_notes(header)
@@ -146,7 +152,7 @@ def _content(
     surfaces = [_surface(row, header) for row in header.get("materials", [])]
     meshes = _meshes(header, geometry, surfaces, content)
     nodes = header.get("nodes", [])
-    waiting = [(_at(nodes, i, "node"), i, np.eye(4)) for i in reversed(_roots(header))]
+    waiting = [(_at(nodes, i, "node"), i, np.eye(4)) for i in reversed(roots)]
     seen: set[int] = set()
     while waiting:
         node, number, parent = waiting.pop()

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 from pydantic import RootModel, ValidationError
 
-from reconstruction.errors import InputError, naming, nearest
+from reconstruction.errors import InputError, nearest
 from spisim.config import read_text
 from spisim.importing.model import Part, Surface
 from spisim.scene.materials import material_table
@@ -45,8 +45,7 @@ def own_materials() -> dict[str, dict[str, Any]]:
 def read_map(path: Path) -> dict[str, str]:
     """The user's {name in the source: material}; InputError unless every material is known."""
     try:
-        with naming(path):
-            rows = _Map.model_validate(yaml.safe_load(read_text(path))).root
+        rows = _Map.model_validate(yaml.safe_load(read_text(path))).root
     except (yaml.YAMLError, RecursionError, ValidationError):
         raise InputError(
             f"{path}: expected lines of `name in the source: material of spisim`"

@@ -17,6 +17,7 @@ from spisim.importing.collada import read_collada
 from spisim.importing.files import Folders, read_bytes
 from spisim.importing.gltf import read_glb, read_gltf
 from spisim.importing.model import MAX_TRIANGLES, Content, Part, Surface, readable
+from spisim.importing.shapes import as_mesh
 from spisim.scene.shapes import check_mesh
 
 #: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
@@ -69,13 +70,19 @@ def read_ply(path: Path, folders: Folders) -> Content:
     if not data.startswith(b"ply"):
         raise InputError(f"{path}: cannot be read as PLY: it does not begin with ply")
     header = data[: data.find(b"end_header")]
+    faces = 0
     for kind, count in re.findall(rb"^element\s+(\S+)\s+(\S+)", header, re.M):
         if not count.isdigit() or int(count) > 3 * MAX_TRIANGLES:
             raise InputError(
                 f"{path}: {count.decode(errors='replace')} of {kind.decode(errors='replace')}; "
                 f"more than {3 * MAX_TRIANGLES:,} are not read"
             )
-    return _without_materials(data, path)
+        faces = int(count) if kind == b"face" else faces
+    content = _without_materials(data, path)
+    found = sum(len(as_mesh(part.geometry).faces) for part in content.parts)
+    if found < faces:
+        raise InputError(f"{path}: cut off: {found:,} of {faces:,} faces are there")
+    return content
 
 
 READERS: dict[str, Callable[[Path, Folders], Content]] = {

@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError, naming, nearest
 from spisim.importing import shapes
 from spisim.importing.files import Folders
 from spisim.importing.meshes import read_obj, read_ply
@@ -84,9 +84,10 @@ class _Shapes:
             self._content.add(Part(name, geometry, to_world @ part.to_world, surface))
 
     def _mesh(self, item: Item, kind: str) -> list[Part]:
-        what = f"{item.path}: {item.what}"
+        what = item.what
         path = self._folders.find(item.value("filename") or "", item.path.parent, what)
-        content = MESHES[kind](path, self._folders)
+        with naming(what):
+            content = MESHES[kind](path, self._folders)
         for note in content.notes:
             self._content.note(note)
         return content.parts

@@ -105,9 +105,13 @@ def scaling(factors: ArrayLike) -> Floats:
 
 @contextmanager
 def readable(what: str, kind: str) -> Iterator[None]:
-    """Turn whatever a parser runs into within into an InputError that names the file."""
+    """Turn whatever a parser runs into within into an InputError that names the file.
+
+    Numbers that are not finite raise no warnings within; they are looked for afterwards.
+    """
     try:
-        yield
+        with np.errstate(all="ignore"):
+            yield
     except InputError:
         raise
     except Exception as error:

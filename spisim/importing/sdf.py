@@ -82,9 +82,12 @@ class _Reader:
         self._folders = folders
         self._visuals = visuals
         self._includes = 0
+        self._roots: dict[Path, Element] = {}
 
     def parse(self, path: Path) -> Element:
-        root = parse_xml(read_bytes(path), path)
+        if path in self._roots:
+            return self._roots[path]
+        root = self._roots[path] = parse_xml(read_bytes(path), path)
         if root.tag != "sdf":
             raise InputError(f"{path}: is no SDFormat: its root is <{root.tag}>, not <sdf>")
         return root

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import trimesh
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError, naming, nearest
 from spisim.importing import shapes
 from spisim.importing.files import Folders
 from spisim.importing.meshes import READERS
@@ -75,7 +75,8 @@ class Visuals:
         if suffix not in READERS:
             raise InputError(f"{what}: mesh {path.name!r}: {nearest(suffix, READERS)}")
         if path not in self._files:
-            content = READERS[suffix](path, self._folders)
+            with naming(f"{what}: mesh"):
+                content = READERS[suffix](path, self._folders)
             content.up = "z"
             self._files[path] = to_metres(content, 1.0).parts
             for note in content.notes:

@@ -123,7 +123,8 @@ def _put_in_place(stage: Path, output: Path, folder: Path) -> None:
 
 def _loaded(staged: Path, output: Path) -> tuple[Scene, tuple[str, ...]]:
     try:
-        with warnings.catch_warnings(record=True) as odd:
+        # A flat closed mesh has no volume to divide by.
+        with warnings.catch_warnings(record=True) as odd, np.errstate(all="ignore"):
             warnings.simplefilter("always", SceneWarning)
             scene = load_scene(staged)
     except InputError as error:

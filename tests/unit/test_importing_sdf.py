@@ -58,7 +58,7 @@ def models(tmp_path: Path) -> Path:
 
 
 def wedges() -> trimesh.Trimesh:
-    """Both tetrahedra of the file in metres, axes as they stand there, which is what Gazebo does."""
+    """Both tetrahedra of the file in metres, axes as they stand there, as in Gazebo."""
     turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
     turn[0, 3] = 0.5
     both = [tetrahedron().apply_transform(turn), tetrahedron().apply_translation([0, 0, -4])]
