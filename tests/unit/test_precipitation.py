@@ -10,8 +10,10 @@ import worlds
 from reconstruction.errors import InputError
 from spisim.atmosphere import rain as rain_medium
 from spisim.atmosphere import refractive_index
+from spisim.atmosphere import snow as snow_medium
 from spisim.atmosphere.drop_optics import flakes, water_drops
 from spisim.atmosphere.precipitation import rain, snow, terminal_speed_m_s
+from spisim.atmosphere.snow import flake_albedo
 from spisim.measurement.drops import drop_field
 from spisim.measurement.sequence import frame_time_s
 from spisim.wavelengths import WAVELENGTHS_NM
@@ -183,6 +185,17 @@ def test_drops_tell_of_themselves_what_the_medium_does(wavelength_nm, rate):
     assert drops["water_g_per_m3"] == pytest.approx(medium["water_g_per_m3"], rel=1e-4)
     assert drops["visibility_m"] == pytest.approx(medium["visibility_m"], rel=0.01)
     assert drops["extinction_per_m"] == pytest.approx(medium["extinction_per_m"], rel=0.04)
+
+
+def test_ice_is_clear_in_the_near_infrared():
+    """Half of the light is taken at 1550 nm by 0.2 mm of ice; by the same, 0.1 % at 905 nm."""
+    assert flake_albedo(1550) == 0.5
+    assert flake_albedo(905) == pytest.approx(np.exp(-4 * np.pi * 4.32e-7 / 905e-6 * 0.2016), 1e-4)
+    for wavelength_nm in WAVELENGTHS_NM:
+        drops = snow(1.0, wavelength_nm=wavelength_nm).albedo
+        assert drops == pytest.approx(flake_albedo(wavelength_nm))
+        assert snow_medium(1, wavelength_nm=wavelength_nm).albedo == pytest.approx((1 + drops) / 2)
+    assert snow(1.0, wavelength_nm=905, albedo=0.3).albedo == pytest.approx(0.3)
 
 
 def test_flakes_tell_of_themselves():
