@@ -164,7 +164,7 @@ def weather_table(weather: str, rows: dict[int, Row]) -> Table:
             _scatter(row.same_power),
             f"{1e3 * row.class_1.laser_w:.2f}",
             _scatter(row.class_1),
-            f"{100 * row.biases_m.min():+.0f} to {100 * row.biases_m.max():+.0f}",
+            f"{100 * row.biases_m.min():+.1f} to {100 * row.biases_m.max():+.1f}",
             _told(row.same_power.depth_error_m),
             _told(row.class_1.depth_error_m),
         )
