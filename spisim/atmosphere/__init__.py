@@ -22,7 +22,7 @@ from spisim.atmosphere.phase import (
     henyey_greenstein,
 )
 from spisim.atmosphere.rain import RAINS, Diffraction, rain
-from spisim.atmosphere.snow import SNOW_ALBEDO, SNOW_G, SNOWS, snow
+from spisim.atmosphere.snow import SNOW_G, SNOWS, snow
 from spisim.atmosphere.table import tabulate
 from spisim.atmosphere.visibility import extinction_at_550nm
 
@@ -35,7 +35,6 @@ __all__ = [
     "RAINS",
     "SMOKES",
     "SNOWS",
-    "SNOW_ALBEDO",
     "SNOW_G",
     "Atmosphere",
     "Blend",

@@ -21,6 +21,7 @@ from spisim.atmosphere.drop_optics import Scatterer, flakes, water_drops
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
 from spisim.atmosphere.medium import DB_PER_NEPER
 from spisim.atmosphere.rain_table import ANGLES_DEG, solid_angle_weights
+from spisim.atmosphere.snow import flake_albedo
 from spisim.atmosphere.visibility import visibility
 
 Floats = NDArray[np.float64]
@@ -188,9 +189,10 @@ def rain(
 def snow(
     rate_mm_per_h: float,
     *,
+    wavelength_nm: float = 1550.0,
     flake_density_kg_m3: float = 100.0,
     fall_speed_m_s: float = 1.2,
-    albedo: float = 0.5,
+    albedo: float | None = None,
     g: float = 0.6,
     smallest_mm: float = 0.5,
     largest_mm: float = 15.0,
@@ -202,9 +204,9 @@ def snow(
 
     The rate R is of water, and so are the diameters of that distribution; a flake of density ρ is
     (1000/ρ)^⅓ times as wide as the drop it melts into. Flakes all fall at one speed (1 to 1.5 m/s
-    for aggregates, Locatelli & Hobbs 1974). Density, albedo and g are assumptions: with diffraction
-    put back, the defaults amount to an albedo of 0.75 and g = 0.87. They are so at any wavelength,
-    though ice absorbs next to nothing below 1000 nm: give flakes an albedo of 1 there.
+    for aggregates, Locatelli & Hobbs 1974). Density, albedo (`flake_albedo`
+    unless it is given) and g are assumptions: with diffraction put back, the defaults amount to an
+    albedo of 0.75 at 1550 nm and g = 0.87.
 
     Raises InputError for a rate that is not above 0 and at most 20 mm/h, and for the rest out of
     its range.
@@ -227,7 +229,7 @@ def snow(
         smallest_mm=smallest_mm,
         largest_mm=largest_mm,
         fall_speed_m_s=lambda diameter_mm: np.full_like(diameter_mm, fall_speed_m_s),
-        optics=flakes(albedo, g),
+        optics=flakes(flake_albedo(wavelength_nm) if albedo is None else albedo, g),
         density_kg_m3=flake_density_kg_m3,
         wind_m_s=wind_m_s,
         near_m=near_m,

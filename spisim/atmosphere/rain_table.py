@@ -31,8 +31,9 @@ CONE_DEG = 1.5
 #: The glory is averaged over so much around straight back: that of clear spheres is a spike of
 #: hundredths of a degree, which drops, flattened as they fall, do not have.
 GLORY_DEG = 0.4
-#: How far from a tabulated wavelength its table holds: water's absorption changes by a quarter.
-NEAR_NM = 30.0
+#: How far from a tabulated wavelength its table may be used; water's absorption changes by up to
+#: 60 % over that.
+NEAR_NM = 50.0
 PROPERTIES = ("extinction", "albedo", "g", "diffracted", "phase")
 ANGLES_DEG = np.concatenate(
     [
@@ -61,7 +62,7 @@ class RainTable:
 
 
 def rain_table(wavelength_nm: float) -> RainTable:
-    """Of the nearest of `WAVELENGTHS_NM`; InputError where none is within 30 nm."""
+    """Of the nearest of `WAVELENGTHS_NM`; InputError where none is within 50 nm."""
     nearest_nm = min(WAVELENGTHS_NM, key=lambda known: abs(known - wavelength_nm))
     if not abs(nearest_nm - wavelength_nm) <= NEAR_NM:
         known = ", ".join(map(str, WAVELENGTHS_NM))

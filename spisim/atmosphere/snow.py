@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from reconstruction.errors import InputError, nearest
-from spisim.atmosphere.indices import check_wavelength
+from spisim.atmosphere.indices import check_wavelength, refractive_index
 from spisim.atmosphere.medium import DB_PER_NEPER, Atmosphere
 from spisim.atmosphere.phase import henyey_greenstein
 from spisim.atmosphere.visibility import VISUAL_NM, visibility
@@ -16,8 +16,10 @@ from spisim.atmosphere.visibility import VISUAL_NM, visibility
 HEAVIEST_MM_PER_H = 20.0
 
 #: Nobody has measured these at 1550 nm. Ice absorbs three times as much as water there, and flakes
-#: are as large as drops: 0.65 to 0.85 and 0.85 to 0.92 are plausible.
-SNOW_ALBEDO, SNOW_G = 0.75, 0.88
+#: are as large as drops: an albedo of 0.65 to 0.85, half of the light on a flake being absorbed for
+#: the 0.75 that is taken, and a g of 0.85 to 0.92 are plausible.
+SNOW_G = 0.88
+HALF_ABSORBED_AT_NM = 1550.0
 
 
 class SnowLaw(NamedTuple):
@@ -48,10 +50,13 @@ def snow(
     kind: str = "wet",
     *,
     wavelength_nm: float = 1550.0,
-    albedo: float = SNOW_ALBEDO,
+    albedo: float | None = None,
     g: float = SNOW_G,
 ) -> Atmosphere:
     """Snow of this rate, "wet" or "dry", as the ITU's law has it; scattering is assumed.
+
+    The albedo is that of flakes (see `flake_albedo`) and as much light again, diffracted, unless it
+    is given.
 
     Raises InputError for a rate outside 0 to 20 mm/h, an unknown kind, an albedo or g out of
     range, and a wavelength outside 400 to 1700 nm.
@@ -63,9 +68,11 @@ def snow(
         )
     if kind not in SNOWS:
         raise InputError(f"snow kind {kind!r}: {nearest(kind, SNOWS)}")
+    check_wavelength(wavelength_nm)
+    if albedo is None:
+        albedo = (1 + flake_albedo(wavelength_nm)) / 2
     if not (math.isfinite(albedo) and 0 <= albedo <= 1):
         raise InputError(f"albedo should lie between 0 and 1; found {albedo}")
-    check_wavelength(wavelength_nm)
     law = SNOWS[kind]
     return Atmosphere(
         law.extinction_per_m(rate_mm_per_h, wavelength_nm),
@@ -74,3 +81,14 @@ def snow(
         f"{kind} snow, {rate_mm_per_h:g} mm/h",
         visibility(law.extinction_per_m(rate_mm_per_h, VISUAL_NM)),
     )
+
+
+def flake_albedo(wavelength_nm: float) -> float:
+    """Share of the light on flakes that is not absorbed, assumed: half at 1550 nm.
+
+    At other wavelengths it follows from the way through ice that this takes, 0.2 mm.
+    """
+    here, there = (
+        refractive_index("ice", nm).imag / nm for nm in (HALF_ABSORBED_AT_NM, wavelength_nm)
+    )
+    return float(0.5 ** (there / here))

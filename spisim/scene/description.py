@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import nearest
-from spisim.atmosphere import PHASES, SNOW_ALBEDO, SNOW_G, Diffraction, PhaseName
+from spisim.atmosphere import PHASES, SNOW_G, Diffraction, PhaseName
 from spisim.atmosphere.structure import Structure
 from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector
 
@@ -309,7 +309,7 @@ class SnowDescription(FallingDescription):
     """Snow of a rate (as water), "wet" or "dry"; how it scatters is assumed."""
 
     kind: str = "wet"
-    albedo: Fraction = SNOW_ALBEDO
+    albedo: Fraction | None = None  # by the absorption of ice
     g: Annotated[Number, Field(gt=-1, lt=1)] = SNOW_G
 
 

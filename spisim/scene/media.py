@@ -73,7 +73,7 @@ def make_precipitation(described: FallingDescription, wavelength_nm: float) -> P
     assert isinstance(described, SnowDescription)
     given = {name: getattr(described, name) for name in described.model_fields_set}
     optics = {name: given[name] for name in ("albedo", "g") if name in given}
-    return precipitation.snow(rate, wind_m_s=wind, **optics)
+    return precipitation.snow(rate, wavelength_nm=wavelength_nm, wind_m_s=wind, **optics)
 
 
 @make_medium.register

@@ -157,3 +157,40 @@ def test_clear_and_weather_exclude_each_other(scene_file: Path, options: tuple) 
     scene_file.write_text(SCENE)
     with pytest.raises(InputError, match=r"--clear and --.* exclude each other"):
         scene_with(str(scene_file), 1550, *options)
+
+
+# Another wavelength
+
+
+def test_an_instrument_moved_to_905_nm_by_its_budget() -> None:
+    here, there = report("budget", "paper"), report("budget", "paper", "--wavelength", "905")
+    ratio = there["image"]["daylight_w"] / here["image"]["daylight_w"]
+    figures = [wavelength_figures(nm)["sun_w_per_m2_nm_100klx"] for nm in (905, 1550)]
+    assert ratio == pytest.approx(figures[0] / figures[1])
+    assert there["image"]["signal_w"] == pytest.approx(here["image"]["signal_w"])
+    assert there["eye_safety"]["lasers"]["laser_class"] == "3R"
+    assert here["eye_safety"]["lasers"]["laser_class"] == "1"
+    assert there["eye_safety"]["array"]["retinal_margin"] > 1
+    assert here["eye_safety"]["array"]["retinal_margin"] == 0
+    table = spisim("budget", "paper", "--wavelength", "905").stdout
+    assert "on the retina" in table
+    assert "on the retina" not in spisim("budget", "paper").stdout
+
+
+def test_a_scene_is_loaded_at_the_instrument_s_wavelength(scene_file: Path) -> None:
+    scene_file.write_text(SCENE)
+    found = scene_with(str(scene_file), 905, 50, False, "haze-l")
+    assert found.wavelength_nm == 905
+    expected = fog(50, "haze-l", wavelength_nm=905)
+    assert found.atmosphere.extinction_per_m == expected.extinction_per_m
+
+
+@pytest.mark.parametrize("command", ["simulate", "transport", "picture", "budget"])
+def test_wavelengths_that_nothing_is_known_at(command: str, tmp_path: Path) -> None:
+    where = ["paper"] if command == "budget" else ["warehouse", "-o", str(tmp_path / "out.exr")]
+    run = spisim(command, *where, "--wavelength", "532")
+    assert run.exit_code == 2
+    assert "instrument at 532 nm: wavelength_nm: should be greater than or equal to 800" in (
+        " ".join(run.stderr.split())
+    )
+    assert not list(tmp_path.iterdir())

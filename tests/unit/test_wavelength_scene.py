@@ -72,6 +72,13 @@ def test_rain_and_snow_of_single_drops(load: Load) -> None:
     assert told["rain, 5 mm/h, single drops"] == {"where": "air, single drops"} | drops
 
 
+def test_what_a_scene_says_of_snow_holds_at_every_wavelength(load: Load) -> None:
+    for model in ("medium", "drops"):
+        text = f"snow: {{rate_mm_per_h: 1, model: {model}, albedo: 0.6}}"
+        (told,) = load(text, wavelength_nm=905).media_summary()
+        assert told["albedo"] == pytest.approx(0.6)
+
+
 def test_coefficients_hold_at_every_wavelength(load: Load) -> None:
     text = "fog: {extinction_per_m: 0.1, g: 0.8}"
     assert load(text, wavelength_nm=905).atmosphere.extinction_per_m == 0.1
