@@ -52,5 +52,6 @@ def whole_file(fields: Mapping[str, Any], draft: families.Draft) -> dict[str, An
     own = {name: value for name, value in fields.items() if name not in DRAWING}
     name = f"{fields['family']}-{fields.get('seed', 0)}"
     whole = {"name": name, **draft.sections(), **own}
+    whole["materials"] = {**draft.materials, **own.get("materials", {})}
     whole["objects"] = [*draft.objects, *own.get("objects", ())]
     return whole
