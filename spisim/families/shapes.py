@@ -37,6 +37,25 @@ def lathe(profile: Iterable[Point], sections: int) -> Mesh:
     return revolve(np.asarray(list(profile)), sections=sections)
 
 
+def prism(profile: Sequence[Point], width: float) -> Mesh:
+    """Solid of a side view, (x, z) listed anticlockwise, `width` wide along y, centred on y = 0.
+
+    The mean of the points has to see all of them.
+    """
+    outline = np.asarray(profile, float)
+    points = np.vstack([outline, outline.mean(axis=0)])
+    sides = [np.insert(points, 1, y, axis=1) for y in (-width / 2, width / 2)]
+    n = len(outline)
+    one, other = np.arange(n), (np.arange(n) + 1) % n
+    fan = np.stack([one, other, np.full(n, n)], axis=1)
+    across = n + 1
+    skirt = [
+        np.stack([one, one + across, other + across], axis=1),
+        np.stack([one, other + across, other], axis=1),
+    ]
+    return Mesh(np.vstack(sides), np.vstack([fan, fan[:, ::-1] + across, *skirt]), process=False)
+
+
 def moved(mesh: Mesh, by: ArrayLike) -> Mesh:
     """The mesh itself, moved."""
     return mesh.apply_translation(by)
