@@ -9,7 +9,16 @@ from typing import Any
 
 from reconstruction.errors import InputError, nearest
 from spisim.distributions import stream
-from spisim.families import forest, power_line, stairwell, street, targets, tunnel
+from spisim.families import (
+    forest,
+    gates,
+    power_line,
+    stairwell,
+    street,
+    targets,
+    tunnel,
+    warehouse,
+)
 from spisim.families.draft import Draft, Family
 from spisim.families.parameters import Parameters, draw_parameters, ranges
 
@@ -17,11 +26,13 @@ FAMILIES: Mapping[str, Family] = {
     family.name: family
     for family in (
         forest.FAMILY,
+        gates.FAMILY,
         power_line.FAMILY,
         stairwell.FAMILY,
         street.FAMILY,
         targets.FAMILY,
         tunnel.FAMILY,
+        warehouse.FAMILY,
     )
 }
 

@@ -131,8 +131,7 @@ def _frame(width: float, height: float) -> Mesh:
     """Window frame with a mullion and a transom, centred, 0.14 m behind the front."""
     bar = 0.06
     uprights = [
-        block((bar, 0.07, height), (x, 0.14, 0))
-        for x in (-(width - bar) / 2, 0, (width - bar) / 2)
+        block((bar, 0.07, height), (x, 0.14, 0)) for x in (-(width - bar) / 2, 0, (width - bar) / 2)
     ]
     levels = [
         block((width, 0.06, bar), (0, 0.14, z))
@@ -153,9 +152,7 @@ def _door() -> Mesh:
     """Panelled door with a handle and a step, its middle at x = 0."""
     width, height = DOOR_M
     leaf = block((width, 0.06, height), (0, 0.15, height / 2))
-    panels = [
-        block((0.34, 0.03, 0.75), (x, 0.12, z)) for x in (-0.22, 0.22) for z in (0.55, 1.55)
-    ]
+    panels = [block((0.34, 0.03, 0.75), (x, 0.12, z)) for x in (-0.22, 0.22) for z in (0.55, 1.55)]
     handle = rod((0.38, 0.08, 1.05), (0.26, 0.08, 1.05), 0.012, sections=8)
     step = block((width + 0.2, 0.4, 0.1), (0, -0.05, 0.05))
     return union([leaf, *panels, handle, step])

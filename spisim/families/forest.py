@@ -40,7 +40,7 @@ def build(parameters: ForestParameters, rng: np.random.Generator) -> Draft:
     """The drone is over the trail and looks along it."""
     ground = rolling(rng, parameters.relief_m, parameters.bank_m)
     eye = ground.on(0.0, 0.0, -parameters.drone_height_m)
-    target = (10.0, 0.5 * _bend(parameters, 10.0), eye[2] - rng.uniform(-0.3, 0.6))
+    target = (10.0, 0.5 * parameters.bend_m, eye[2] - rng.uniform(-0.3, 0.6))
     draft = Draft(eye, target, **daylight(rng))
     draft.mesh("ground", parameters.soil, ground.mesh((-3, parameters.bank_m + 5), (-7, 7), 0.3))
     x = np.linspace(-2, parameters.bank_m, 30)
@@ -154,8 +154,8 @@ def _fallen(
     x = rng.uniform(4.5, 8.0)
     y = float(_bend(parameters, x))
     radius = parameters.trunk_mm / 2000 * 0.7
-    ends = [ground.on(x + dx, y + dy, -0.8 * radius) for dx, dy in ((-0.5, -1.5), (0.5, 1.0))]
-    draft.mesh("fallen log", "wood-weathered", limb(*ends, radius))
+    one, other = (ground.on(x + d, y + 2.5 * d, -0.8 * radius) for d in (-0.5, 0.5))
+    draft.mesh("fallen log", "wood-weathered", limb(one, other, radius))
     stones: list[Mesh] = []
     for _ in range(10):
         stone = icosphere(1, rng.uniform(0.05, 0.25))

@@ -5,7 +5,6 @@ Angles are those of a drone that looks along x: to the left and up are positive.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,8 +81,9 @@ class Ground:
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         waves = np.cos(np.stack([x, y], axis=-1) @ self.numbers.T + self.phases)
         bank = np.clip(self.bank_slope * (x - self.bank_start_m), 0, self.bank_height_m)
+        wave = waves.mean(axis=-1)
         # A bank is rougher than the ground before it.
-        return np.asarray(self.relief_m * waves.mean(axis=-1) + bank * (1 + waves.mean(axis=-1) / 2))
+        return np.asarray(self.relief_m * wave + bank * (1 + wave / 2), float)
 
     def on(self, x: float, y: float, sunk_m: float = 0.0) -> tuple[float, float, float]:
         """A place on the ground, or so much below it."""
@@ -94,7 +94,7 @@ class Ground:
         grid = np.meshgrid(_steps(x, step_m), _steps(y, step_m), indexing="ij")
         return grid_mesh(np.stack([*grid, self.height(*grid)], axis=-1))
 
-    def path(self, middle: Sequence[Sequence[float]], width_m: float, above_m: float) -> Mesh:
+    def path(self, middle: ArrayLike, width_m: float, above_m: float) -> Mesh:
         """Strip along points (n, 2) on the ground, a little above it."""
         points = np.asarray(middle, float)
         along = np.gradient(points, axis=0)

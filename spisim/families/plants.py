@@ -97,12 +97,10 @@ def bush(rng: np.random.Generator, height_m: float, stems: int, twigs: int) -> l
 
 def wood(limbs: Sequence[Limb]) -> Mesh:
     """Limbs as tubes; the thicker the rounder."""
-    return union([tube(limb.path, limb.radii.tolist(), _sections(limb)) for limb in limbs])
+    return union([tube(limb.path, limb.radii, _sections(limb)) for limb in limbs])
 
 
-def leaves(
-    rng: np.random.Generator, limbs: Sequence[Limb], size_m: float, per_limb: int
-) -> Mesh:
+def leaves(rng: np.random.Generator, limbs: Sequence[Limb], size_m: float, per_limb: int) -> Mesh:
     """Leaves, diamonds of about `size_m`, along the outer part of the thinnest limbs."""
     twigs = [limb for limb in limbs if limb.radii[0] < 0.008]
     places, along = [], []
@@ -126,11 +124,9 @@ def blades(rng: np.random.Generator, places: Floats, along: Floats, size_m: floa
     normal = np.cross(forward, across)
     middle = places + 0.5 * sizes * forward + 0.12 * sizes * normal
     spread = 0.28 * sizes * across
-    corners = np.stack(
-        [places, middle + spread, places + sizes * forward, middle - spread], axis=1
-    )
+    corners = np.stack([places, middle + spread, places + sizes * forward, middle - spread], axis=1)
     first = 4 * np.arange(n)[:, None]
-    faces = np.concatenate([first + [0, 2, 1], first + [0, 3, 2]])
+    faces = (first + np.array([0, 2, 1, 0, 3, 2])).reshape(-1, 3)
     return Mesh(corners.reshape(-1, 3), faces, process=False)
 
 
@@ -145,7 +141,7 @@ def tuft(rng: np.random.Generator, height_m: float, stalks: int) -> Mesh:
     tip = roots + tall * (UP + 0.5 * out)
     corners = np.stack([roots - wide, roots + wide, knee + wide, knee - wide, tip], axis=1)
     first = 5 * np.arange(stalks)[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3], first + [3, 2, 4]])
+    faces = (first + np.array([0, 1, 2, 0, 2, 3, 3, 2, 4])).reshape(-1, 3)
     return Mesh(corners.reshape(-1, 3), faces, process=False)
 
 

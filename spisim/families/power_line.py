@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from spisim.families.draft import Draft, Family, Placed, Point
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
@@ -60,7 +62,7 @@ def build(parameters: PowerLineParameters, rng: np.random.Generator) -> Draft:
     return draft
 
 
-def span(start: Point, end: Point, sag_m: float, points: int = 41) -> Floats:
+def span(start: ArrayLike, end: ArrayLike, sag_m: float, points: int = 41) -> Floats:
     """Points (points, 3) of a wire that hangs `sag_m` below its chord at mid-span, a parabola."""
     t = np.linspace(0, 1, points)[:, None]
     line = np.asarray(start, float) + t * np.subtract(end, start)
@@ -107,7 +109,7 @@ def _lattice_pylon(draft: Draft, parameters: PowerLineParameters, foot: Point) -
     half = parameters.arm_m / 2
     bars: list[tuple[Point, Point]] = []
     levels = np.arange(ARM_M + PEAK_M, foot[2] - LEVEL_M, -LEVEL_M)
-    for upper, lower in zip(levels[:-1], levels[1:], strict=True):
+    for upper, lower in pairwise(levels.tolist()):
         top, bottom = _corners(upper), _corners(lower)
         for k in range(4):
             following = (k + 1) % 4
@@ -173,7 +175,7 @@ def _line(draft: Draft, parameters: PowerLineParameters, foot: Point) -> None:
     draft.mesh("insulator", "glass-painted-back", discs, copies=copies)
     wires, dampers = [], []
     for place in feet:
-        clamp = place + (0, 0, 0.7 * drop if stands else drop)
+        clamp = place + np.array([0.0, 0.0, 0.7 * drop if stands else drop])
         wires.append(_both_ways(parameters, clamp, along, parameters.sag_m))
         for way in (-1, 1):
             hung = clamp + way * 0.6 * along - (0, 0, 0.07)
@@ -190,17 +192,13 @@ def _line(draft: Draft, parameters: PowerLineParameters, foot: Point) -> None:
     draft.mesh("earth wire", "steel-galvanised", tube(earth, 0.006, 5))
 
 
-def _both_ways(
-    parameters: PowerLineParameters, at: Floats, along: Floats, sag_m: float
-) -> Floats:
+def _both_ways(parameters: PowerLineParameters, at: Floats, along: Floats, sag_m: float) -> Floats:
     """Wire from the support before, through a point of this one, to the next."""
     reach = parameters.span_m * along
     return np.vstack([span(at - reach, at, sag_m), span(at, at + reach, sag_m)[1:]])
 
 
-def _service_cable(
-    draft: Draft, parameters: PowerLineParameters, rng: np.random.Generator
-) -> None:
+def _service_cable(draft: Draft, parameters: PowerLineParameters, rng: np.random.Generator) -> None:
     """A lone thin cable right across the view, in front of everything else."""
     x, z = parameters.cable_m, draft.position_m[2]
     rise = aside(x, rng.uniform(-6.0, 6.0))

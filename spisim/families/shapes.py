@@ -66,14 +66,14 @@ def union(parts: Sequence[Mesh]) -> Mesh:
     return trimesh.util.concatenate(parts)
 
 
-def tube(path: Sequence[Point], radii: float | Sequence[float], sections: int = 8) -> Mesh:
+def tube(path: ArrayLike, radii: ArrayLike, sections: int = 8) -> Mesh:
     """Round tube along points, closed at both ends: wires, pipes, branches.
 
     `path` (n, 3), `radii` one for all or one per point. Rings lie across the bisectors of the bends
     and are carried along without twist (Wang et al. 2008, double reflection, here by rotations).
     """
     points = np.asarray(path, float)
-    radius = np.broadcast_to(np.asarray(radii, float), len(points))
+    radius = np.broadcast_to(np.asarray(radii, float), (len(points),))
     along = np.diff(points, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     tangents = np.vstack([along[:1], along[:-1] + along[1:], along[-1:]])

@@ -45,7 +45,11 @@ def build(parameters: StairwellParameters, rng: np.random.Generator) -> Draft:
         position = (0.6, rng.uniform(0.5, 0.7) * right, parameters.drone_height_m)
         target = (far, rng.uniform(-0.2, 0.6) * left, rng.uniform(0.7, 1.1) * top)
     else:
-        position = (far + 1.0, rng.uniform(0.4, 0.65) * right, top + parameters.drone_height_m - 0.1)
+        position = (
+            far + 1.0,
+            rng.uniform(0.4, 0.65) * right,
+            top + parameters.drone_height_m - 0.1,
+        )
         target = (LOBBY_M, rng.uniform(-0.8, 0.2) * left, rng.uniform(0.5, 0.9))
     draft = Draft(position, target, sky_klx=rng.uniform(5.0, 18.0))
     _shell(draft, parameters, top, far)
@@ -85,7 +89,9 @@ def _shell(draft: Draft, parameters: StairwellParameters, top: float, far: float
         block((0.1, 2 * half, ceiling - high + 0.1), (end + 0.05, 0, (ceiling + high) / 2)),
     ]
     parts += [
-        block((0.1, half - wide, high - low), (end + 0.05, way * (half + wide) / 2, (low + high) / 2))
+        block(
+            (0.1, half - wide, high - low), (end + 0.05, way * (half + wide) / 2, (low + high) / 2)
+        )
         for way in (-1, 1)
     ]
     draft.mesh("end wall", parameters.walls, union(parts))
@@ -147,12 +153,11 @@ def _slope(parameters: StairwellParameters, height: float) -> tuple[Floats, Floa
 def _railings(draft: Draft, parameters: StairwellParameters) -> None:
     """Bars and handrail along the well, on both flights and across the landing."""
     radius = parameters.baluster_mm / 2000
-    low, high = _slope(parameters, 0.0)
+    (low, high), (first, last) = _slope(parameters, 0.0), _slope(parameters, RAILING_M)
     bars = []
     for t in np.linspace(0, 1, (parameters.steps - 1) * parameters.balusters + 1):
-        foot = low + t * (high - low)
-        bars.append(rod(foot, foot + (0.0, 0.0, RAILING_M), radius, sections=6))
-    first, last = _slope(parameters, RAILING_M)
+        foot, head = low + t * (high - low), first + t * (last - first)
+        bars.append(rod(foot, head, radius, sections=6))
     post = rod((0, 0, 0), (0, 0, first[2] + 0.12), 0.025, sections=10)
     knob = lathe([(0, 0), (0.04, 0.02), (0.05, 0.05), (0.03, 0.09), (0, 0.1)], sections=14)
     knob.apply_translation((0, 0, first[2] + 0.11))
@@ -163,7 +168,8 @@ def _railings(draft: Draft, parameters: StairwellParameters) -> None:
         ((0, 0, 180), (far, inner, _landing_m(parameters))),
     ]
     draft.mesh("balusters", "steel-painted", union(bars), copies=places)
-    rail = tube([first - (0.06, 0, 0.03), first, last, last + (0.15, 0, 0.03)], 0.024, 10)
+    bent = np.array([0.1, 0, 0.03])
+    rail = tube([first - bent, first, last, last + bent], 0.024, 10)
     draft.mesh("handrail", "wood-dry", rail, copies=places)
     draft.mesh("newel post", "wood-dry", union([post, knob]), copies=places)
     wall_rail = tube([first, last], 0.02, 8)

@@ -7,7 +7,7 @@ import numpy as np
 from spisim.families.draft import Draft, Family, Placed
 from spisim.families.facade import DOOR_M, Front, add_front
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.placing import daylight, strip
+from spisim.families.placing import aside, daylight, strip
 from spisim.families.power_line import span
 from spisim.families.props import lamp, worker_clothes, worker_hat, worker_skin
 from spisim.families.shapes import Mesh, block, lathe, rod, tube, union
@@ -87,10 +87,11 @@ def _vehicle(draft: Draft, parameters: StreetParameters, rng: np.random.Generato
         parameters.front_m - before,
         0.0,
     )
+    turn = (0, 0, rng.choice([0.0, 180.0]))
     if parameters.vehicle == "car":
-        add_car(draft, place, (0, 0, 180 * rng.integers(2)))
+        add_car(draft, place, turn)
     elif parameters.vehicle == "van":
-        add_van(draft, place, (0, 0, 180 * rng.integers(2)))
+        add_van(draft, place, turn)
 
 
 def _pavement(draft: Draft, parameters: StreetParameters, rng: np.random.Generator) -> None:
@@ -137,9 +138,7 @@ def _on_the_wall(
     draft.mesh("wall lamp", "aluminium-rough", lantern, (door, y, 0))
 
 
-def _over_the_street(
-    draft: Draft, parameters: StreetParameters, rng: np.random.Generator
-) -> None:
+def _over_the_street(draft: Draft, parameters: StreetParameters, rng: np.random.Generator) -> None:
     """Cable from house to house through the view, and a lamp on a rope."""
     heading = np.radians(parameters.heading_deg)
     forward = np.array([np.cos(heading), np.sin(heading), 0])
@@ -147,7 +146,8 @@ def _over_the_street(
     eye = np.array(draft.position_m)
     down = (parameters.target_m - eye[2]) * np.sin(heading) / parameters.front_m
     ahead = parameters.cable_m
-    middle = eye + ahead * (forward + (0, 0, down + np.tan(np.radians(rng.uniform(-5, 8)))))
+    rise = down + aside(1.0, rng.uniform(-5.0, 8.0))
+    middle = eye + ahead * np.array([forward[0], forward[1], rise])
     ends = middle + 4.5 * np.outer((-1, 1), left) + ((0, 0, 0.5), (0, 0, 0.9))
     cable = span(ends[0], ends[1], 0.7)
     draft.mesh("cable", "rubber-black", tube(cable, parameters.cable_mm / 2000, 6))
@@ -169,9 +169,7 @@ def _bin() -> Mesh:
     body = lathe([(0, 0.05), (0.32, 0.05), (0.4, 0.98), (0, 0.98)], sections=4)
     body.apply_transform(np.diag([1.0, 1.25, 1.0, 1.0]))
     lid = block((0.62, 0.74, 0.05), (0, 0, 1.02))
-    wheels = [
-        rod((x, 0.3, 0.1), (x + 0.05, 0.3, 0.1), 0.1, sections=14) for x in (-0.26, 0.21)
-    ]
+    wheels = [rod((x, 0.3, 0.1), (x + 0.05, 0.3, 0.1), 0.1, sections=14) for x in (-0.26, 0.21)]
     handle = rod((-0.22, 0.4, 0.97), (0.22, 0.4, 0.97), 0.015, sections=8)
     body.apply_transform(_QUARTER)
     return union([body, lid, *wheels, handle])

@@ -15,7 +15,7 @@ from spisim.families.shapes import Mesh, block, lathe, moved, prism, rod, tube, 
 
 #: The tunnel starts this far behind the drone.
 START_M = -2.0
-NICHE_LENGTH_M = 1.2
+NICHE_LENGTH_M, NICHE_HEIGHT_M = 1.2, 1.9
 
 
 class TunnelParameters(Parameters):
@@ -76,11 +76,9 @@ def _outline(parameters: TunnelParameters) -> Floats:
 
 
 def _left_wall(outline: Floats, height: float) -> float:
-    """y of the left wall at a height up to where the vault bends over."""
-    rising = outline[: int(outline[:, 0].argmax()) + 1]
-    bent = outline[len(rising) - 1 : len(outline) // 2]
-    whole = np.vstack([rising, bent[1:]])
-    return float(np.interp(height, whole[:, 1], whole[:, 0]))
+    """y of the left wall at a height."""
+    left = outline[: len(outline) // 2 + 1]
+    return float(np.interp(height, left[:, 1], left[:, 0]))
 
 
 def _niches(parameters: TunnelParameters, rng: np.random.Generator) -> list[float]:
@@ -91,12 +89,12 @@ def _niches(parameters: TunnelParameters, rng: np.random.Generator) -> list[floa
 
 def _lining(parameters: TunnelParameters, outline: Floats, niches: list[float]) -> Mesh:
     """Sheet along the outline, open where niches are, and the niches themselves."""
-    low = outline[outline[:, 1] < 1.9]
-    k = int(np.argmax(outline[:, 1] > min(1.9, low[:, 1].max())))  # the niche ends below this one
-    k = max(1, k - 1)
+    k = int(np.argmax(outline[:, 1] > NICHE_HEIGHT_M)) - 1
     edges = [START_M, *(x + d for x in niches for d in (0.0, NICHE_LENGTH_M)), parameters.length_m]
     parts = [_stretch(outline[k:], START_M, parameters.length_m)]
-    parts += [_stretch(outline[: k + 1], a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    parts += [
+        _stretch(outline[: k + 1], a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
     for x in niches:
         parts.append(_niche(outline[: k + 1], x, x + NICHE_LENGTH_M))
     return union(parts)
@@ -157,15 +155,18 @@ def _rubble(draft: Draft, parameters: TunnelParameters, rng: np.random.Generator
     """A fall of rock that fills the tunnel."""
     x, radius = parameters.length_m, parameters.radius_m
     draft.box("rock face", "soil-field", (0.2, 2 * radius + 1, 3 * radius), (x + 0.1, 0, radius))
-    stones = []
+    heap = prism([(x - 1.4, 0), (x, 0), (x, 1.4 * radius)], 1.9 * radius)
+    stones = [heap]
     for _ in range(70):
         stone = icosphere(1, rng.uniform(0.12, 0.45))
         stone.vertices *= rng.uniform(0.75, 1.25, stone.vertices.shape)
         ahead = rng.uniform(0.0, 1.6)
-        high = rng.uniform(0.0, 1.0) * max(0.1, 1 - ahead / 1.7) * 1.5 * radius
+        high = rng.uniform(0.0, 1.0) * max(0.1, 1 - ahead / 1.5) * 1.4 * radius
         stones.append(moved(stone, (x - ahead, rng.uniform(-0.85, 0.85) * radius, high)))
     draft.mesh("fallen rock", "gravel", union(stones))
-    prop = rod((x - 1.2, 0.3 * radius, 0), (x - 0.9, 0.35 * radius, 1.4 * radius), 0.08, sections=12)
+    prop = rod(
+        (x - 1.2, 0.3 * radius, 0), (x - 0.9, 0.35 * radius, 1.4 * radius), 0.08, sections=12
+    )
     beam = block((0.14, 1.5 * radius, 0.14), (x - 0.95, 0, 1.38 * radius))
     draft.mesh("timber props", "wood-weathered", union([prop, beam]))
 
@@ -222,14 +223,16 @@ def _tray(
     z = 1.65
     y = min(_left_wall(outline, z + d) for d in (-0.05, 0.15)) - 0.22
     end = parameters.length_m - 0.05
-    rails = [block((end - START_M, 0.012, 0.06), ((end + START_M) / 2, y + d, z)) for d in (-0.15, 0.15)]
+    rails = [
+        block((end - START_M, 0.012, 0.06), ((end + START_M) / 2, y + d, z)) for d in (-0.15, 0.15)
+    ]
     rungs = [
         block((0.025, 0.3, 0.015), (x, y, z - 0.02)) for x in np.arange(START_M + 0.2, end, 0.3)
     ]
     consoles = [
-        prism([(-0.02, -0.12), (0.02, -0.12), (0.02, -0.03), (-0.02, -0.03)], 0.34).apply_translation(
-            (x, y + 0.03, z)
-        )
+        prism(
+            [(-0.02, -0.12), (0.02, -0.12), (0.02, -0.03), (-0.02, -0.03)], 0.34
+        ).apply_translation((x, y + 0.03, z))
         for x in np.arange(START_M + 0.6, end, 1.5)
     ]
     draft.mesh("cable tray", "steel-galvanised", union([*rails, *rungs, *consoles]))
@@ -247,11 +250,10 @@ def _lamps(draft: Draft, parameters: TunnelParameters) -> None:
     """Bulkhead lamps in cages below the vault, and the conduit that feeds them."""
     top = _outline(parameters)[:, 1].max() - 0.06
     glass = lathe([(0, -0.22), (0.05, -0.2), (0.07, -0.1), (0.07, 0.0), (0, 0.0)], sections=16)
-    hoops = [
-        tube([(0.09 * np.cos(a), 0.09 * np.sin(a), 0.0), (0.09 * np.cos(a), 0.09 * np.sin(a), -0.15),
-              (0, 0, -0.26)], 0.004, 5)
-        for a in np.linspace(0, 2 * np.pi, 7)[:-1]
-    ]  # fmt: skip
+    hoops = []
+    for a in np.linspace(0, 2 * np.pi, 7)[:-1]:
+        y, z = 0.09 * np.cos(a), 0.09 * np.sin(a)
+        hoops.append(tube([(y, z, 0.0), (y, z, -0.15), (0, 0, -0.26)], 0.004, 5))
     xs = np.arange(1.2, parameters.length_m - 0.3, parameters.lamp_spacing_m)
     copies: list[Placed] = [((0, 0, 0), (x, 0.0, top)) for x in xs]
     draft.mesh("lamp", "paint-white", glass, copies=copies)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from spisim.families.draft import Draft, Point
@@ -55,7 +57,7 @@ def add_van(draft: Draft, at: Point, turn: Point) -> None:
 
 
 def _add_cabin(
-    draft: Draft, name: str, outline: list[Point], half_top: float, at: Point, turn: Point
+    draft: Draft, name: str, outline: Sequence[Point], half_top: float, at: Point, turn: Point
 ) -> None:
     """Panes between four corners of a side view (x, z), and pillars along them."""
     half = np.where(np.array(outline)[:, 1] > 1.2, half_top, HALF_WIDTH_M - 0.03)
