@@ -9,11 +9,32 @@ from typing import Any
 
 from reconstruction.errors import InputError, nearest
 from spisim.distributions import stream
-from spisim.families import targets
+from spisim.families import (
+    forest,
+    gates,
+    power_line,
+    stairwell,
+    street,
+    targets,
+    tunnel,
+    warehouse,
+)
 from spisim.families.draft import Draft, Family
 from spisim.families.parameters import Parameters, draw_parameters, ranges
 
-FAMILIES: Mapping[str, Family] = {family.name: family for family in (targets.FAMILY,)}
+FAMILIES: Mapping[str, Family] = {
+    family.name: family
+    for family in (
+        forest.FAMILY,
+        gates.FAMILY,
+        power_line.FAMILY,
+        stairwell.FAMILY,
+        street.FAMILY,
+        targets.FAMILY,
+        tunnel.FAMILY,
+        warehouse.FAMILY,
+    )
+}
 
 __all__ = ["FAMILIES", "Draft", "Family", "Parameters", "draft", "find_family", "ranges"]
 

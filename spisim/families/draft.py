@@ -20,6 +20,8 @@ Placed = tuple[Point, Point]
 class Draft:
     """Objects, drone and daylight of a scene, in the words of a scene file.
 
+    `materials` are those of the draft's own, by name, each with its fields.
+
     Every method that adds an object takes its `name`, its `material`, where its origin is put
     (`at`, metres) and how it is turned before (`turn`, [roll, pitch, yaw] in degrees), or several
     `copies` of that; `more` are other fields of an object, such as velocities.
@@ -30,6 +32,7 @@ class Draft:
     sun_klx: float = 0.0
     sun_direction: Point = (0.0, 0.0, -1.0)
     sky_klx: float = 0.0
+    materials: dict[str, dict[str, Any]] = field(default_factory=dict)
     objects: list[dict[str, Any]] = field(default_factory=list)
     meshes: dict[str, trimesh.Trimesh] = field(default_factory=dict)
 
@@ -77,7 +80,7 @@ class Draft:
         self.objects.append(thing | more)
 
     def sections(self) -> dict[str, Any]:
-        """The sections of a scene file: drone, ambient, objects."""
+        """The sections of a scene file: drone, ambient, materials, objects."""
         return {
             "drone": {
                 "position_m": _numbers(self.position_m),
@@ -88,6 +91,7 @@ class Draft:
                 "sun_direction": _numbers(self.sun_direction),
                 "sky_klx": float(self.sky_klx),
             },
+            "materials": self.materials,
             "objects": self.objects,
         }
 

@@ -37,6 +37,25 @@ def lathe(profile: Iterable[Point], sections: int) -> Mesh:
     return revolve(np.asarray(list(profile)), sections=sections)
 
 
+def prism(profile: Sequence[Point], width: float) -> Mesh:
+    """Solid of a side view, (x, z) listed anticlockwise, `width` wide along y, centred on y = 0.
+
+    The mean of the points has to see all of them.
+    """
+    outline = np.asarray(profile, float)
+    points = np.vstack([outline, outline.mean(axis=0)])
+    sides = [np.insert(points, 1, y, axis=1) for y in (-width / 2, width / 2)]
+    n = len(outline)
+    one, other = np.arange(n), (np.arange(n) + 1) % n
+    fan = np.stack([one, other, np.full(n, n)], axis=1)
+    across = n + 1
+    skirt = [
+        np.stack([one, one + across, other + across], axis=1),
+        np.stack([one, other + across, other], axis=1),
+    ]
+    return Mesh(np.vstack(sides), np.vstack([fan, fan[:, ::-1] + across, *skirt]), process=False)
+
+
 def moved(mesh: Mesh, by: ArrayLike) -> Mesh:
     """The mesh itself, moved."""
     return mesh.apply_translation(by)
@@ -47,14 +66,14 @@ def union(parts: Sequence[Mesh]) -> Mesh:
     return trimesh.util.concatenate(parts)
 
 
-def tube(path: Sequence[Point], radii: float | Sequence[float], sections: int = 8) -> Mesh:
+def tube(path: ArrayLike, radii: ArrayLike, sections: int = 8) -> Mesh:
     """Round tube along points, closed at both ends: wires, pipes, branches.
 
     `path` (n, 3), `radii` one for all or one per point. Rings lie across the bisectors of the bends
     and are carried along without twist (Wang et al. 2008, double reflection, here by rotations).
     """
     points = np.asarray(path, float)
-    radius = np.broadcast_to(np.asarray(radii, float), len(points))
+    radius = np.broadcast_to(np.asarray(radii, float), (len(points),))
     along = np.diff(points, axis=0)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     tangents = np.vstack([along[:1], along[:-1] + along[1:], along[-1:]])

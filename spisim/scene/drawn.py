@@ -53,7 +53,7 @@ def whole_file(fields: Mapping[str, Any], draft: families.Draft) -> dict[str, An
     name = f"{fields['family']}-{fields.get('seed', 0)}"
     whole = {"name": name, **own}
     drawn = draft.sections()
-    for section in ("drone", "ambient"):
-        whole[section] = {**drawn[section], **own.get(section, {})}
+    for section in ("drone", "ambient", "materials"):
+        whole[section] = {**drawn.get(section, {}), **own.get(section, {})}
     whole["objects"] = [*drawn["objects"], *own.get("objects", ())]
     return whole
