@@ -22,7 +22,8 @@ class Draft:
 
     Every method that adds an object takes its `name`, its `material`, where its origin is put
     (`at`, metres) and how it is turned before (`turn`, [roll, pitch, yaw] in degrees), or several
-    `copies` of that; `more` are other fields of an object, such as velocities.
+    `copies` of that; `more` are other fields of an object, such as velocities. `materials` are the
+    scene's own, by name, in the words of a scene file.
     """
 
     position_m: Point
@@ -32,6 +33,7 @@ class Draft:
     sky_klx: float = 0.0
     objects: list[dict[str, Any]] = field(default_factory=list)
     meshes: dict[str, trimesh.Trimesh] = field(default_factory=dict)
+    materials: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def box(self, name: str, material: str, size_m: Point, *args: Any, **more: Any) -> None:
         """A box with edges along x, y, z, centred on its origin."""
@@ -77,8 +79,8 @@ class Draft:
         self.objects.append(thing | more)
 
     def sections(self) -> dict[str, Any]:
-        """The sections of a scene file: drone, ambient, objects."""
-        return {
+        """The sections of a scene file: drone, ambient, objects, and materials if it has any."""
+        sections: dict[str, Any] = {
             "drone": {
                 "position_m": _numbers(self.position_m),
                 "look_at_m": _numbers(self.look_at_m),
@@ -90,6 +92,7 @@ class Draft:
             },
             "objects": self.objects,
         }
+        return sections | ({"materials": self.materials} if self.materials else {})
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,91 @@
+"""Things without edges: stones, bushes, leaves; lengths in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.creation import icosphere
+
+from spisim.families.shapes import Mesh, Point, moved, union
+
+Points = NDArray[np.float64]
+
+
+def rock(rng: np.random.Generator, size: Point) -> Mesh:
+    """Broken stone of about this size along x, y, z, centred on the origin."""
+    corners = rng.normal(size=(14, 3))
+    corners /= np.linalg.norm(corners, axis=1, keepdims=True)
+    return trimesh.convex.convex_hull(corners * np.asarray(size) / 2)
+
+
+def scattered_rocks(rng: np.random.Generator, places: Points, sizes: Points) -> Mesh:
+    """Stones at places (n, 3), of sizes (n,), each turned its own way."""
+    stones = []
+    for place, size in zip(places, sizes, strict=True):
+        shape = rock(rng, size * rng.uniform((0.8, 0.6, 0.4), (1.2, 1.0, 0.8)))
+        shape.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+        stones.append(moved(shape, place))
+    return union(stones)
+
+
+def blob(rng: np.random.Generator, size: Point, relief: float, detail: int = 3) -> Mesh:
+    """Bumpy ellipsoid centred on the origin; bumps up to about `relief` of its radius."""
+    mesh = icosphere(detail, 0.5)
+    waves = rng.normal(scale=9.0, size=(6, 3))
+    phases = rng.uniform(0, 2 * np.pi, 6)
+    bumps = np.cos(mesh.vertices @ waves.T + phases).sum(axis=1)
+    mesh.vertices *= (1 + relief * bumps / 3)[:, None] * np.asarray(size)
+    return mesh
+
+
+def bush(
+    rng: np.random.Generator, size: Point, leaf: float, leaves_per_m2: float
+) -> tuple[Mesh, Mesh]:
+    """A bumpy body centred on the origin, and sheets of leaves all over it."""
+    body = blob(rng, size, 0.15, 2)
+    count = round(leaves_per_m2 * float(body.area))
+    picked = rng.choice(len(body.faces), count, p=body.area_faces / body.area)
+    weights = rng.dirichlet((1, 1, 1), count)
+    places = np.einsum("nk,nkd->nd", weights, body.triangles[picked])
+    return body, leaves(rng, places + body.face_normals[picked] * leaf / 4, leaf)
+
+
+def leaves(rng: np.random.Generator, places: Points, size: float) -> Mesh:
+    """One four-cornered sheet per place (n, 3), twice as long as wide, turned at random."""
+    long = _directions(rng, len(places))
+    wide = np.cross(long, _directions(rng, len(places)))
+    wide /= np.linalg.norm(wide, axis=1, keepdims=True)
+    lengths = size * rng.uniform(0.7, 1.3, (len(places), 1))
+    long, wide = long * lengths / 2, wide * lengths / 4
+    corners = np.stack([places - long, places + wide, places + long, places - wide], axis=1)
+    first = 4 * np.arange(len(places))[:, None]
+    faces = np.concatenate([first + (0, 1, 2), first + (0, 2, 3)])
+    return Mesh(corners.reshape(-1, 3), faces, process=False)
+
+
+def ground(
+    rng: np.random.Generator, size: Sequence[float], relief: float, cell: float = 0.15
+) -> Mesh:
+    """Sheet of uneven ground about the origin, of size (x, y), from -`relief` to 0 in height."""
+    x, y = (np.linspace(-s / 2, s / 2, 1 + max(1, round(s / cell))) for s in size)
+    grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
+    waves = rng.normal(scale=2.5, size=(8, 2))
+    phases = rng.uniform(0, 2 * np.pi, 8)
+    height = sum(
+        np.cos(grid_x * a + grid_y * b + phase)
+        for (a, b), phase in zip(waves, phases, strict=True)
+    )
+    height = relief * (height - height.max()) / np.ptp(height)
+    corner = (np.arange(len(x) - 1)[:, None] * len(y) + np.arange(len(y) - 1)).reshape(-1, 1)
+    step = len(y)
+    faces = np.concatenate([corner + (0, step, step + 1), corner + (0, step + 1, 1)])
+    vertices = np.stack([grid_x, grid_y, height], axis=-1).reshape(-1, 3)
+    return Mesh(vertices, faces, process=False)
+
+
+def _directions(rng: np.random.Generator, count: int) -> Points:
+    vectors = rng.normal(size=(count, 3))
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
