@@ -9,11 +9,18 @@ from typing import Any
 
 from reconstruction.errors import InputError, nearest
 from spisim.distributions import stream
-from spisim.families import targets
+from spisim.families import drone, person, targets
 from spisim.families.draft import Draft, Family
 from spisim.families.parameters import Parameters, draw_parameters, ranges
 
-FAMILIES: Mapping[str, Family] = {family.name: family for family in (targets.FAMILY,)}
+FAMILIES: Mapping[str, Family] = {
+    family.name: family
+    for family in (
+        drone.FAMILY,
+        person.FAMILY,
+        targets.FAMILY,
+    )
+}
 
 __all__ = ["FAMILIES", "Draft", "Family", "Parameters", "draft", "find_family", "ranges"]
 

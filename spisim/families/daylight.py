@@ -14,6 +14,6 @@ def outdoors(rng: np.random.Generator) -> dict[str, Any]:
     sun_klx, overcast_klx, blue_klx = rng.uniform(20, 90), rng.uniform(1, 15), rng.uniform(8, 18)
     if overcast:
         return {"sky_klx": float(overcast_klx)}
-    towards = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    down = (*towards.tolist(), -float(np.sin(elevation)))
-    return {"sun_klx": float(sun_klx), "sun_direction": down, "sky_klx": float(blue_klx)}
+    level = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth)])
+    direction = (*level.tolist(), -float(np.sin(elevation)))
+    return {"sun_klx": float(sun_klx), "sun_direction": direction, "sky_klx": float(blue_klx)}

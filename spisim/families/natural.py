@@ -62,7 +62,7 @@ def leaves(rng: np.random.Generator, places: Points, size: float) -> Mesh:
     long, wide = long * lengths / 2, wide * lengths / 4
     corners = np.stack([places - long, places + wide, places + long, places - wide], axis=1)
     first = 4 * np.arange(len(places))[:, None]
-    faces = np.concatenate([first + (0, 1, 2), first + (0, 2, 3)])
+    faces = np.concatenate([np.add(first, (0, 1, 2)), np.add(first, (0, 2, 3))])
     return Mesh(corners.reshape(-1, 3), faces, process=False)
 
 
@@ -75,13 +75,12 @@ def ground(
     waves = rng.normal(scale=2.5, size=(8, 2))
     phases = rng.uniform(0, 2 * np.pi, 8)
     height = sum(
-        np.cos(grid_x * a + grid_y * b + phase)
-        for (a, b), phase in zip(waves, phases, strict=True)
+        np.cos(grid_x * a + grid_y * b + phase) for (a, b), phase in zip(waves, phases, strict=True)
     )
     height = relief * (height - height.max()) / np.ptp(height)
     corner = (np.arange(len(x) - 1)[:, None] * len(y) + np.arange(len(y) - 1)).reshape(-1, 1)
     step = len(y)
-    faces = np.concatenate([corner + (0, step, step + 1), corner + (0, step + 1, 1)])
+    faces = np.concatenate([np.add(corner, (0, step, step + 1)), np.add(corner, (0, step + 1, 1))])
     vertices = np.stack([grid_x, grid_y, height], axis=-1).reshape(-1, 3)
     return Mesh(vertices, faces, process=False)
 
