@@ -9,7 +9,7 @@ from typing import Any
 
 from reconstruction.errors import InputError, nearest
 from spisim.distributions import stream
-from spisim.families import drone, person, targets
+from spisim.families import drone, landing_pad, person, shelf, targets
 from spisim.families.draft import Draft, Family
 from spisim.families.parameters import Parameters, draw_parameters, ranges
 
@@ -17,7 +17,9 @@ FAMILIES: Mapping[str, Family] = {
     family.name: family
     for family in (
         drone.FAMILY,
+        landing_pad.FAMILY,
         person.FAMILY,
+        shelf.FAMILY,
         targets.FAMILY,
     )
 }

@@ -50,12 +50,12 @@ def _brick_wall(draft: Draft, x: float, axis_z: float, rng: np.random.Generator)
 def _hedge(draft: Draft, x: float, axis_z: float, rng: np.random.Generator) -> None:
     """Two staggered rows of bushes as high as needed, on trunks."""
     height = axis_z + 0.25 * x
-    leaf = rng.uniform(0.06, 0.14)
-    shape, foliage = bush(rng, (1.7, 2.1, height), leaf, 35)
+    leaf = rng.uniform(0.07, 0.14)
+    shape, foliage = bush(rng, (1.7, 2.1, height), leaf, 80)
     copies = [
         ((0, 0, rng.uniform(-25, 25) + 180 * (i % 2)), (x + 1 + row, y, 0.5 * height))
         for row in (0, 1)
-        for i, y in enumerate(np.arange(-6.6 + 0.75 * row, 6.7, 1.5))
+        for i, y in enumerate(np.arange(-4.5 + 0.75 * row, 4.6, 1.5))
     ]
     draft.mesh("bush", "leaves-green", shape, copies=copies)
     draft.mesh("leaves", "leaves-green", foliage, copies=copies)

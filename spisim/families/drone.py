@@ -26,8 +26,8 @@ BLURRED_ROTOR = {
 class DroneParameters(Parameters):
     """A multicopter with `arm_pairs` arms on either side, seen from `height_m`."""
 
-    distance_m: float = drawn_log(1.6, 5.0, "to the middle of the other drone")
-    diagonal_m: float = drawn_log(0.25, 1.0, "from motor to opposite motor")
+    distance_m: float = drawn_log(1.8, 5.0, "to the middle of the other drone")
+    diagonal_m: float = drawn_log(0.25, 0.75, "from motor to opposite motor")
     arm_pairs: int = drawn(2, 4, "half the number of arms")
     height_m: float = drawn(1.5, 4.0, "of both drones above the ground")
     above_m: float = drawn(-0.25, 0.25, "how much higher the other one flies")
@@ -177,20 +177,11 @@ def _blade(length: float, angle: float) -> Mesh:
     chord = length * np.interp(stations, (0, 0.25, 1), (0.08, 0.2, 0.07))
     pitch = np.radians(np.interp(stations, (0, 1), (25, 8)))
     section = np.array([(-0.5, -1.0), (0.5, -1.0), (0.5, 1.0), (-0.5, 1.0)])
-    rings = []
-    for station, wide, twist in zip(stations, chord, pitch, strict=True):
-        y, z = section[:, 0] * wide, section[:, 1] * 0.001
-        rings.append(
-            np.stack(
-                [
-                    np.full(4, station * length),
-                    y * np.cos(twist) - z * np.sin(twist),
-                    y * np.sin(twist) + z * np.cos(twist),
-                ],
-                axis=1,
-            )
-        )
-    blade = loft(np.array(rings))
+    y = np.outer(chord, section[:, 0])
+    z = np.broadcast_to(0.001 * section[:, 1], y.shape)
+    cosine, sine = np.cos(pitch)[:, None], np.sin(pitch)[:, None]
+    x = np.broadcast_to(length * stations[:, None], y.shape)
+    blade = loft(np.stack([x, y * cosine - z * sine, y * sine + z * cosine], axis=-1))
     return blade.apply_transform(rotation_matrix(angle, (0, 0, 1)))
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from trimesh.creation import icosphere
+from trimesh.creation import icosahedron, icosphere
 
 from spisim.families.shapes import Mesh, Point, moved, union
 
@@ -16,9 +14,9 @@ Points = NDArray[np.float64]
 
 def rock(rng: np.random.Generator, size: Point) -> Mesh:
     """Broken stone of about this size along x, y, z, centred on the origin."""
-    corners = rng.normal(size=(14, 3))
-    corners /= np.linalg.norm(corners, axis=1, keepdims=True)
-    return trimesh.convex.convex_hull(corners * np.asarray(size) / 2)
+    mesh = icosahedron()
+    mesh.vertices *= rng.uniform(0.7, 1.15, (12, 1)) * np.asarray(size) / 2
+    return mesh
 
 
 def scattered_rocks(rng: np.random.Generator, places: Points, sizes: Points) -> Mesh:
@@ -64,25 +62,6 @@ def leaves(rng: np.random.Generator, places: Points, size: float) -> Mesh:
     first = 4 * np.arange(len(places))[:, None]
     faces = np.concatenate([np.add(first, (0, 1, 2)), np.add(first, (0, 2, 3))])
     return Mesh(corners.reshape(-1, 3), faces, process=False)
-
-
-def ground(
-    rng: np.random.Generator, size: Sequence[float], relief: float, cell: float = 0.15
-) -> Mesh:
-    """Sheet of uneven ground about the origin, of size (x, y), from -`relief` to 0 in height."""
-    x, y = (np.linspace(-s / 2, s / 2, 1 + max(1, round(s / cell))) for s in size)
-    grid_x, grid_y = np.meshgrid(x, y, indexing="ij")
-    waves = rng.normal(scale=2.5, size=(8, 2))
-    phases = rng.uniform(0, 2 * np.pi, 8)
-    height = sum(
-        np.cos(grid_x * a + grid_y * b + phase) for (a, b), phase in zip(waves, phases, strict=True)
-    )
-    height = relief * (height - height.max()) / np.ptp(height)
-    corner = (np.arange(len(x) - 1)[:, None] * len(y) + np.arange(len(y) - 1)).reshape(-1, 1)
-    step = len(y)
-    faces = np.concatenate([np.add(corner, (0, step, step + 1)), np.add(corner, (0, step + 1, 1))])
-    vertices = np.stack([grid_x, grid_y, height], axis=-1).reshape(-1, 3)
-    return Mesh(vertices, faces, process=False)
 
 
 def _directions(rng: np.random.Generator, count: int) -> Points:
