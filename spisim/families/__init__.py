@@ -9,7 +9,7 @@ from typing import Any
 
 from reconstruction.errors import InputError, nearest
 from spisim.distributions import stream
-from spisim.families import drone, landing_pad, person, shelf, targets
+from spisim.families import drone, landing_pad, person, rubble, scaffold, shelf, targets
 from spisim.families.draft import Draft, Family
 from spisim.families.parameters import Parameters, draw_parameters, ranges
 
@@ -19,6 +19,8 @@ FAMILIES: Mapping[str, Family] = {
         drone.FAMILY,
         landing_pad.FAMILY,
         person.FAMILY,
+        rubble.FAMILY,
+        scaffold.FAMILY,
         shelf.FAMILY,
         targets.FAMILY,
     )

@@ -22,9 +22,9 @@ RELIEF_M = 0.003
 class LandingPadParameters(Parameters):
     """A pad seen from `height_m` above the ground, its middle `pitch_deg` below the horizon."""
 
-    height_m: float = drawn_log(2.2, 5.5, "of the drone above the ground")
-    pitch_deg: float = drawn(35.0, 75.0, "down to the middle of the pad")
-    pad_m: float = drawn(0.9, 1.9, "side or diameter of the pad")
+    height_m: float = drawn_log(2.4, 6.0, "of the drone above the ground")
+    pitch_deg: float = drawn(40.0, 75.0, "down to the middle of the pad")
+    pad_m: float = drawn(0.7, 1.2, "side or diameter of the pad")
     turn_deg: float = drawn(-60.0, 60.0, "of the pad; at 0 its H stands upright to us")
     shape: str = one_of("round", "square", text="of the pad")
     pad: str = one_of("concrete", "asphalt", "rubber-black", "wood-weathered", text="its material")
@@ -241,7 +241,7 @@ def _concrete(draft: Draft, parameters: LandingPadParameters, rng: np.random.Gen
 def _around(rng: np.random.Generator, parameters: LandingPadParameters, count: int) -> Points:
     """Places (n, 3) on the ground beside the pad, the denser the nearer."""
     inner = parameters.pad_m * (0.56 if parameters.shape == "round" else 0.76)
-    radius = inner + rng.exponential(0.5, count)
+    radius = inner + rng.exponential(0.4, count)
     angle = rng.uniform(0, 2 * np.pi, count)
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(count)], axis=1)
 

@@ -64,6 +64,15 @@ def leaves(rng: np.random.Generator, places: Points, size: float) -> Mesh:
     return Mesh(corners.reshape(-1, 3), faces, process=False)
 
 
+def grid_mesh(points: Points) -> Mesh:
+    """Sheet through a grid of points (n, m, 3)."""
+    rows, columns = points.shape[:2]
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=None)
+    return Mesh(points.reshape(-1, 3), faces.reshape(-1, 3), process=False)
+
+
 def _directions(rng: np.random.Generator, count: int) -> Points:
     vectors = rng.normal(size=(count, 3))
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

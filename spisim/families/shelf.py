@@ -31,7 +31,7 @@ class ShelfParameters(Parameters):
     turn_deg: float = drawn(-25.0, 25.0, "of the shelf about the vertical")
     spacing_m: float = drawn(0.24, 0.4, "from board to board")
     depth_m: float = drawn(0.25, 0.5, "of the boards")
-    filled: float = drawn(0.6, 0.95, "share of places with something in them")
+    filled: float = drawn(0.7, 1.0, "share of places with something in them")
     shiny: float = drawn(0.2, 0.9, "share of tins that are bare metal")
     roughness: float = drawn_log(0.08, 0.5, "of bare tins (GGX)")
     mirrors: int = drawn(0, 2, "tins polished like a mirror")
@@ -113,7 +113,7 @@ def _add_goods(
             wide = kind.wide + rng.uniform(0.004, 0.02)
             place = (SETBACK_M + kind.wide / 2 + rng.uniform(0, 0.04), y + wide / 2, top)
             y += wide
-            if rng.random() > parameters.filled or kind.high > parameters.spacing_m - 0.03:
+            if rng.random() > parameters.filled:
                 continue
             polished = name == "bare tins" and mirrors < parameters.mirrors and rng.random() < 0.4
             mirrors += polished
@@ -135,7 +135,9 @@ def _pick(parameters: ShelfParameters, rng: np.random.Generator) -> str:
         return "jars"
     if rng.random() < 0.55:
         return "bare tins" if rng.random() < parameters.shiny else "labelled tins"
-    return str(rng.choice(["bottles", "boxes", "flat tins", "packets"]))
+    others = ("bottles", "boxes", "flat tins", "packets")
+    low = [name for name in others if KINDS[name].high < parameters.spacing_m - BOARD_M - 0.01]
+    return str(rng.choice(low))
 
 
 def _placed(turn_deg: float, at: Vector) -> Vector:
