@@ -59,7 +59,7 @@ def build(parameters: LandingPadParameters, rng: np.random.Generator) -> Draft:
     cable = lying(corners, 0.12 * reach, PAD_HEIGHT_M + radius, rng)
     outside = np.hypot(cable[:, 0], cable[:, 1]) > 1.02 * reach * np.sqrt(2)
     cable[outside, 2] = radius
-    draft.mesh("cable", "rubber-black", tube(cable, radius))
+    draft.mesh("cable", "pvc", tube(cable, radius))
     return draft
 
 
@@ -211,7 +211,7 @@ def _snow(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generat
     draft.rectangle("ground", "snow", (40, 40))
     places = _around(rng, parameters, parameters.clutter // 8)
     lumps = [
-        moved(blob(rng, rng.uniform((0.15, 0.15, 0.06), (0.6, 0.5, 0.22)), 0.1, 2), place)
+        moved(blob(rng, rng.uniform((0.1, 0.1, 0.06), (0.4, 0.35, 0.2)), 0.1, 2), place)
         for place in places
     ]
     draft.mesh("lumps of snow", "snow", union(lumps))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from trimesh.creation import box
 from trimesh.transformations import euler_matrix
 
 from spisim.families import figure
@@ -14,7 +15,9 @@ from spisim.families.figure import Arm, Leg
 from spisim.families.natural import Points, grid_mesh, scattered_rocks
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.families.ropes import hanging
-from spisim.families.shapes import Mesh, block, limb, tube, union
+from spisim.families.shapes import Mesh, alike, block, limb, tube, union
+
+BRICK_M = (0.215, 0.102, 0.065)
 
 
 class RubbleParameters(Parameters):
@@ -80,7 +83,7 @@ def build(parameters: RubbleParameters, rng: np.random.Generator) -> Draft:
         rng.normal(scale=4.0, size=(7, 2)),
         rng.uniform(0, 2 * np.pi, 7),
     )
-    aim = (parameters.distance_m + 1.2, 0.0, 0.75 * parameters.heap_m)
+    aim = (parameters.distance_m + 1.2, 0.0, 0.75 * parameters.heap_m + 0.15)
     draft = Draft(position_m=(0, 0, parameters.height_m), look_at_m=aim, **outdoors(rng))
     draft.rectangle("ground", "soil-dry", (60, 60))
     draft.mesh("heap", "concrete-weathered", heap.mesh())
@@ -128,15 +131,17 @@ def _add_loose(
     draft: Draft, parameters: RubbleParameters, heap: Heap, rng: np.random.Generator
 ) -> None:
     """Bricks and lumps on the heap and at its foot."""
-    bricks = []
-    for x, y, z in _strewn(parameters.bricks, heap, rng):
-        size = (rng.choice((0.215, 0.215, 0.11)), 0.102, 0.065)
-        pose = euler_matrix(*rng.uniform((-0.6, -0.6, 0), (0.6, 0.6, 2 * np.pi)))
-        pose[:3, 3] = x, y, z + 0.03
-        bricks.append(block(size, (0, 0, 0)).apply_transform(pose))
-    draft.mesh("bricks", "brick", union(bricks))
-    sizes = rng.lognormal(np.log(0.1), 0.45, parameters.stones)
-    lumps = scattered_rocks(rng, _strewn(parameters.stones, heap, rng), sizes)
+    brick = box((1, 1, 1))
+    places = _strewn(parameters.bricks, heap, rng)
+    angles = rng.uniform((-0.6, -0.6, 0), (0.6, 0.6, 2 * np.pi), places.shape)
+    turns = np.array([euler_matrix(*row)[:3, :3] for row in angles])
+    sizes = np.full(places.shape, BRICK_M)
+    sizes[rng.random(len(places)) < 0.3, 0] /= 2
+    corners = brick.vertices * sizes[:, None]
+    corners = np.einsum("nij,nvj->nvi", turns, corners) + places[:, None] + (0, 0, 0.03)
+    draft.mesh("bricks", "brick", alike(corners, brick.faces))
+    thick = rng.lognormal(np.log(0.1), 0.45, parameters.stones)
+    lumps = scattered_rocks(rng, _strewn(parameters.stones, heap, rng), thick)
     draft.mesh("lumps of concrete", "concrete-weathered", lumps)
 
 
@@ -206,7 +211,7 @@ def _add_victim(
     turn = (0, rng.uniform(10, 35), rng.uniform(-40, 40))
     for (name, material), mesh in parts.items():
         # The belt comes to lie where the heap is.
-        mesh.apply_translation((0, 0, -0.98))
+        mesh.apply_translation((0, 0, -1.08))
         draft.mesh(name, material, mesh, at, turn)
 
 

@@ -12,7 +12,7 @@ from spisim.families.draft import Draft, Family, Placed
 from spisim.families.natural import grid_mesh
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.families.ropes import net
-from spisim.families.shapes import Mesh, block, lathe, rod, tube, union
+from spisim.families.shapes import Mesh, alike, block, lathe, rod, tube, union
 
 #: EN 39.
 TUBE_DIAMETER_M = 0.0483
@@ -141,11 +141,9 @@ def _couplers(frame: Frame) -> Mesh:
         for z in frame.levels
         for up in (0.0, *(GUARD_RAILS_M if x == 0 else ()))
     ]
-    clamps = [block((0.075, 0.07, 0.075), joint) for joint in joints]
-    bolts = [
-        rod((x - 0.03, y - 0.075, z), (x - 0.03, y + 0.075, z), 0.007, 6) for x, y, z in joints
-    ]
-    return union(clamps + bolts)
+    bolt = rod((-0.03, -0.075, 0), (-0.03, 0.075, 0), 0.007, 6)
+    coupler = union([block((0.075, 0.07, 0.075), (0, 0, 0)), bolt])
+    return alike(coupler.vertices + np.array(joints)[:, None], coupler.faces)
 
 
 def _planks(frame: Frame, parameters: ScaffoldParameters, rng: np.random.Generator) -> Mesh:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from trimesh.transformations import rotation_matrix
 
 from spisim.families.draft import Draft, Family
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.shapes import Mesh, block, lathe, rod, union
+from spisim.families.shapes import Mesh, alike, block, lathe, rod, union
 
 Vector = NDArray[np.float64]
 
@@ -18,7 +19,7 @@ Vector = NDArray[np.float64]
 ALUMINIUM = {"eta": 1.44, "k": 16.0, "source": "Rakić (1995), aluminium at 1550 nm"}
 BOARD_M = 0.02
 #: Corners of what is round.
-SECTIONS = 16
+SECTIONS = 14
 #: How far the fronts of things are behind the edge of the board.
 SETBACK_M = 0.03
 
@@ -76,7 +77,7 @@ def build(parameters: ShelfParameters, rng: np.random.Generator) -> Draft:
 
 def _add_shelf(draft: Draft, parameters: ShelfParameters) -> list[float]:
     """Boards, uprights and price rails; returns the heights of the boards' tops."""
-    wide, deep = 0.7 + 0.35 * parameters.distance_m, parameters.depth_m
+    wide, deep = 0.6 + 0.35 * parameters.distance_m, parameters.depth_m
     middle = deep / 2
     reach = 0.25 * parameters.distance_m + parameters.spacing_m
     tops = [
@@ -102,8 +103,8 @@ def _add_goods(
     draft: Draft, parameters: ShelfParameters, tops: list[float], rng: np.random.Generator
 ) -> None:
     """Rows of things on every board, and some behind or upon them."""
-    half = 0.35 + 0.175 * parameters.distance_m - 0.06
-    meshes: dict[tuple[str, str], list[Mesh]] = {}
+    half = 0.3 + 0.175 * parameters.distance_m - 0.06
+    poses: dict[tuple[str, bool], list[Vector]] = {}
     mirrors = 0
     for top in tops:
         y = -half
@@ -118,15 +119,18 @@ def _add_goods(
             polished = name == "bare tins" and mirrors < parameters.mirrors and rng.random() < 0.4
             mirrors += polished
             stacked = 1 + int(rng.random() < 0.5 and 2 * kind.high < parameters.spacing_m - 0.04)
-            turn = rng.uniform(-8, 8)
+            turn = np.radians(rng.uniform(-8, 8))
             for level in range(stacked):
-                for material, mesh in kind.parts().items():
-                    made = "polished tin" if polished and material == "bare tin" else material
-                    mesh.apply_transform(_placed(turn, np.add(place, (0, 0, level * kind.high))))
-                    meshes.setdefault((name, made), []).append(mesh)
-    place, turned = (parameters.distance_m, 0, 0), (0, 0, parameters.turn_deg)
-    for (name, material), parts in meshes.items():
-        draft.mesh(f"{name}, {material}", material, union(parts), place, turned)
+                at = np.add(place, (0, 0, level * kind.high))
+                poses.setdefault((name, polished), []).append(_pose(turn, at))
+    shelf, turned = (parameters.distance_m, 0, 0), (0, 0, parameters.turn_deg)
+    for (name, polished), placed in poses.items():
+        for material, mesh in KINDS[name].parts().items():
+            goods = _posed(mesh, np.array(placed))
+            if polished:
+                draft.mesh("polished tins", "polished tin", goods, shelf, turned)
+            else:
+                draft.mesh(f"{name}, {material}", material, goods, shelf, turned)
 
 
 def _pick(parameters: ShelfParameters, rng: np.random.Generator) -> str:
@@ -140,12 +144,16 @@ def _pick(parameters: ShelfParameters, rng: np.random.Generator) -> str:
     return str(rng.choice(low))
 
 
-def _placed(turn_deg: float, at: Vector) -> Vector:
-    matrix = np.eye(4)
-    cosine, sine = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-    matrix[:2, :2] = [[cosine, -sine], [sine, cosine]]
-    matrix[:3, 3] = at
-    return matrix
+def _pose(angle: float, at: Vector) -> Vector:
+    pose = rotation_matrix(angle, (0, 0, 1))
+    pose[:3, 3] = at
+    return np.asarray(pose)
+
+
+def _posed(mesh: Mesh, poses: Vector) -> Mesh:
+    """Copies of a mesh at poses (n, 4, 4)."""
+    corners = np.einsum("nij,vj->nvi", poses[:, :3, :3], mesh.vertices) + poses[:, None, :3, 3]
+    return alike(corners, mesh.faces)
 
 
 def _add_lamp(draft: Draft, parameters: ShelfParameters, rng: np.random.Generator) -> None:
