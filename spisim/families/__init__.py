@@ -10,9 +10,15 @@ from typing import Any
 from reconstruction.errors import InputError, nearest
 from spisim.distributions import stream
 from spisim.families import (
+    drone,
     forest,
     gates,
+    landing_pad,
+    person,
     power_line,
+    rubble,
+    scaffold,
+    shelf,
     stairwell,
     street,
     targets,
@@ -25,9 +31,15 @@ from spisim.families.parameters import Parameters, draw_parameters, ranges
 FAMILIES: Mapping[str, Family] = {
     family.name: family
     for family in (
+        drone.FAMILY,
         forest.FAMILY,
         gates.FAMILY,
+        landing_pad.FAMILY,
+        person.FAMILY,
         power_line.FAMILY,
+        rubble.FAMILY,
+        scaffold.FAMILY,
+        shelf.FAMILY,
         stairwell.FAMILY,
         street.FAMILY,
         targets.FAMILY,

@@ -10,7 +10,10 @@ import numpy as np
 from trimesh.creation import cylinder, icosphere, torus
 from trimesh.transformations import rotation_matrix
 
-from spisim.families.shapes import Mesh, block, lathe, limb, moved, rod, union
+from spisim.families import figure
+from spisim.families.shapes import Mesh, block, lathe, moved, rod, union
+
+WORKER = (figure.resting(-1), figure.resting(1))
 
 
 def pallet() -> Mesh:
@@ -125,43 +128,17 @@ def pallet_jack() -> Mesh:
 
 def worker_clothes() -> Mesh:
     """Overall of a person 1.77 m tall who faces -x, arms a little bent; boots included."""
-    torso = [
-        (0, 0.84), (0.15, 0.86), (0.165, 0.93), (0.14, 1.05), (0.15, 1.2),
-        (0.175, 1.36), (0.165, 1.43), (0.11, 1.48), (0.06, 1.5), (0, 1.5),
-    ]  # fmt: skip
-    chest = lathe(torso, sections=16)
-    chest.apply_scale((0.68, 1.08, 1))
-    limbs = []
-    for side in (-1, 1):
-        shoulder, elbow = (0, 0.2 * side, 1.4), (0.03, 0.29 * side, 1.14)
-        hip, knee, ankle = (0, 0.09 * side, 0.86), (-0.02, 0.11 * side, 0.49), (0, 0.12 * side, 0.1)
-        limbs += [
-            limb(shoulder, elbow, 0.058),
-            limb(elbow, wrist(side), 0.047),
-            limb(hip, knee, 0.085),
-            limb(knee, ankle, 0.065),
-            limb((0.02, 0.12 * side, 0.045), (-0.13, 0.13 * side, 0.04), 0.045),
-        ]
-    return union([chest, *limbs])
+    return figure.clothes(WORKER)
 
 
 def worker_skin() -> Mesh:
     """Head, neck and hands that go with the overall."""
-    head = icosphere(2, 0.105)
-    head.apply_scale((0.95, 0.78, 1.15))
-    parts = [moved(head, (-0.01, 0, 1.645)), limb((0, 0, 1.47), (0, 0, 1.57), 0.055)]
-    for side in (-1, 1):
-        x, y, z = wrist(side)
-        parts.append(limb((x - 0.02, y, z), (x - 0.09, y - 0.02 * side, z + 0.02), 0.036))
-    return union(parts)
+    return figure.skin(WORKER)
 
 
 def worker_hat() -> Mesh:
     """Hard hat that goes with the head."""
-    dome = [(0.115 * np.cos(a), 1.68 + 0.105 * np.sin(a)) for a in np.radians((0, 25, 50, 75, 90))]
-    brim = [(0, 1.672), (0.14, 1.672), (0.14, 1.682)]
-    hat = lathe(brim + dome, sections=18)
-    return moved(hat, (-0.015, 0, 0))
+    return figure.hard_hat()
 
 
 def lamp() -> Mesh:
@@ -178,8 +155,3 @@ def tyre() -> Mesh:
     """Tyre lying flat, 0.62 m across and 0.2 m high."""
     ring = torus(0.21, 0.1, major_sections=28, minor_sections=12)
     return moved(ring, (0, 0, 0.1))
-
-
-def wrist(side: int) -> tuple[float, float, float]:
-    """Where sleeve and hand meet; `side` is -1 or 1."""
-    return (-0.17, 0.22 * side, 1.06)

@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 from trimesh.creation import box, capsule, cylinder, revolve
 
-Point = Sequence[float]
+Point: TypeAlias = Sequence[float] | NDArray[np.float64]
 Mesh: TypeAlias = trimesh.Trimesh
 
 
@@ -66,6 +66,13 @@ def union(parts: Sequence[Mesh]) -> Mesh:
     return trimesh.util.concatenate(parts)
 
 
+def alike(corners: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
+    """Many solids with the same triangles as one mesh: corners (n, v, 3) of each, faces (f, 3)."""
+    n, v, _ = corners.shape
+    every = faces + v * np.arange(n)[:, None, None]
+    return Mesh(corners.reshape(-1, 3), every.reshape(-1, 3), process=False)
+
+
 def tube(path: ArrayLike, radii: ArrayLike, sections: int = 8) -> Mesh:
     """Round tube along points, closed at both ends: wires, pipes, branches.
 
@@ -89,8 +96,16 @@ def tube(path: ArrayLike, radii: ArrayLike, sections: int = 8) -> Mesh:
             np.sin(angles), np.cross(tangent, across)
         )
         rings.append(points[i] + radius[i] * round_)
-    vertices = np.vstack([*rings, points[:1], points[-1:]])
-    return Mesh(vertices, _tube_faces(len(points), sections), process=False)
+    return loft(np.array(rings))
+
+
+def loft(rings: NDArray[np.float64]) -> Mesh:
+    """Closed surface through rings of corners (n, k, 3), each counter-clockwise seen from its far
+    side: from where the next one is.
+    """
+    n, k, _ = rings.shape
+    vertices = np.vstack([rings.reshape(-1, 3), rings[[0, -1]].mean(axis=1)])
+    return Mesh(vertices, _tube_faces(n, k), process=False)
 
 
 def _tube_faces(rings: int, sections: int) -> NDArray[np.int64]:

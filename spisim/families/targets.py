@@ -59,8 +59,9 @@ def _step_wedge(draft: Draft, parameters: TargetParameters, at: tuple[float, flo
     width = size / parameters.steps
     for i in range(parameters.steps):
         behind = (i - (parameters.steps - 1) / 2) * parameters.step_m
-        place = (at[0] + behind, at[1] + size / 2 - (i + 0.5) * width, at[2])
         # Overlapping strips leave no gap to look through between two steps.
+        middle_x = at[0] + behind + parameters.step_m
+        place = (middle_x, at[1] + size / 2 - (i + 0.5) * width, at[2])
         draft.box(f"step {i + 1}", parameters.bright, (2 * parameters.step_m, width, size), place)
     wall = (at[0] + parameters.steps * parameters.step_m + 1.0, *at[1:])
     draft.box("wall behind", parameters.dark, (0.02, 3 * size + 2, 3 * size + 2), wall)
