@@ -34,6 +34,7 @@ COMMANDS = [
     "paper",
     "weather",
     "scenes list",
+    "scenes show",
     "schema",
     "doctor",
 ]
