@@ -58,6 +58,13 @@ def write_look(path: str | Path, look: Look, fov_deg: float = 50.0) -> None:
 
     Raises OSError where the file cannot be written.
     """
+    buffer = io.BytesIO()
+    look_figure(look, fov_deg).savefig(buffer, format="png", metadata={"Software": None})
+    write_atomically(path, buffer.getvalue())
+
+
+def look_figure(look: Look, fov_deg: float = 50.0) -> Figure:
+    """The same, to be saved."""
     sheet = Figure(figsize=(13.2, 7.2), dpi=100, facecolor="white")
     view = sheet.add_axes((0.012, 0.135, 0.44, 0.44 * 13.2 / 7.2))
     height = 0.455 / RATIO * 13.2 / 7.2
@@ -67,9 +74,7 @@ def write_look(path: str | Path, look: Look, fov_deg: float = 50.0) -> None:
     _draw_view(view, look, fov_deg)
     _spot_list(sheet, look.survey.spots)
     _draw_sections(plan, side, look)
-    buffer = io.BytesIO()
-    sheet.savefig(buffer, format="png", metadata={"Software": None})
-    write_atomically(path, buffer.getvalue())
+    return sheet
 
 
 def view_image(scene: Scene, sight: Sight, fov_deg: float, pixels: int = PIXELS) -> Floats:
