@@ -30,6 +30,7 @@ COMMANDS = [
     "transport",
     "reconstruct",
     "evaluate",
+    "fly",
     "budget",
     "paper",
     "weather",
