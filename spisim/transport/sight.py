@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
+from spisim.transport.meshes import object_ids, shapes
 from spisim.transport.views import Floats
-from spisim.transport.world import shapes
 
 #: Whole surfaces, or panes, that a line of sight goes through at most.
 MAX_PANES = 8
@@ -54,8 +54,12 @@ class Sight:
         si = self.geometry.ray_intersect(_rays(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(
-            np.asarray(distance.numpy(), dtype=np.float64), object_ids(self.geometry, si)
+            np.asarray(distance.numpy(), dtype=np.float64),
+            self._objects(si),
         )
+
+    def _objects(self, si: Any) -> NDArray[np.int64]:
+        return object_ids(self.scene.objects, self.geometry, si)
 
     def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
         """Brightness (n,) from 0 to 1 of what each ray sees; nan where it meets nothing.
@@ -76,7 +80,7 @@ class Sight:
         seen, weight, left = np.zeros(lanes), np.zeros(lanes), np.ones(lanes)
         for _ in range(steps):
             si = self.geometry.ray_intersect(ray)
-            ids = object_ids(self.geometry, si)
+            ids = self._objects(si)
             met = ids >= 0
             passed: Any = si.bsdf().eval_null_transmission(si, si.is_valid()).x
             passed = np.where(met, passed.numpy(), 0.0) if steps > 1 else 0.0
@@ -105,21 +109,6 @@ class Sight:
             free += dr.select(self.geometry.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)
         shade: Any = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
         return np.asarray(shade.numpy(), dtype=np.float64)
-
-
-def object_ids(geometry: Any, si: Any) -> NDArray[np.int64]:
-    """Number of the object that each ray meets, -1 for none."""
-    numbers = _registry_ids(si.shape).astype(np.int64)
-    registry = [int(_registry_ids(mi.ShapePtr(shape))[0]) for shape in geometry.shapes()]
-    known = np.full(max([*registry, int(numbers.max(initial=0))]) + 1, -1)
-    known[registry] = np.arange(len(registry))
-    return np.asarray(known[numbers])
-
-
-def _registry_ids(shapes: Any) -> Any:
-    """Dr.Jit's number of each shape that an array of pointers points to, (lanes,); 0 for none."""
-    pointers: Any = dr.reinterpret_array(mi.UInt32, shapes)
-    return pointers.numpy()
 
 
 def _rays(origins: Floats, directions: Floats) -> Any:

@@ -13,9 +13,8 @@ from reconstruction.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.sight import object_ids
+from spisim.transport.meshes import object_ids, shapes
 from spisim.transport.views import Floats, InstrumentView
-from spisim.transport.world import build_world
 
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
@@ -50,7 +49,7 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
     InputError
         If a laser beam hits nothing.
     """
-    geometry = build_world(scene).geometry.scene
+    geometry = mi.load_dict({"type": "scene", **shapes(scene.objects)})
     placed = InstrumentView.of(instrument, scene.drone_pose)
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     shape = placed.projector.shape
@@ -58,13 +57,15 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
     local = _pixel_rays(placed, 1)
     si = _trace(geometry, origin, local @ rotation.T)
     hit = si.is_valid().numpy().reshape(shape)
-    identity = object_ids(geometry, si).reshape(shape)
+    identity = object_ids(scene.objects, geometry, si).reshape(shape)
     ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
     normals = si.n.numpy().T.reshape(-1, 3) @ rotation
     normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
 
     parts = _trace(geometry, origin, _pixel_rays(placed, SUBPIXELS) @ rotation.T)
-    seen = object_ids(geometry, parts).reshape(shape[0], SUBPIXELS, shape[1], SUBPIXELS)
+    seen = object_ids(scene.objects, geometry, parts).reshape(
+        shape[0], SUBPIXELS, shape[1], SUBPIXELS
+    )
     spots = _trace(geometry, origin, placed.beams.directions)
     _check_spots(scene, instrument, spots.is_valid().numpy())
     names = tuple(thing.name for thing in scene.objects)
@@ -77,7 +78,7 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
         coverage=(seen == identity[:, None, :, None]).mean(axis=(1, 3)).astype(np.float32),
         object_names=names,
         spot_range_m=np.asarray(spots.t.numpy(), dtype=np.float64),
-        spot_object=tuple(names[number] for number in object_ids(geometry, spots)),
+        spot_object=tuple(names[number] for number in object_ids(scene.objects, geometry, spots)),
     )
 
 
