@@ -1,23 +1,31 @@
 """What is out there: geometry, materials, media, daylight, the drone, and how it all moves."""
 
+from spisim.scene.catalogue import Entry, catalogue
 from spisim.scene.load import draw_scene, list_scenes, load_scene, make_scene, scenes_folder
 from spisim.scene.materials import Material, find_material, material_table
 from spisim.scene.model import Ambient, Scene, SceneObject, Volume
+from spisim.scene.moment import at_moment
 from spisim.scene.motion import check_clear_of_sensor
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object, spot_ranges
 from spisim.scene.shapes import texture_coordinates
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
+from spisim.scene.trajectory import Trajectory, check_clear_path, load_trajectory
 from spisim.scene.warning import SceneWarning
 
 __all__ = [
     "Ambient",
+    "Entry",
     "Material",
     "Scene",
     "SceneObject",
     "SceneWarning",
+    "Trajectory",
     "Volume",
+    "at_moment",
+    "catalogue",
     "check_clear_of_sensor",
+    "check_clear_path",
     "daylight_spectrum",
     "draw_scene",
     "enclosing_object",
@@ -25,6 +33,7 @@ __all__ = [
     "in_band_irradiance",
     "list_scenes",
     "load_scene",
+    "load_trajectory",
     "look_at",
     "make_scene",
     "material_table",

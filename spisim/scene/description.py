@@ -32,6 +32,16 @@ class DroneDescription(Section):
     angular_velocity_deg_s: Vector = (0.0, 0.0, 0.0)
 
 
+class Moment(DroneDescription):
+    """A moment of a flight: the drone as it is then, and all else `time_s` after the file's poses.
+
+    It takes the drone's place after everything else is made, so that a family draws the same world
+    for every moment.
+    """
+
+    time_s: NonNegative
+
+
 class Pose(Section):
     """Rotate, then move.
 
@@ -354,6 +364,7 @@ class Surroundings(Section):
     rain: RainDescription | None = None
     snow: SnowDescription | None = None
     volumes: tuple[VolumeDescription, ...] = ()
+    moment: Moment | None = None
 
 
 class SceneDescription(Surroundings):

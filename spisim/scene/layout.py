@@ -43,13 +43,17 @@ def layout_problem(scene: Scene) -> str | None:
     return None
 
 
+def clearance_m(scene: Scene) -> float:
+    """Distance from the drone to the nearest surface, all around."""
+    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
+    return _distance_to(triangles - scene.drone_pose[:3, 3])
+
+
 def _distance_to(triangles: Floats) -> float:
     """Distance from the origin to the nearest of triangles (t, 3, 3)."""
     reach = np.linalg.norm(triangles, axis=2).min(axis=1)
     size = np.linalg.norm(np.ptp(triangles, axis=1), axis=1)
-    near = triangles[reach - size < CLEARANCE_M]  # exact distances only where they can matter
-    if len(near) == 0:
-        return float("inf")
+    near = triangles[reach - size <= reach.min()]  # no other one can be nearest
     closest = trimesh.triangles.closest_point(near, np.zeros((len(near), 3)))
     return float(np.linalg.norm(closest, axis=1).min())
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ import yaml
 from reconstruction.errors import InputError
 from spisim.config import check_fields, find_named, read_mapping, read_text
 from spisim.scene.assemble import Setting, assemble, check_drone, warn_of_oddities
-from spisim.scene.description import DrawnDescription, SceneDescription
+from spisim.scene.description import DrawnDescription, Moment, SceneDescription
 from spisim.scene.drawn import draw
 from spisim.scene.model import Scene
+from spisim.scene.moment import at_moment
 
 
 def scenes_folder() -> Path:
@@ -90,6 +92,10 @@ def make_scene(
         scene = draw(fields, setting)
     else:
         scene = assemble(check_fields(fields, SceneDescription, source), setting)
+        check_drone(scene, source)
+    if fields.get("moment") is not None:
+        moment = Moment.model_validate(fields["moment"])  # as checked with the other fields
+        scene = replace(at_moment(scene, moment), text=text)
         check_drone(scene, source)
     warn_of_oddities(scene)
     return scene

@@ -20,7 +20,10 @@ def check_clear_of_sensor(scene: Scene, duration_s: float) -> None:
     if not scene.moves:
         return
     for thing in scene.objects:
-        time_s = _meeting_time(scene, thing, duration_s)
+        turn = float(np.linalg.norm(thing.angular_velocity_rad_s)) * duration_s
+        times = np.linspace(0, duration_s, 1 + max(1, int(np.ceil(turn / MAX_TURN_RAD))))
+        path = scene.drone_pose[:3, 3] + np.outer(times, scene.drone_velocity_m_s)
+        time_s = meeting_time(thing, times, path)
         if time_s < np.inf:
             raise InputError(
                 f"scene {scene.name!r}: object {thing.name!r} passes through the instrument "
@@ -29,24 +32,39 @@ def check_clear_of_sensor(scene: Scene, duration_s: float) -> None:
             )
 
 
-def _meeting_time(scene: Scene, thing: SceneObject, duration_s: float) -> float:
-    """When the drone's path, as seen from the object, first crosses its surface; inf if never."""
-    turn = float(np.linalg.norm(thing.angular_velocity_rad_s)) * duration_s
-    times = np.linspace(0, duration_s, 1 + max(1, int(np.ceil(turn / MAX_TURN_RAD))))
-    path = np.array([_drone_seen_from(scene, thing, time) for time in times])
+def meeting_time(thing: SceneObject, times_s: Floats, path_m: Floats) -> float:
+    """When a point that is at `path_m` (n, 3) at `times_s` (n,) first crosses an object's surface.
+
+    inf if never. The object moves along; the point goes straight between two times.
+    """
+    path = path_m
+    if thing.moves:
+        path = np.array(
+            [_seen_from(thing, time, at) for time, at in zip(times_s, path_m, strict=True)]
+        )
     centre, reach_m = thing.mesh.bounds.mean(axis=0), np.linalg.norm(thing.mesh.extents) / 2
     strides_m = np.linalg.norm(np.diff(path, axis=0), axis=1)
     near = np.linalg.norm(path[:-1] - centre, axis=1) <= reach_m + strides_m
-    for step in np.flatnonzero(near & (strides_m > 0)):
+    steps = np.flatnonzero(near & (strides_m > 0))
+    if steps.size == 0:
+        return np.inf
+    triangles = _around(thing.mesh.triangles, path)
+    for step in steps:
         start, stop = path[step : step + 2]
-        fraction = first_hits(start, (stop - start)[None], thing.mesh.triangles)[0]
+        fraction = first_hits(start, (stop - start)[None], triangles)[0]
         if fraction <= 1:
-            return float(times[step] + fraction * (times[step + 1] - times[step]))
+            return float(times_s[step] + fraction * (times_s[step + 1] - times_s[step]))
     return np.inf
 
 
-def _drone_seen_from(scene: Scene, thing: SceneObject, time_s: float) -> Floats:
-    """The drone's position after `time_s` in a frame that moves with the object, (3,)."""
-    position = scene.drone_pose[:3, 3] + np.multiply(scene.drone_velocity_m_s, time_s)
+def _around(triangles: Floats, path: Floats) -> Floats:
+    """Those of triangles (t, 3, 3) that reach into the box around a path (n, 3)."""
+    low, high = path.min(axis=0), path.max(axis=0)
+    apart = (triangles.max(axis=1) < low) | (triangles.min(axis=1) > high)
+    return triangles[~apart.any(axis=1)]
+
+
+def _seen_from(thing: SceneObject, time_s: float, position_m: Floats) -> Floats:
+    """A world position (3,) after `time_s` in a frame that moves with the object."""
     back = np.linalg.inv(thing.motion(time_s))
-    return np.asarray(back[:3, :3] @ position + back[:3, 3])
+    return np.asarray(back[:3, :3] @ position_m + back[:3, 3])

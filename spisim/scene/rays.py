@@ -62,13 +62,16 @@ def winding_number(point: ArrayLike, triangles: Floats) -> float:
     return float(solid_angle.sum() / (4 * np.pi))
 
 
-def enclosing_object(scene: Scene, point_m: ArrayLike) -> str | None:
+def enclosing_object(scene: Scene, point_m: Floats) -> str | None:
     """Name of an object that a world point is inside of, or None.
 
     The inside is where the surface wraps the point more than half, so that meshes with gaps count
     too. A mesh with its normals facing in is a room, and a point inside it is in the open.
     """
     for scene_object in scene.objects:
+        low, high = scene_object.mesh.bounds
+        if (point_m < low).any() or (point_m > high).any():
+            continue
         if winding_number(point_m, scene_object.mesh.triangles) > 0.5:
             return scene_object.name
     return None

@@ -56,7 +56,16 @@ def fault(mesh: trimesh.Trimesh) -> str | None:
         return None
     if not paired.all():
         return INCONSISTENT
-    return INVERTED if mesh.volume < -1e-9 * mesh.area**1.5 else None
+    volume, area = _volume_and_area(mesh.triangles)
+    return INVERTED if volume < -1e-9 * area**1.5 else None
+
+
+def _volume_and_area(triangles: NDArray[np.float64]) -> tuple[float, float]:
+    """Volume that closed triangles (t, 3, 3) enclose, negative if they face in, and their area."""
+    corner = triangles[:, 0] - triangles[0, 0]  # near the origin, which keeps digits
+    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    volume = np.einsum("tk,tk->", corner, across) / 6
+    return float(volume), float(np.linalg.norm(across, axis=1).sum() / 2)
 
 
 def _edge_counts(mesh: trimesh.Trimesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -11,6 +11,7 @@ with suppress(InputError):
 
 from spisim.transport.estimator import Wanted
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
+from spisim.transport.sight import Sight, Surfaces
 from spisim.transport.solve import LONGEST_PATH_M, Transport, solve
 from spisim.transport.tally import ORDERS, PathLengthBins
 from spisim.transport.truth import GroundTruth, ground_truth
@@ -21,6 +22,8 @@ __all__ = [
     "ORDERS",
     "GroundTruth",
     "PathLengthBins",
+    "Sight",
+    "Surfaces",
     "Transport",
     "Wanted",
     "camera_view",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,8 @@ from reconstruction.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
+from spisim.transport.meshes import object_ids, shapes
 from spisim.transport.views import Floats, InstrumentView
-from spisim.transport.world import build_world
 
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
@@ -51,20 +50,22 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
         If a laser beam hits nothing, or the scene was made for another wavelength.
     """
     placed = InstrumentView.placed(scene, instrument)
-    geometry = build_world(scene).geometry.scene
+    geometry = mi.load_dict({"type": "scene", **shapes(scene.objects)})
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     shape = placed.projector.shape
 
     local = _pixel_rays(placed, 1)
     si = _trace(geometry, origin, local @ rotation.T)
     hit = si.is_valid().numpy().reshape(shape)
-    identity = _object_ids(geometry, si).reshape(shape)
+    identity = object_ids(scene.objects, geometry, si).reshape(shape)
     ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
     normals = si.n.numpy().T.reshape(-1, 3) @ rotation
     normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
 
     parts = _trace(geometry, origin, _pixel_rays(placed, SUBPIXELS) @ rotation.T)
-    seen = _object_ids(geometry, parts).reshape(shape[0], SUBPIXELS, shape[1], SUBPIXELS)
+    seen = object_ids(scene.objects, geometry, parts).reshape(
+        shape[0], SUBPIXELS, shape[1], SUBPIXELS
+    )
     spots = _trace(geometry, origin, placed.beams.directions)
     _check_spots(scene, instrument, spots.is_valid().numpy())
     names = tuple(thing.name for thing in scene.objects)
@@ -77,7 +78,7 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
         coverage=(seen == identity[:, None, :, None]).mean(axis=(1, 3)).astype(np.float32),
         object_names=names,
         spot_range_m=np.asarray(spots.t.numpy(), dtype=np.float64),
-        spot_object=tuple(names[number] for number in _object_ids(geometry, spots)),
+        spot_object=tuple(names[number] for number in object_ids(scene.objects, geometry, spots)),
     )
 
 
@@ -120,18 +121,3 @@ def _reflectance(scene: Scene, si: Any, identity: NDArray[np.int64]) -> NDArray[
         pictured = np.isin(identity, textured)
         values[pictured] = local.numpy().reshape(identity.shape)[pictured]
     return values.astype(np.float32)
-
-
-def _object_ids(geometry: Any, si: Any) -> NDArray[np.int64]:
-    """Number of the object that each ray meets, -1 for none."""
-    registry = {
-        int(_registry_ids(mi.ShapePtr(shape))[0]): number
-        for number, shape in enumerate(geometry.shapes())
-    }
-    return np.array([registry.get(int(number), -1) for number in _registry_ids(si.shape)])
-
-
-def _registry_ids(shapes: Any) -> Any:
-    """Dr.Jit's number of each shape that an array of pointers points to, (lanes,)."""
-    pointers: Any = dr.reinterpret_array(mi.UInt32, shapes)
-    return pointers.numpy()

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from spisim.atmosphere import Atmosphere
-from spisim.scene import Scene, SceneObject, texture_coordinates
+from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
+from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.ends import transform
 from spisim.transport.geometry import Geometry
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
+from spisim.transport.meshes import shapes
 from spisim.transport.phase import phase_dict
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
@@ -94,33 +93,3 @@ def fog_ball(scene: Scene) -> tuple[NDArray[np.float64], float]:
     points = np.concatenate(corners)
     low, high = points.min(axis=0), points.max(axis=0)
     return (low + high) / 2, float(np.linalg.norm(high - low) / 2 + FOG_MARGIN_M)
-
-
-def shapes(objects: Sequence[SceneObject]) -> dict[str, Any]:
-    """Mitsuba meshes by name, in the order of `objects`."""
-    return {f"object_{i}": _mesh(thing) for i, thing in enumerate(objects)}
-
-
-def _mesh(thing: SceneObject) -> Any:
-    properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(bsdf_dict(thing.material))
-    source: trimesh.Trimesh = thing.mesh
-    uv = texture_coordinates(source) if thing.material.needs_texture_coordinates else None
-    mesh = mi.Mesh(
-        thing.name,
-        len(source.vertices),
-        len(source.faces),
-        has_vertex_texcoords=uv is not None,
-        props=properties,
-    )
-    parameters = mi.traverse(mesh)
-    parameters["vertex_positions"] = np.asarray(source.vertices, dtype=np.float32).ravel()
-    parameters["faces"] = np.asarray(source.faces, dtype=np.uint32).ravel()
-    if uv is not None:  # a picture's rows run down, v up
-        parameters["vertex_texcoords"] = np.float32([0, 1] + uv * [1, -1]).ravel()
-    parameters.update()
-    return mesh
-
-
-def _spectrum(value: float) -> dict[str, Any]:
-    return {"type": "rgb", "value": [float(value)] * 3}

@@ -30,10 +30,12 @@ COMMANDS = [
     "transport",
     "reconstruct",
     "evaluate",
+    "fly",
     "budget",
     "paper",
     "weather",
     "scenes list",
+    "scenes show",
     "schema",
     "doctor",
 ]

@@ -25,7 +25,7 @@ from spisim.scene.bsdf import (
 )
 from spisim.transport.backend import activate
 from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
-from spisim.transport.world import shapes
+from spisim.transport.meshes import shapes
 
 activate()
 import drjit as dr  # noqa: E402 - the variant comes first

@@ -2,7 +2,7 @@
 
 import typer
 
-from . import listing
+from . import listing, show
 
 EXAMPLE = "spisim scenes list"
 
@@ -13,7 +13,7 @@ app = typer.Typer(
     epilog=f"Example: {EXAMPLE}",
 )
 
-COMMANDS = {"list": listing}
+COMMANDS = {"list": listing, "show": show}
 
 for name, module in COMMANDS.items():
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)

@@ -1,6 +1,4 @@
-"""`spisim scenes list`: what is shipped."""
-
-import yaml
+"""`spisim scenes list`: what is shipped, and what can be drawn."""
 
 from ..console import print_json, results
 from ..options import Json
@@ -13,39 +11,27 @@ def command(json: Json = False) -> None:
     from rich.table import Table
 
     from spisim.families import FAMILIES, ranges
-    from spisim.scene import list_scenes, load_scene, scenes_folder
+    from spisim.scene import catalogue, scenes_folder
 
-    scenes = [load_scene(name) for name in list_scenes()]
+    scenes = catalogue()
     if json:
-        rows = [
-            {
-                "name": scene.name,
-                "description": _description(scene.text),
-                "objects": len(scene.objects),
-                "visibility_m": scene.atmosphere.visibility_m,
-            }
-            for scene in scenes
-        ]
         families = {
             name: {"description": family.description, "parameters": ranges(family.parameters)}
             for name, family in FAMILIES.items()
         }
+        rows = [vars(entry) for entry in scenes]
         print_json({"folder": scenes_folder(), "scenes": rows, "families": families})
         return
-    table = Table("scene", "what it is", "objects", "visibility", box=None, header_style="dim")
-    for scene in scenes:
-        visibility = scene.atmosphere.visibility_m
-        fog = "clear" if visibility is None else f"{visibility:g} m"
-        table.add_row(scene.name, _description(scene.text), str(len(scene.objects)), fog)
+    table = Table("scene", "what it is", "air", box=None, header_style="dim")
+    for entry in scenes:
+        table.add_row(entry.name, entry.description, ", ".join(entry.weather) or "clear")
     results.print(table)
     table = Table("family", "what it draws", box=None, header_style="dim")
     for family in FAMILIES.values():
         table.add_row(family.name, family.description)
     results.print()
     results.print(table)
-    results.print(f"\nFiles to copy and change: {scenes_folder()}", soft_wrap=True)
-
-
-def _description(text: str) -> str:
-    """What a scene file says that it is."""
-    return str(yaml.safe_load(text).get("description", ""))
+    results.print(
+        f"\nTo look at one: spisim scenes show NAME. Files to copy and change: {scenes_folder()}",
+        soft_wrap=True,
+    )

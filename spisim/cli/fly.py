@@ -1,0 +1,149 @@
+"""`spisim fly`: a flight through a scene, capture by capture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .console import messages, print_json, progress_bar, warn
+from .inputs import instrument_with, scene_with
+from .options import (
+    Bar,
+    Clear,
+    Drops,
+    Fog,
+    InstrumentOption,
+    Json,
+    Rain,
+    SceneArgument,
+    Seed,
+    Spp,
+    Visibility,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from reconstruction import Capture
+    from spisim.flight import Instant
+    from spisim.instrument import Instrument
+    from spisim.report.flight import Sighting
+
+EXAMPLE = "spisim fly warehouse --path scenes/warehouse-flight.csv -o out/flight --spp 64"
+
+OUTPUTS = ("flight.gif", "flight.png", "flight.csv")
+
+
+def command(
+    scene: SceneArgument,
+    path: Annotated[
+        Path, typer.Option("--path", metavar="FILE", help="Poses or way-points: CSV or TUM.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A folder.")],
+    instrument: InstrumentOption = "paper",
+    frame: Annotated[
+        str, typer.Option(help="What quaternions of the path turn: body or optical.")
+    ] = "body",
+    rate: Annotated[
+        float, typer.Option(min=0.01, max=1e4, metavar="HZ", help="Captures a second.")
+    ] = 2.0,
+    speed: Annotated[
+        float, typer.Option(min=0.01, max=100, metavar="X", help="Fly the path X times as fast.")
+    ] = 1.0,
+    visibility: Visibility = None,
+    fog: Fog = None,
+    rain: Rain = None,
+    drops: Drops = False,
+    clear: Clear = False,
+    seed: Seed = 0,
+    spp: Spp = 256,
+    json: Json = False,
+    progress: Bar = None,
+) -> None:
+    """Fly a path: one capture per instant, with the drone's motion, then image and depth of each.
+
+    Writes capture-0000.h5 and so on, an animation, a contact sheet and a table. Captures that the
+    folder has of the same flight are kept, so that an interrupted flight goes on where it was.
+    """
+    from reconstruction.files import require_folder
+    from spisim.flight import instants, kept_captures
+    from spisim.report.flight import write_animation, write_sheet, write_table
+    from spisim.scene import check_clear_path, load_trajectory
+
+    require_folder(output)
+    trajectory = load_trajectory(path, frame).faster(speed)
+    place = scene_with(scene, visibility, clear, fog, rain, drops)
+    carried = instrument_with(instrument)
+    check_clear_path(place, trajectory)
+    flight = instants(place, trajectory, carried, rate, seed)
+    kept = kept_captures(output, flight, carried, spp)
+    with progress_bar(f"Flying {len(flight)} captures", progress) as advance:
+        seen = []
+        for instant in flight:
+            done, share = instant.number / len(flight), 1 / len(flight)
+            capture = kept.get(instant.number)
+            if capture is None:
+                capture = _record(output, instant, carried, spp, _part(advance, done, share))
+            seen.append(_look(instant, capture, output))
+            advance(done + share)
+    write_animation(output / OUTPUTS[0], seen, rate)
+    write_sheet(output / OUTPUTS[1], seen)
+    write_table(output / OUTPUTS[2], seen)
+    warnings = _warnings(seen)
+    warn(warnings)
+    written = [output / name for name in (*(i.file for i in flight), *OUTPUTS)]
+    if json:
+        report = {"written": written, "captures": len(flight), "kept": len(kept)}
+        print_json(report | {"duration_s": trajectory.duration_s, "warnings": warnings})
+        return
+    old = f" ({len(kept)} of them kept)" if kept else ""
+    messages.print(
+        f"Wrote {len(flight)} captures{old}, {', '.join(OUTPUTS)} to {output}.", soft_wrap=True
+    )
+    messages.print(f"Look at it: {(output / OUTPUTS[0]).resolve().as_uri()}", soft_wrap=True)
+
+
+def _part(advance: Callable[[float], None], done: float, share: float) -> Callable[[float], None]:
+    return lambda fraction: advance(done + share * fraction)
+
+
+def _record(
+    folder: Path,
+    instant: Instant,
+    instrument: Instrument,
+    spp: int,
+    progress: Callable[[float], None],
+) -> Capture:
+    """Simulate and write the capture of an instant."""
+    from reconstruction import write_capture
+    from spisim.measurement import simulate
+
+    capture = simulate(
+        instant.scene, instrument, spp=spp, seed=instant.seed, progress=progress
+    ).capture
+    write_capture(capture, folder / instant.file)
+    return capture
+
+
+def _look(instant: Instant, capture: Capture, folder: Path) -> Sighting:
+    from reconstruction import evaluate, reconstruct
+    from reconstruction.errors import naming
+    from spisim.report.flight import Sighting
+
+    with naming(folder / instant.file):
+        result = reconstruct(capture)
+    assert capture.truth is not None
+    return Sighting(instant, capture, result, evaluate(result, capture.truth))
+
+
+def _warnings(seen: list[Sighting]) -> list[str]:
+    """Of the captures, each once, with the first one's name."""
+    from reconstruction import capture_warnings
+
+    found: dict[str, str] = {}
+    for sighting in seen:
+        for warning in capture_warnings(sighting.capture):
+            found.setdefault(warning, sighting.instant.file)
+    return [f"{file}: {warning}" for warning, file in found.items()]

@@ -1,0 +1,77 @@
+"""`spisim scenes show`: a scene, looked at before anything is rendered."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..console import messages, print_json, results, warn
+from ..inputs import instrument_with, scene_with
+from ..options import InstrumentOption, Json, SceneArgument
+from ..tables import plain_table
+
+if TYPE_CHECKING:
+    from spisim.report.scene_view import Spot, Survey
+
+EXAMPLE = "spisim scenes show warehouse -o warehouse.png"
+
+
+def command(
+    scene: SceneArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="PNG", help="Picture; SCENE.png without."),
+    ] = None,
+    instrument: InstrumentOption = "paper",
+    fov: Annotated[
+        float, typer.Option(min=5, max=150, help="Of the drone's view in the picture, degrees.")
+    ] = 50.0,
+    json: Json = False,
+) -> None:
+    """Draw a scene from the drone, above and the right, with fields and spots; tell the distances.
+
+    A drawing in clear air, by ray casting: quick, and without light transport.
+    """
+    from reconstruction.files import require_file
+    from spisim.report.scene_view import Look, survey, write_look
+    from spisim.transport import Sight
+
+    picture = output or Path(f"{Path(scene).stem}.png")
+    require_file(picture)
+    place = scene_with(scene, None, clear=False)
+    carried = instrument_with(instrument)
+    sight = Sight.of(place)
+    found = survey(place, carried, sight)
+    write_look(picture, Look(place, carried, sight, found), fov)
+    warn([] if found.problem is None else [f"scene {place.name!r}: {found.problem}"])
+    if json:
+        print_json({**found.summary(), "written": [picture]})
+        return
+    _print(found)
+    messages.print(f"Wrote {picture}.", soft_wrap=True)
+
+
+def _print(found: Survey) -> None:
+    table = plain_table("distances", "m", "to")
+    table.add_row("nearest in the field", *_cells(found.nearest))
+    for k, spot in enumerate(found.spots):
+        table.add_row(f"spot {k}", *_cells(spot))
+    table.add_row("farthest in the field", *_cells(found.farthest))
+    table.add_row("drone's clearance", f"{found.clearance_m:.3f}", "")
+    results.print(table)
+    size = " × ".join(f"{side:.3g}" for side in found.extents_m)
+    media = ", ".join(f"{medium['where']}: {medium['kind']}" for medium in found.media)
+    results.print(
+        f"\n{found.name}: {found.objects} objects, {found.triangles:,} triangles, {size} m; "
+        f"{media or 'clear air'}",
+        soft_wrap=True,
+        markup=False,
+    )
+
+
+def _cells(spot: Spot) -> tuple[str, str]:
+    distance = f"{spot.range_m:.3f}" if math.isfinite(spot.range_m) else "–"
+    return distance, spot.object or "nothing"

@@ -1,0 +1,226 @@
+"""What a flight saw: an animation, a contact sheet and a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from reconstruction import Capture, Result
+from reconstruction.capture import Truth
+from reconstruction.files import write_atomically
+from spisim.flight import Instant
+
+from .pictures import Scale, depth_scale, intensity_scale
+from .scene_view.picture import SPOT_COLOURS
+
+#: Columns of the contact sheet.
+SHEET_COLUMNS = 8
+#: How long the last picture of the animation stays.
+LAST_S = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """One capture of a flight, what was made of it, and how far off that is."""
+
+    instant: Instant
+    capture: Capture
+    result: Result
+    metrics: dict[str, Any]
+
+    @property
+    def truth(self) -> Truth:
+        """What was there."""
+        assert self.capture.truth is not None
+        return self.capture.truth
+
+    @property
+    def pose(self) -> np.ndarray:
+        """World from optical frame, (4, 4)."""
+        return self.instant.scene.drone_pose
+
+    @property
+    def measured_m(self) -> np.ndarray:
+        """(4, 3): the measured spots in the world; nan where there is no range."""
+        if self.result.ranges is None or self.capture.spots is None:
+            return np.full((4, 3), np.nan)
+        rays = self.capture.spots.directions @ self.pose[:3, :3].T
+        return np.asarray(self.pose[:3, 3] + self.result.ranges.range_m[:, None] * rays)
+
+
+@dataclass(frozen=True)
+class _Scales:
+    """The same colours for all of a flight."""
+
+    image: Scale
+    depth: Scale
+
+    @classmethod
+    def of(cls, flight: Sequence[Sighting]) -> _Scales:
+        return cls(
+            intensity_scale(*(seen.truth.image for seen in flight), unit=""),
+            depth_scale(*(seen.truth.depth_m for seen in flight)),
+        )
+
+    def panels(self, seen: Sighting) -> list[tuple[str, np.ndarray]]:
+        """Titles and colours of image, depth map and true depth."""
+        depth = seen.result.depth_m
+        nothing = np.full(seen.truth.depth_m.shape, np.nan)
+        return [
+            ("image", self.image.rgba(seen.result.image)),
+            ("depth from four spots", self.depth.rgba(nothing if depth is None else depth)),
+            ("true depth", self.depth.rgba(seen.truth.depth_m)),
+        ]
+
+
+def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> None:
+    """Write a GIF: image, depth map, true depth, and the path with its spots from above.
+
+    In the time of the flight. Raises OSError where it cannot be written.
+    """
+    scales = _Scales.of(flight)
+    limits = _map_limits(flight)
+    pictures = [
+        _rendered(_frame(flight[: number + 1], scales, limits)) for number in range(len(flight))
+    ]
+    durations = [round(1000 / rate_hz)] * (len(pictures) - 1) + [round(1000 * LAST_S)]
+    buffer = io.BytesIO()
+    pictures[0].save(
+        buffer,
+        "gif",
+        save_all=True,
+        append_images=pictures[1:],
+        duration=durations,
+        loop=0,
+        disposal=1,
+    )
+    write_atomically(path, buffer.getvalue())
+
+
+def write_sheet(path: Path, flight: Sequence[Sighting]) -> None:
+    """Write a PNG with some of the instants side by side. Raises OSError."""
+    scales = _Scales.of(flight)
+    columns = min(SHEET_COLUMNS, len(flight))
+    shown = [flight[k] for k in np.linspace(0, len(flight) - 1, columns).round().astype(int)]
+    sheet = Figure(figsize=(0.6 + 1.75 * columns, 5.4), dpi=110, layout="constrained")
+    axes = sheet.subplots(3, columns, squeeze=False)
+    for column, seen in zip(axes.T, shown, strict=True):
+        column[0].set_title(f"{seen.instant.time_s:.2f} s", fontsize=9)
+        for axis, (_, colours) in zip(column, scales.panels(seen), strict=True):
+            axis.imshow(colours, interpolation="nearest")
+            axis.set(xticks=[], yticks=[])
+    for axis, (title, _) in zip(axes[:, 0], scales.panels(shown[0]), strict=True):
+        axis.set_ylabel(title, fontsize=9)
+    _colour_bar(sheet, axes[1:, :], scales.depth)
+    buffer = io.BytesIO()
+    sheet.savefig(buffer, format="png", metadata={"Software": None})
+    write_atomically(path, buffer.getvalue())
+
+
+def write_table(path: Path, flight: Sequence[Sighting]) -> None:
+    """Write a CSV with one row per capture: pose, motion, spots and errors. Raises OSError."""
+    rows = [_row(seen) for seen in flight]
+    buffer = io.StringIO()
+    table = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    write_atomically(path, buffer.getvalue().encode())
+
+
+def _row(seen: Sighting) -> dict[str, Any]:
+    scene, depth = seen.instant.scene, seen.metrics["depth"] or {}
+    row: dict[str, Any] = {"capture": seen.instant.file, "time_s": f"{seen.instant.time_s:.6g}"}
+    vectors: dict[str, Any] = {
+        "position_{}_m": seen.pose[:3, 3],
+        "forward_{}": seen.pose[:3, 2],
+        "velocity_{}_m_s": scene.drone_velocity_m_s,
+        "angular_velocity_{}_deg_s": np.degrees(scene.drone_angular_velocity_rad_s),
+    }
+    for name, vector in vectors.items():
+        row |= {
+            name.format(axis): _number(value) for axis, value in zip("xyz", vector, strict=True)
+        }
+    for k, spot in enumerate(seen.metrics["spots"]):
+        for key in ("true_m", "range_m", "error_m", "sigma_m"):
+            row[f"spot_{k}_{key}"] = _number(spot[key])
+        row[f"spot_{k}_status"] = spot["status"]
+    row["image_correlation"] = _number(seen.metrics["image"]["correlation"])
+    for key in ("mae_m", "rmse_m"):
+        row[f"depth_{key}"] = _number(depth.get("anchored", {}).get(key))
+    return row
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.6g}"
+
+
+def _frame(flown: Sequence[Sighting], scales: _Scales, limits: tuple[float, ...]) -> Figure:
+    """One picture of the animation, after all of `flown`."""
+    now = flown[-1]
+    picture = Figure(figsize=(9.6, 3.05), dpi=100)
+    for k, (title, colours) in enumerate(scales.panels(now)):
+        axis = picture.add_axes((0.008 + 0.232 * k, 0.12, 0.224, 0.224 * 9.6 / 3.05))
+        axis.imshow(colours, interpolation="nearest")
+        axis.set(xticks=[], yticks=[])
+        axis.set_title(title, fontsize=9)
+    bar = picture.add_axes((0.242, 0.085, 0.454, 0.025))
+    gradient = np.linspace(scales.depth.low, scales.depth.high, 256)[None]
+    bar.imshow(scales.depth.rgba(gradient), aspect="auto", extent=(*_ends(scales.depth), 0, 1))
+    bar.set_yticks([])
+    bar.tick_params(labelsize=6.5, length=2, pad=1)
+    picture.text(0.702, 0.075, "m", fontsize=7, ha="left")
+    picture.text(0.008, 0.03, f"{now.instant.time_s:.2f} s", fontsize=9, weight="bold")
+    plan = picture.add_axes((0.768, 0.12, 0.224, 0.224 * 9.6 / 3.05))
+    plan.set_title("path and measured spots, m", fontsize=9)
+    path = np.array([seen.pose[:3, 3] for seen in flown])
+    spots = np.array([seen.measured_m for seen in flown])
+    for k, colour in enumerate(SPOT_COLOURS):
+        plan.plot(spots[:, k, 0], spots[:, k, 1], "o", ms=3, color=colour, mew=0)
+        ray = np.stack([path[-1], spots[-1, k]])
+        plan.plot(ray[:, 0], ray[:, 1], lw=1.0, color=colour)
+    plan.plot(path[:, 0], path[:, 1], color="#20262c", lw=1.5)
+    plan.plot(*path[-1, :2], "o", ms=5, mfc="white", mec="#20262c", mew=1.5)
+    plan.set(xlim=limits[:2], ylim=limits[2:], aspect="equal")
+    plan.tick_params(labelsize=6.5, length=2, pad=2)
+    return picture
+
+
+def _ends(scale: Scale) -> tuple[float, float]:
+    return scale.low, scale.high
+
+
+def _map_limits(flight: Sequence[Sighting]) -> tuple[float, ...]:
+    """(left, right, bottom, top) around paths and true spots."""
+    points = [seen.pose[:3, 3] for seen in flight]
+    for seen in flight:
+        assert seen.capture.spots is not None
+        rays = seen.capture.spots.directions @ seen.pose[:3, :3].T
+        points += list(seen.pose[:3, 3] + seen.truth.spot_range_m[:, None] * rays)
+    flat = np.array(points)[:, :2]
+    middle, half = (flat.max(axis=0) + flat.min(axis=0)) / 2, np.ptp(flat, axis=0).max() / 2 + 0.5
+    return middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half
+
+
+def _colour_bar(sheet: Figure, axes: Any, scale: Scale) -> None:
+    shown = axes[0, 0].images[0]
+    shown.set_clim(scale.low, scale.high)
+    shown.set_cmap(scale.colours)
+    sheet.colorbar(shown, ax=axes, shrink=0.8, aspect=24, pad=0.01, label="depth, m")
+
+
+def _rendered(figure: Figure) -> Image.Image:
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    colours = np.asarray(canvas.buffer_rgba())[..., :3]
+    return Image.fromarray(np.ascontiguousarray(colours)).quantize(
+        256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+    )

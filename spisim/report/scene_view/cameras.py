@@ -1,0 +1,88 @@
+"""Rays of the pictures: what the drone sees, and sections through the scene beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spisim.transport import Sight
+
+Floats = NDArray[np.float64]
+Rays = tuple[Floats, Floats]  # origins and unit directions (n, 3), row by row
+
+#: A section is cut at most so far from the drone, and halfway to what is there.
+FARTHEST_CUT_M = 1.0
+CONE_RAYS = 64
+CONE_TANGENT = 0.5
+
+
+def perspective_rays(
+    pose: Floats, shape: tuple[int, int], tan_half_width: float, tan_half_height: float
+) -> Rays:
+    """Of a pinhole at a pose (4, 4), world from optical frame."""
+    x, y = _centres(shape[1]) * tan_half_width, _centres(shape[0]) * tan_half_height
+    local = np.stack([*np.meshgrid(x, y), np.ones(shape)], axis=-1).reshape(-1, 3)
+    local /= np.linalg.norm(local, axis=1, keepdims=True)
+    directions = local @ pose[:3, :3].T
+    return np.broadcast_to(pose[:3, 3], directions.shape), directions
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A view along parallel rays from a plane near the drone: what lies before it is cut away.
+
+    `across` and `up` are unit vectors of the picture's axes in the world, from `origin` (3,), where
+    both coordinates are 0.
+    """
+
+    origin: Floats
+    across: Floats
+    up: Floats
+
+    @property
+    def into(self) -> Floats:
+        """Direction of sight."""
+        return -np.cross(self.across, self.up)
+
+    def place(self, points_m: Floats) -> Floats:
+        """Coordinates (..., 2) of world points (..., 3) in the picture."""
+        return np.asarray((points_m - self.origin) @ np.stack([self.across, self.up], axis=1))
+
+    def rays(
+        self, shape: tuple[int, int], limits: tuple[float, float, float, float], cut_m: float
+    ) -> Rays:
+        """Of a picture with `limits` (left, right, bottom, top), `cut_m` before the origin."""
+        left, right, bottom, top = limits
+        a = (left + right) / 2 + _centres(shape[1]) * (right - left) / 2
+        b = (bottom + top) / 2 - _centres(shape[0]) * (top - bottom) / 2
+        grid = np.stack(np.meshgrid(a, b), axis=-1).reshape(-1, 2)
+        origins = self.origin - cut_m * self.into + grid @ np.stack([self.across, self.up])
+        return origins, np.broadcast_to(self.into, origins.shape)
+
+
+def heading(pose: Floats) -> Floats:
+    """Horizontal unit vector of where a drone looks, or where its picture's top is, if down."""
+    forward, top = pose[:3, 2], -pose[:3, 1]
+    level = forward if np.hypot(*forward[:2]) > 0.3 else top
+    flat = np.array([level[0], level[1], 0.0])
+    return np.asarray(flat / np.linalg.norm(flat))
+
+
+def cut_m(sight: Sight, position_m: Floats, towards: Floats) -> float:
+    """How far from the drone a section may be cut: not behind the ceiling or wall that is there."""
+    turn = np.linspace(0, 2 * np.pi, CONE_RAYS, endpoint=False)
+    one = np.cross(towards, np.eye(3)[np.argmin(np.abs(towards))])
+    one /= np.linalg.norm(one)
+    other = np.cross(towards, one)
+    rays = towards + CONE_TANGENT * (np.outer(np.cos(turn), one) + np.outer(np.sin(turn), other))
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    found = sight.along(np.broadcast_to(position_m, rays.shape), rays)
+    distances = np.where(np.isfinite(found.range_m), found.range_m * (rays @ towards), np.inf)
+    return float(min(FARTHEST_CUT_M, np.median(distances) / 2))
+
+
+def _centres(count: int) -> Floats:
+    """Centres of pixels from -1 to 1."""
+    return np.asarray(2 * (np.arange(count) + 0.5) / count - 1)

@@ -1,0 +1,276 @@
+"""The picture: the view from the drone, the plan and the side, with fields and spots drawn in."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon, Rectangle
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from reconstruction.files import write_atomically
+from spisim.instrument import Instrument
+from spisim.scene import Scene
+from spisim.transport import Sight
+
+from .cameras import Floats, Section, cut_m, heading, perspective_rays
+from .survey import Spot, Survey
+
+SPOT_COLOURS = ("#4aa3f0", "#ff9a3c", "#37c48a", "#c58bff")
+PROJECTOR, DETECTOR, NEAREST = "#ffd34d", "#ff6b6b", "#ffffff"
+SKY = (0.80, 0.86, 0.92)
+INK, PALE_INK = "#20262c", "#5a646e"
+#: Pixels across a panel, and rays per pixel each way.
+PIXELS = 560
+FINE = 2
+#: Width over height of the plan and the side view.
+RATIO = 2.05
+MARGIN_M = 0.5
+#: What lies farther is left out of plan and side view.
+REACH_M = 40.0
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A scene, the instrument in it, and what the two are surveyed to be."""
+
+    scene: Scene
+    instrument: Instrument
+    sight: Sight
+    survey: Survey
+
+    @property
+    def spots_m(self) -> Floats:
+        """(4, 3): where the beams end in the world; far out where they meet nothing."""
+        pose = self.scene.drone_pose
+        ranges = np.array([min(spot.range_m, REACH_M) for spot in self.survey.spots])
+        rays = self.instrument.lasers.directions @ pose[:3, :3].T
+        return np.asarray(pose[:3, 3] + ranges[:, None] * rays)
+
+
+def write_look(path: str | Path, look: Look, fov_deg: float = 50.0) -> None:
+    """Write a PNG of the view from the drone, `fov_deg` wide, of the plan and of the side.
+
+    Raises OSError where the file cannot be written.
+    """
+    buffer = io.BytesIO()
+    look_figure(look, fov_deg).savefig(buffer, format="png", metadata={"Software": None})
+    write_atomically(path, buffer.getvalue())
+
+
+def look_figure(look: Look, fov_deg: float = 50.0) -> Figure:
+    """The same, to be saved."""
+    sheet = Figure(figsize=(13.2, 7.2), dpi=100, facecolor="white")
+    view = sheet.add_axes((0.012, 0.135, 0.44, 0.44 * 13.2 / 7.2))
+    height = 0.455 / RATIO * 13.2 / 7.2
+    plan = sheet.add_axes((0.53, 0.555, 0.455, height))
+    side = sheet.add_axes((0.53, 0.065, 0.455, height))
+    _title(sheet, look)
+    _draw_view(view, look, fov_deg)
+    _spot_list(sheet, look.survey.spots)
+    _draw_sections(plan, side, look)
+    return sheet
+
+
+def view_image(scene: Scene, sight: Sight, fov_deg: float, pixels: int = PIXELS) -> Floats:
+    """Colours (pixels, pixels, 3) of what the drone sees, `fov_deg` across."""
+    tangent = float(np.tan(np.radians(fov_deg) / 2))
+    side = pixels * FINE
+    rays = perspective_rays(scene.drone_pose, (side, side), tangent, tangent)
+    return _picture(sight, rays, (pixels, pixels))
+
+
+def _title(sheet: Figure, look: Look) -> None:
+    found = look.survey
+    sheet.text(0.012, 0.952, found.name, fontsize=15, weight="bold", color=INK, va="bottom")
+    size = " × ".join(f"{side:.3g}" for side in found.extents_m)
+    facts = (
+        f"{found.objects} objects, {found.triangles:,} triangles, {size} m; "
+        f"nothing nearer to the drone than {found.clearance_m:.2f} m"
+    )
+    sheet.text(0.012, 0.014, facts, fontsize=8.5, color=PALE_INK, va="bottom")
+
+
+def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
+    half = np.tan(np.radians(fov_deg) / 2)
+    axis.imshow(view_image(look.scene, look.sight, fov_deg), extent=(-half, half, half, -half))
+    projector, detector = look.instrument.projector, look.instrument.detector
+    wide, high = projector.tan_half_width, projector.tan_half_height
+    square = Rectangle((-wide, -high), 2 * wide, 2 * high, fill=False, ec=PROJECTOR, lw=1.8)
+    axis.add_patch(square)
+    radius = np.tan(np.radians(min(detector.field_of_view_deg, 179)) / 2)
+    axis.add_patch(Circle((0, 0), radius, fill=False, ec=DETECTOR, lw=1.4, ls=(0, (5, 4))))
+    _label(axis, (0, -high), f"projector {projector.fov_deg:g}°", PROJECTOR, (0, 4), "bottom")
+    if radius < half:
+        text = f"detector {detector.field_of_view_deg:g}°"
+        _label(axis, (0, radius), text, DETECTOR, (0, -4), "top")
+    axis.set(xlim=(-half, half), ylim=(half, -half), xticks=[], yticks=[])
+    _mark_nearest(
+        axis, look, _seen_at(look.scene.drone_pose, look.survey.nearest_m), look.survey.nearest
+    )
+    for k, spot in enumerate(look.instrument.lasers.directions):
+        x, y = spot[:2] / spot[2]
+        _numbered(axis, x, y, k)
+        _label(axis, (x, y), _metres(look.survey.spots[k]), SPOT_COLOURS[k], (9, 0), "center")
+    title = f"From the drone, {fov_deg:g}° wide"
+    axis.set_title(title, fontsize=10, color=INK, loc="right")
+
+
+def _seen_at(pose: Floats, point_m: Floats) -> Floats:
+    """Where a world point is in the picture at unit distance, (2,)."""
+    local = (point_m - pose[:3, 3]) @ pose[:3, :3]
+    return np.asarray(local[:2] / local[2], dtype=np.float64)
+
+
+def _spot_list(sheet: Figure, spots: tuple[Spot, ...]) -> None:
+    """What each spot falls on, in its colour, under the view."""
+    for k, spot in enumerate(spots):
+        left, top = 0.02 + 0.22 * (k % 2), 0.105 - 0.042 * (k // 2)
+        sheet.text(
+            left,
+            top,
+            str(k),
+            fontsize=9,
+            weight="bold",
+            color="white",
+            va="center",
+            bbox={"boxstyle": "circle,pad=0.25", "fc": SPOT_COLOURS[k], "ec": "none"},
+        )
+        name = spot.object or "nothing"
+        text = f"{_metres(spot)}  {name if len(name) < 30 else name[:29] + '…'}"
+        sheet.text(left + 0.018, top, text, fontsize=9.5, color=INK, va="center")
+
+
+def _draw_sections(plan_axis: Any, side_axis: Any, look: Look) -> None:
+    """Plan and side view share the axis along the drone's heading, so that they read together."""
+    position, ahead = look.scene.drone_pose[:3, 3], heading(look.scene.drone_pose)
+    up = np.array([0.0, 0.0, 1.0])
+    left = np.cross(up, ahead)
+    plan = Section(position, ahead, left)
+    side = Section(position * (1, 1, 0), ahead, up)
+    points = np.concatenate([look.survey.points_m, look.spots_m])
+    near = points[np.linalg.norm(points - position, axis=1) <= REACH_M]
+    near = np.concatenate([near, position[None]])
+    in_plan, in_side = _limits(plan.place(near), side.place(near))
+    _draw_section(plan_axis, look, plan, in_plan, cut_m(look.sight, position, up))
+    _draw_section(side_axis, look, side, in_side, cut_m(look.sight, position, -left))
+    plan_axis.set_title("From above, cut over the drone", fontsize=10, color=INK, loc="left")
+    plan_axis.set_ylabel("to the left, m", fontsize=9)
+    side_axis.set_title("From the right, cut beside the drone", fontsize=10, color=INK, loc="left")
+    side_axis.set(xlabel="ahead, m")
+    side_axis.set_ylabel("height, m", fontsize=9)
+
+
+def _limits(
+    plan: Floats, side: Floats
+) -> tuple[tuple[float, float, float, float], tuple[float, float, float, float]]:
+    """(left, right, bottom, top) of both pictures around their points (n, 2), in one scale."""
+    low, high = plan.min(axis=0) - MARGIN_M, plan.max(axis=0) + MARGIN_M
+    floor, roof = side[:, 1].min() - MARGIN_M, side[:, 1].max() + MARGIN_M
+    width = max(high[0] - low[0], RATIO * (high[1] - low[1]), RATIO * (roof - floor))
+    middle = (low[0] + high[0]) / 2
+    left, right = middle - width / 2, middle + width / 2
+    spare = (width / RATIO - (high[1] - low[1])) / 2
+    return (
+        (left, right, low[1] - spare, high[1] + spare),
+        (left, right, floor, floor + width / RATIO),
+    )
+
+
+def _draw_section(
+    axis: Any,
+    look: Look,
+    section: Section,
+    limits: tuple[float, float, float, float],
+    cut: float,
+) -> None:
+    shape = (round(PIXELS / RATIO), PIXELS)
+    rays = section.rays((shape[0] * FINE, shape[1] * FINE), limits, cut)
+    axis.imshow(_picture(look.sight, rays, shape), extent=limits, aspect="auto")
+    axis.set(xlim=limits[:2], ylim=limits[2:])
+    axis.tick_params(labelsize=8, colors=PALE_INK)
+    pose = look.scene.drone_pose
+    here = section.place(pose[:3, 3])
+    reach = 2 * np.ptp(limits[:2])
+    projector, detector = look.instrument.projector, look.instrument.detector
+    wide, high = projector.tan_half_width, projector.tan_half_height
+    corners = np.array([[x, y, 1.0] for x in (-wide, wide) for y in (-high, high)])
+    half = np.radians(min(detector.field_of_view_deg, 170)) / 2
+    turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    rim = np.stack([np.tan(half) * np.cos(turn), np.tan(half) * np.sin(turn), 1 + 0 * turn], axis=1)
+    outline = {"fill": False, "ec": DETECTOR, "lw": 1.2, "ls": (0, (5, 4))}
+    _cone(axis, section, pose, rim * reach, **outline)
+    _cone(axis, section, pose, corners * reach, fc=PROJECTOR, alpha=0.10, ec="none")
+    _cone(axis, section, pose, corners * reach, fill=False, ec=PROJECTOR, lw=1.4)
+    ends = section.place(look.spots_m)
+    for k, end in enumerate(ends):
+        axis.plot(*np.stack([here, end], axis=1), color=SPOT_COLOURS[k], lw=1.3)
+    for k, (x, y) in enumerate(ends):
+        _numbered(axis, x, y, k)
+    axis.plot(*here, marker="o", ms=9, mfc="white", mec=INK, mew=2)
+    _mark_nearest(axis, look, section.place(look.survey.nearest_m), None)
+
+
+def _cone(axis: Any, section: Section, pose: Floats, rim: Floats, **style: Any) -> None:
+    """Outline of the cone from the drone to points (n, 3) in its optical frame."""
+    world = np.concatenate([pose[None, :3, 3], pose[:3, 3] + rim @ pose[:3, :3].T])
+    flat = section.place(world)
+    axis.add_patch(Polygon(flat[ConvexHull(flat).vertices], **style))
+
+
+def _mark_nearest(axis: Any, look: Look, place: Floats, spot: Spot | None) -> None:
+    if not np.isfinite(place).all():
+        return
+    axis.plot(*place, marker="x", ms=8, mec=INK, mew=3.2)
+    axis.plot(*place, marker="x", ms=7, mec=NEAREST, mew=1.6)
+    if spot is not None:
+        _label(axis, place, f"nearest {_metres(spot)}", NEAREST, (0, -9), "top")
+
+
+def _numbered(axis: Any, x: float, y: float, number: int) -> None:
+    axis.plot(x, y, marker="o", ms=12, mfc=SPOT_COLOURS[number], mec="white", mew=1.2, zorder=5)
+    axis.text(
+        x,
+        y,
+        str(number),
+        color="white",
+        fontsize=8,
+        weight="bold",
+        ha="center",
+        va="center_baseline",
+        zorder=6,
+    )
+
+
+def _label(
+    axis: Any, place: Any, text: str, colour: str, offset: tuple[float, float], va: str
+) -> None:
+    axis.annotate(
+        text,
+        place,
+        xytext=offset,
+        textcoords="offset points",
+        color=colour,
+        fontsize=8.5,
+        weight="bold",
+        ha="left" if offset[0] else "center",
+        va=va,
+        bbox={"boxstyle": "round,pad=0.15", "fc": INK, "ec": "none", "alpha": 0.72},
+        zorder=4,
+    )
+
+
+def _metres(spot: Spot) -> str:
+    return f"{spot.range_m:.2f} m" if np.isfinite(spot.range_m) else "–"
+
+
+def _picture(sight: Sight, rays: tuple[Floats, Floats], shape: tuple[int, int]) -> Floats:
+    """Colours (H, W, 3), each pixel the mean of its rays."""
+    tone: NDArray[np.floating] = sight.shaded(*rays).reshape(shape[0] * FINE, shape[1] * FINE, 1)
+    colours = np.where(np.isfinite(tone), np.clip(1.3 * tone, 0, 1), np.array(SKY))
+    return np.asarray(colours.reshape(shape[0], FINE, shape[1], FINE, 3).mean(axis=(1, 3)))

@@ -1,0 +1,91 @@
+"""What there is in a scene, and how far away."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from spisim.instrument import Instrument
+from spisim.scene import Scene
+from spisim.scene.layout import clearance_m, layout_problem
+from spisim.transport import Sight
+
+from .cameras import Floats, perspective_rays
+
+#: Rays across the projector's field, each way.
+RAYS = 128
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A point that is seen: its range in metres, inf for none, and what it lies on."""
+
+    range_m: float
+    object: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """Distances in metres from the pinhole, over the projector's field; counts; media.
+
+    `nearest` and `farthest` are of the projector's field, `points_m` (n, 3) what is hit there, in
+    the world. `problem` is what makes the scene useless to the paper's instrument, None for
+    nothing.
+    """
+
+    name: str
+    nearest: Spot
+    farthest: Spot
+    spots: tuple[Spot, ...]
+    clearance_m: float
+    extents_m: tuple[float, float, float]
+    objects: int
+    triangles: int
+    media: list[dict[str, Any]]
+    problem: str | None
+    points_m: Floats
+    nearest_m: Floats  # (3,), where the nearest one is; nan where nothing is
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready."""
+        fields = asdict(self)
+        return {name: fields[name] for name in fields if name not in ("points_m", "nearest_m")}
+
+
+def survey(scene: Scene, instrument: Instrument, sight: Sight) -> Survey:
+    """Look around from the drone; `sight` is of the scene as it is."""
+    origin, rotation = scene.drone_pose[:3, 3], scene.drone_pose[:3, :3]
+    projector = instrument.projector
+    rays = perspective_rays(
+        scene.drone_pose, (RAYS, RAYS), projector.tan_half_width, projector.tan_half_height
+    )
+    field = sight.along(*rays)
+    beams = instrument.lasers.directions @ rotation.T
+    spots = sight.along(np.broadcast_to(origin, beams.shape), beams)
+    names = [thing.name for thing in scene.objects]
+
+    def seen(range_m: float, number: int) -> Spot:
+        return Spot(float(range_m), names[number] if number >= 0 else None)
+
+    hit = np.isfinite(field.range_m)
+    near = int(np.argmin(field.range_m))
+    far = int(np.argmax(np.where(hit, field.range_m, -np.inf)))
+    points = origin + field.range_m[hit, None] * rays[1][hit]
+    bounds = np.array([thing.mesh.bounds for thing in scene.objects])
+    extents = bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)
+    return Survey(
+        name=scene.name,
+        nearest=seen(field.range_m[near], field.object_id[near]),
+        farthest=seen(field.range_m[far], field.object_id[far]),
+        spots=tuple(map(seen, spots.range_m, spots.object_id)),
+        clearance_m=clearance_m(scene),
+        extents_m=(float(extents[0]), float(extents[1]), float(extents[2])),
+        objects=len(scene.objects),
+        triangles=sum(len(thing.mesh.faces) for thing in scene.objects),
+        media=scene.media_summary(),
+        problem=layout_problem(scene),
+        points_m=points,
+        nearest_m=origin + field.range_m[near] * rays[1][near] if hit.any() else np.full(3, np.nan),
+    )

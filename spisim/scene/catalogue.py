@@ -1,0 +1,48 @@
+"""What the shipped scenes say of themselves, without loading them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from spisim.config import read_text
+from spisim.scene.load import list_scenes, scenes_folder
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A shipped scene; `family` is None for one whose objects are all in its file."""
+
+    name: str
+    description: str
+    family: str | None
+    weather: tuple[str, ...]  # such as "fog 200 m"; nothing for clear air
+
+
+def catalogue() -> list[Entry]:
+    """The shipped scenes, by name."""
+    return [_entry(name) for name in list_scenes()]
+
+
+def _entry(name: str) -> Entry:
+    fields = yaml.safe_load(read_text(scenes_folder() / f"{name}.yaml"))
+    return Entry(name, fields.get("description", ""), fields.get("family"), weather(fields))
+
+
+def weather(fields: Mapping[str, Any]) -> tuple[str, ...]:
+    """In words, what a scene file's fields fill the air with."""
+    units = {
+        "visibility_m": "m",
+        "liquid_water_g_per_m3": "g/m³",
+        "extinction_per_m": "/m",
+        "rate_mm_per_h": "mm/h",
+    }
+    found = []
+    for medium in ("fog", "smoke", "rain", "snow"):
+        section = fields.get(medium) or {}
+        found += [f"{medium} {section[f]:g} {unit}" for f, unit in units.items() if f in section]
+    found += [f"volume {volume['name']}" for volume in fields.get("volumes") or ()]
+    return tuple(found)

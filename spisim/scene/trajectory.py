@@ -1,0 +1,242 @@
+"""Flights: poses of the drone over time, read from files and smooth in between."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from reconstruction.errors import InputError, nearest
+from spisim.scene.description import Moment
+from spisim.scene.model import Floats, Scene, Vector3
+from spisim.scene.motion import MAX_TURN_RAD, meeting_time
+from spisim.scene.pose import look_at
+from spisim.scene.rays import enclosing_object
+
+#: What the quaternions of a file turn: the drone's body (x forward, y left, z up; ROS REP 103) or
+#: its optical frame (x right, y down, z forward). Columns: the optical axes in that frame.
+FRAMES = {
+    "body": Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]),
+    "optical": Rotation.identity(),
+}
+POSES = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+WAY_POINTS = ("t", "x", "y", "z", "look_x", "look_y", "look_z")
+#: Quaternions may be off unit length by rounding.
+UNIT_TOLERANCE = 0.01
+#: A path is followed in straight steps of at most this length.
+STEP_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A flight from 0 to `duration_s`, through poses at given times.
+
+    Positions (3,) in the world are a natural cubic spline, orientations (world from optical frame)
+    a spline of continuous angular acceleration.
+    """
+
+    positions_m: CubicSpline
+    orientations: RotationSpline
+
+    @classmethod
+    def through(cls, times_s: Floats, positions_m: Floats, turns: Rotation) -> Trajectory:
+        """Through positions (n, 3) and rotations (n,), at rising times (n,); n is 2 or more."""
+        times = times_s - times_s[0]
+        return cls(CubicSpline(times, positions_m, bc_type="natural"), RotationSpline(times, turns))
+
+    @property
+    def duration_s(self) -> float:
+        """Of the whole flight."""
+        return float(self.positions_m.x[-1])
+
+    @property
+    def times_s(self) -> Floats:
+        """Of the poses that the flight leads through, (n,), from 0."""
+        return np.asarray(self.positions_m.x)
+
+    def faster(self, factor: float) -> Trajectory:
+        """The same path in 1 / `factor` of the time."""
+        times = self.times_s
+        return Trajectory.through(
+            times / factor, np.asarray(self.positions_m(times)), self.orientations(times)
+        )
+
+    def pose(self, time_s: float) -> Floats:
+        """(4, 4) world from optical frame. Raises InputError for a time outside of the flight."""
+        self._check(time_s)
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.orientations(time_s).as_matrix()
+        matrix[:3, 3] = self.positions_m(time_s)
+        return matrix
+
+    def velocity(self, time_s: float) -> Floats:
+        """(3,) m/s, in world axes. Raises InputError as `pose`."""
+        self._check(time_s)
+        return np.asarray(self.positions_m(time_s, 1), dtype=np.float64)
+
+    def angular_velocity(self, time_s: float) -> Floats:
+        """(3,) rad/s, about world axes. Raises InputError as `pose`."""
+        self._check(time_s)
+        own_axes = self.orientations(time_s, 1)
+        return np.asarray(self.orientations(time_s).apply(own_axes), dtype=np.float64)
+
+    def moment(self, time_s: float) -> Moment:
+        """The drone at a time, as a scene file says it. Raises InputError as `pose`."""
+        pose = self.pose(time_s)
+        return Moment(
+            time_s=time_s,
+            position_m=_vector(pose[:3, 3]),
+            look_at_m=_vector(pose[:3, 3] + pose[:3, 2]),
+            up=_vector(-pose[:3, 1]),
+            velocity_m_s=_vector(self.velocity(time_s)),
+            angular_velocity_deg_s=_vector(np.degrees(self.angular_velocity(time_s))),
+        )
+
+    def _check(self, time_s: float) -> None:
+        if not 0 <= time_s <= self.duration_s:
+            raise InputError(
+                f"time {time_s:g} s is outside of the flight, 0 to {self.duration_s:g} s"
+            )
+
+
+def _vector(values: Floats) -> Vector3:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
+    """Flight from a file of poses or way-points; the first time is its start.
+
+    Either CSV with a header, `t,x,y,z,qx,qy,qz,qw` (s, m, unit quaternion) or
+    `t,x,y,z,look_x,look_y,look_z` (the point looked at, with the world's z up), or the format of
+    the TUM RGB-D benchmark: lines `timestamp tx ty tz qx qy qz qw`. Lines that begin with # are
+    comments. `frame` is what the quaternions turn into the world, one of `FRAMES`.
+
+    Raises InputError, naming file and line, for a file that cannot be read or has other columns,
+    what is no finite number, times that do not rise, quaternions that are not of unit length, a way
+    point that looks at itself or straight up or down, and fewer than two poses.
+    """
+    file = Path(path)
+    if frame not in FRAMES:
+        raise InputError(f"unknown frame {frame!r}: {nearest(frame, FRAMES)}")
+    numbers, columns, values = _read(file)
+    if len(values) < 2:
+        raise InputError(f"{file}: a flight needs 2 poses or more, not {len(values)}")
+    table = np.array(values)
+    falls = np.flatnonzero(np.diff(table[:, 0]) <= 0)
+    if falls.size:
+        row = falls[0] + 1
+        raise InputError(
+            f"{file}, line {numbers[row]}: time {table[row, 0]:.15g} should be later than the one "
+            f"before, {table[row - 1, 0]:.15g}"
+        )
+    if columns == WAY_POINTS:
+        turns = _towards(file, numbers, table)
+    else:
+        turns = _of_quaternions(file, numbers, table[:, 4:]) * FRAMES[frame]
+    return Trajectory.through(table[:, 0], table[:, 1:4], turns)
+
+
+def _read(file: Path) -> tuple[list[int], tuple[str, ...], list[list[float]]]:
+    """Line numbers, names of the columns, and rows of a file."""
+    lines = list(_lines(file))
+    if not lines:
+        raise InputError(f"{file}: the file is empty")
+    columns: tuple[str, ...] = POSES
+    separator = None
+    number, first = lines[0]
+    if "," in first:
+        separator = ","
+        columns = tuple(name.strip() for name in first.split(separator))
+        if columns not in (POSES, WAY_POINTS):
+            raise InputError(
+                f"{file}, line {number}: the header should be {','.join(POSES)} or "
+                f"{','.join(WAY_POINTS)}, not {first[:80]}"
+            )
+        lines = lines[1:]
+    rows = [_row(f"{file}, line {n}", line.split(separator), columns) for n, line in lines]
+    return [n for n, _ in lines], columns, rows
+
+
+def _lines(file: Path) -> Iterator[tuple[int, str]]:
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{file}: no such file") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{file}: not a text file; CSV or TUM poses are expected") from None
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield number, line.strip()
+
+
+def _row(where: str, cells: list[str], columns: Sequence[str]) -> list[float]:
+    if len(cells) != len(columns):
+        raise InputError(
+            f"{where}: {len(cells)} columns, not {len(columns)}: {' '.join(columns)} are expected"
+        )
+    values = []
+    for name, cell in zip(columns, cells, strict=True):
+        try:
+            values.append(float(cell))
+        except ValueError:
+            raise InputError(f"{where}: {name} should be a number; found {cell!r}") from None
+        if not math.isfinite(values[-1]):
+            raise InputError(f"{where}: {name} should be finite; found {cell!r}")
+    return values
+
+
+def _of_quaternions(file: Path, numbers: list[int], quaternions: Floats) -> Rotation:
+    lengths = np.linalg.norm(quaternions, axis=1)
+    wrong = np.flatnonzero(np.abs(lengths - 1) > UNIT_TOLERANCE)
+    if wrong.size:
+        row = wrong[0]
+        raise InputError(
+            f"{file}, line {numbers[row]}: the quaternion qx qy qz qw should be of length 1, not "
+            f"{lengths[row]:.4g}"
+        )
+    return Rotation.from_quat(quaternions)
+
+
+def _towards(file: Path, numbers: list[int], table: Floats) -> Rotation:
+    """Optical frames that look from each way-point to its point."""
+    matrices = []
+    for number, row in zip(numbers, table, strict=True):
+        try:
+            matrices.append(look_at(row[1:4], row[4:], (0, 0, 1))[:3, :3])
+        except InputError:
+            raise InputError(
+                f"{file}, line {number}: look_x look_y look_z should be a point that is neither "
+                "the way-point nor straight above or below it"
+            ) from None
+    return Rotation.from_matrix(matrices)
+
+
+def check_clear_path(scene: Scene, trajectory: Trajectory) -> None:
+    """Raise InputError, naming object and time, if a flight leads through a surface of the scene.
+
+    Or begins inside of an object. Objects move on along with the flight.
+    """
+    start = trajectory.pose(0.0)[:3, 3]
+    if name := enclosing_object(scene, start):
+        raise InputError(f"scene {scene.name!r}: the flight begins inside object {name!r}")
+    times = trajectory.times_s
+    fine = np.linspace(0, times[-1], 20 * len(times))
+    length = np.linalg.norm(np.diff(trajectory.positions_m(fine), axis=0), axis=1).sum()
+    rates = [np.linalg.norm(thing.angular_velocity_rad_s) for thing in scene.objects]
+    turn = max(rates) * trajectory.duration_s
+    steps = 20 * len(times) + math.ceil(length / STEP_M) + math.ceil(turn / MAX_TURN_RAD)
+    fine = np.linspace(0, times[-1], steps)
+    path = trajectory.positions_m(fine)
+    meetings = {thing.name: meeting_time(thing, fine, path) for thing in scene.objects}
+    name = min(meetings, key=lambda name: meetings[name])
+    if meetings[name] < np.inf:
+        raise InputError(
+            f"scene {scene.name!r}: the flight leads through object {name!r} at "
+            f"{meetings[name]:.3g} s; change the path, or move the object"
+        )

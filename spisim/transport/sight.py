@@ -1,0 +1,127 @@
+"""A scene looked at without light: what lies along rays, and how its surfaces are shaded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from spisim.scene import Scene
+from spisim.transport.backend import with_backend
+from spisim.transport.bsdf import is_null_transmitting
+from spisim.transport.meshes import object_ids, shapes
+from spisim.transport.views import Floats
+
+#: Whole surfaces, or panes, that a line of sight goes through at most.
+MAX_PANES = 8
+#: Rays that look for what keeps skylight off a point, and how far.
+SKY_RAYS = 16
+SKY_REACH_M = 2.0
+#: Steps of a sequence that fills the square evenly (Roberts' R2, of the plastic number).
+PLASTIC = (0.7548776662, 0.5698402910)
+#: Rays at a time, which bounds the memory.
+RAYS_AT_A_TIME = 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """The first surface that each of n rays meets."""
+
+    range_m: Floats  # (n,), inf where there is none
+    object_id: NDArray[np.int64]  # (n,), index into the scene's objects; -1 where there is none
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The surfaces of a scene. Rays have origins and unit directions (n, 3), in the world."""
+
+    scene: Scene
+    geometry: Any  # mi.Scene
+
+    @classmethod
+    @with_backend
+    def of(cls, scene: Scene) -> Sight:
+        """Hand a scene's surfaces to Mitsuba."""
+        return cls(scene, mi.load_dict({"type": "scene", **shapes(scene.objects)}))
+
+    def along(self, origins: Floats, directions: Floats) -> Surfaces:
+        """What each ray meets first, panes included."""
+        si = self.geometry.ray_intersect(_rays(origins, directions))
+        distance = dr.select(si.is_valid(), si.t, dr.inf)
+        return Surfaces(
+            np.asarray(distance.numpy(), dtype=np.float64),
+            self._objects(si),
+        )
+
+    def _objects(self, si: Any) -> NDArray[np.int64]:
+        return object_ids(self.scene.objects, self.geometry, si)
+
+    def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
+        """Brightness (n,) from 0 to 1 of what each ray sees; nan where it meets nothing.
+
+        A drawing, no light transport: reflectance under an even sky that near things hide, a little
+        darker where a surface is seen at a slant. Panes are looked through.
+        """
+        steps = MAX_PANES if any(map(_is_pane, self.scene.objects)) else 1
+        reflectance = np.array([thing.material.reflectance for thing in self.scene.objects] + [0.0])
+        parts = []
+        for start, stop in _chunks(len(origins)):
+            ray = _rays(origins[start:stop], directions[start:stop])
+            parts.append(self._shade(ray, steps, reflectance))
+        return np.concatenate(parts)
+
+    def _shade(self, ray: Any, steps: int, reflectance: Floats) -> NDArray[np.float32]:
+        lanes = dr.width(ray.d)
+        seen, weight, left = np.zeros(lanes), np.zeros(lanes), np.ones(lanes)
+        for _ in range(steps):
+            si = self.geometry.ray_intersect(ray)
+            ids = self._objects(si)
+            met = ids >= 0
+            passed: Any = si.bsdf().eval_null_transmission(si, si.is_valid()).x
+            passed = np.where(met, passed.numpy(), 0.0) if steps > 1 else 0.0
+            share = np.where(met, left * (1 - passed), 0.0)
+            tone = np.sqrt(reflectance[ids]) * self._sky(si)
+            seen, weight, left = seen + share * tone, weight + share, left * passed
+            if steps == 1 or left.max() < 0.02:
+                break
+            ray = si.spawn_ray(ray.d)
+        return np.where(weight > 0.02, seen / np.maximum(weight, 0.02), np.nan).astype(np.float32)
+
+    def _sky(self, si: Any) -> Floats:
+        """Share of an even sky above each surface, seen from the side that is looked at."""
+        facing = dr.abs(si.wi.z)
+        normal = dr.select(si.wi.z < 0, -si.n, si.n)
+        frame = mi.Frame3f(normal)
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(0, dr.width(si))
+        shift = sampler.next_2d()
+        free = mi.Float(0)
+        for number in range(SKY_RAYS):
+            point = mi.Point2f(shift + number * mi.Point2f(*PLASTIC))
+            towards = mi.warp.square_to_cosine_hemisphere(point - dr.floor(point))
+            ray = si.spawn_ray(frame.to_world(towards))
+            ray.maxt = SKY_REACH_M
+            free += dr.select(self.geometry.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)
+        shade: Any = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
+        return np.asarray(shade.numpy(), dtype=np.float64)
+
+
+def _rays(origins: Floats, directions: Floats) -> Any:
+    return mi.Ray3f(
+        mi.Point3f(np.ascontiguousarray(origins.T, dtype=np.float32)),
+        mi.Vector3f(np.ascontiguousarray(directions.T, dtype=np.float32)),
+    )
+
+
+def _chunks(count: int) -> Iterator[tuple[int, int]]:
+    for start in range(0, count, RAYS_AT_A_TIME):
+        yield start, min(start + RAYS_AT_A_TIME, count)
+
+
+def _is_pane(thing: Any) -> bool:
+    return is_null_transmitting(thing.material)
