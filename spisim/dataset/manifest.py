@@ -5,10 +5,11 @@ Only the process that runs the data set writes it.
 
 from __future__ import annotations
 
+import errno
 import json
 import sqlite3
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,6 +24,9 @@ PATIENCE_S = 60.0
 DIED = "worker "
 #: Samples that took their worker with them are tried this often of their own accord.
 MOST_DEATHS = 2
+
+#: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
+NO_SPACE = "no space"
 
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -55,7 +59,7 @@ class Outcome:
     """
 
     index: int
-    status: str  # done or failed
+    status: str  # done, failed or NO_SPACE
     scene: str | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     file: str | None = None
@@ -79,42 +83,65 @@ def failure(index: int, reason: str) -> Outcome:
     return Outcome(index, "failed", error=reason)
 
 
-class Manifest:
-    """An open manifest. Use it as a context manager."""
+class DamagedManifest(InputError):
+    """A file is no manifest, or none that this software knows; it can be made anew."""
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
+
+class Manifest:
+    """An open manifest. Use it as a context manager.
+
+    Whatever keeps it from being written is an OSError.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._connection = sqlite3.connect(path, timeout=PATIENCE_S)
 
     @classmethod
     def create(cls, path: Path, meta: Mapping[str, str]) -> Self:
         """New manifest; `meta` as the columns of its table, besides the schema's version."""
-        connection = sqlite3.connect(path, timeout=PATIENCE_S)
-        with connection:
+        manifest = cls(path)
+        with manifest._writing() as connection:
             connection.executescript(f"BEGIN; {SCHEMA}")
-            rows = {"schema_version": str(SCHEMA_VERSION), **meta}
-            connection.executemany("INSERT INTO meta VALUES (?, ?)", rows.items())
-        return cls(connection)
+            _put_meta(connection, {"schema_version": str(SCHEMA_VERSION), **meta})
+        return manifest
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Manifest that is there.
-
-        Raises InputError where the file is no manifest, damaged, or of another schema.
-        """
-        connection = sqlite3.connect(path, timeout=PATIENCE_S)
+        """Manifest that is there. Raises DamagedManifest where it is none that can be used."""
+        manifest = cls(path)
         try:
-            (sound,) = connection.execute("PRAGMA quick_check").fetchone()
-            query = "SELECT value FROM meta WHERE key = 'schema_version'"
-            (version,) = connection.execute(query).fetchone() or ("unknown",)
-            connection.execute(f"SELECT {', '.join(map(_quoted, _COLUMNS))} FROM samples LIMIT 1")
+            problem = manifest._problem()
         except sqlite3.DatabaseError as error:
-            connection.close()
-            raise InputError(f"{path}: not a manifest, or damaged ({error})") from None
-        if sound != "ok" or version != str(SCHEMA_VERSION):
-            connection.close()
-            wrong = f"schema version {version}, not {SCHEMA_VERSION}" if sound == "ok" else sound
-            raise InputError(f"{path}: not a manifest that this software knows ({wrong})")
-        return cls(connection)
+            manifest._connection.close()
+            if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
+                raise InputError(f"{path}: another program holds it for writing") from None
+            raise DamagedManifest(f"{path}: not a manifest, or damaged ({error})") from None
+        if problem:
+            manifest._connection.close()
+            raise DamagedManifest(f"{path}: not a manifest that this software knows ({problem})")
+        return manifest
+
+    def _problem(self) -> str | None:
+        (state,) = self._connection.execute("PRAGMA quick_check(1)").fetchone()
+        if state != "ok":
+            return str(state)
+        version = self.meta.get("schema_version", "unknown")
+        if version != str(SCHEMA_VERSION):
+            return f"schema version {version}, not {SCHEMA_VERSION}"
+        self._connection.execute(f"SELECT {', '.join(map(_quoted, _COLUMNS))} FROM samples LIMIT 1")
+        return None
+
+    @contextmanager
+    def _writing(self) -> Iterator[sqlite3.Connection]:
+        """A transaction: all of it or nothing."""
+        try:
+            with self._connection:
+                yield self._connection
+        except sqlite3.OperationalError as error:
+            full = error.sqlite_errorcode == sqlite3.SQLITE_FULL
+            number = errno.ENOSPC if full else errno.EIO
+            raise OSError(number, str(error), str(self.path)) from error
 
     def __enter__(self) -> Self:
         return self
@@ -127,6 +154,11 @@ class Manifest:
         """What is known of the data set as a whole."""
         return dict(self._connection.execute("SELECT key, value FROM meta"))
 
+    def note(self, meta: Mapping[str, str]) -> None:
+        """Replace some of what is known of the data set as a whole."""
+        with self._writing() as connection:
+            _put_meta(connection, meta)
+
     def record(self, outcome: Outcome) -> None:
         """Put an outcome in place of the sample's last, and count the attempt."""
         values = asdict(outcome)
@@ -134,14 +166,14 @@ class Manifest:
         row["finished"] = datetime.now(UTC).isoformat(timespec="seconds")
         row["attempts"] = self.attempts(outcome.index) + 1
         names, marks = ", ".join(map(_quoted, row)), ", ".join("?" * len(row))
-        with self._connection as connection:
+        with self._writing() as connection:
             connection.execute(
                 f"INSERT OR REPLACE INTO samples ({names}) VALUES ({marks})", list(row.values())
             )
 
     def forget(self, index: int) -> None:
         """Remove a sample's row."""
-        with self._connection as connection:
+        with self._writing() as connection:
             connection.execute('DELETE FROM samples WHERE "index" = ?', (index,))
 
     def attempts(self, index: int) -> int:
@@ -180,17 +212,15 @@ class Manifest:
 
     def failures(self) -> dict[int, str]:
         """Reasons of the samples that failed, by index."""
-        query = "SELECT \"index\", error FROM samples WHERE status = 'failed' ORDER BY \"index\""
+        query = 'SELECT "index", error FROM samples WHERE status = \'failed\' ORDER BY "index"'
         return dict(self._connection.execute(query))
 
 
-def set_meta(path: Path, meta: Mapping[str, str]) -> None:
-    """Replace some of what is known of the data set as a whole."""
-    with closing(sqlite3.connect(path, timeout=PATIENCE_S)) as connection, connection:
-        connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", meta.items())
-
-
 _COLUMNS = (*(column.name for column in fields(Outcome)), "attempts", "finished")
+
+
+def _put_meta(connection: sqlite3.Connection, meta: Mapping[str, str]) -> None:
+    connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", meta.items())
 
 
 def _quoted(name: str) -> str:
