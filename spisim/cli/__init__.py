@@ -7,6 +7,7 @@ from typer.core import TyperGroup
 
 from . import (
     budget,
+    dataset,
     demo,
     doctor,
     evaluate,
@@ -69,6 +70,7 @@ COMMANDS = (
     budget,
     paper,
     weather,
+    dataset,
     schema,
     doctor,
 )

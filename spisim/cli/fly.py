@@ -74,8 +74,8 @@ def command(
 
     require_folder(output)
     trajectory = load_trajectory(path, frame).faster(speed)
-    place = scene_with(scene, visibility, clear, fog, rain, drops)
     carried = instrument_with(instrument)
+    place = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
     check_clear_path(place, trajectory)
     flight = instants(place, trajectory, carried, rate, seed)
     kept = kept_captures(output, flight, carried, spp)

@@ -41,8 +41,8 @@ def command(
 
     picture = output or Path(f"{Path(scene).stem}.png")
     require_file(picture)
-    place = scene_with(scene, None, clear=False)
     carried = instrument_with(instrument)
+    place = scene_with(scene, carried.wavelength_nm, None, clear=False)
     sight = Sight.of(place)
     found = survey(place, carried, sight)
     write_look(picture, Look(place, carried, sight, found), fov)
