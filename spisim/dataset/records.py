@@ -54,7 +54,8 @@ def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
             f"{folder}: no data set there ({MANIFEST} is missing); "
             "spisim dataset PLAN -o DIR makes one"
         )
-    names = ", ".join(f'"{field.name}"' for field in fields(Record))
+    # With their table, as SQLite takes an unknown quoted name alone for a string.
+    names = ", ".join(f'samples."{field.name}"' for field in fields(Record))
     try:
         with naming(path), closing(_opened(path)) as database:
             meta = {str(key): str(value) for key, value in database.execute("SELECT * FROM meta")}
