@@ -15,10 +15,11 @@ from reconstruction import Capture, write_capture
 PLAN = "0123abcd"
 META = {
     "schema_version": "1",
-    "plan": PLAN,
+    "plan_digest": PLAN,
     "name": "walls",
     "created": "2026-01-01T00:00:00+00:00",
     "software": "spisim test",
+    "samples": "45",
 }
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -40,7 +41,8 @@ def make_set(folder: Path, capture: Capture, done: int = 40, failed: int = 3) ->
     rows += [_failed(index) for index in range(done, done + failed)]
     with closing(sqlite3.connect(folder / "manifest.sqlite")) as database, database:
         database.executescript(SCHEMA)
-        database.executemany("INSERT INTO meta VALUES (?, ?)", META.items())
+        meta = META | {"samples": str(done + failed + 2)}
+        database.executemany("INSERT INTO meta VALUES (?, ?)", meta.items())
         for row in rows:
             names = ", ".join(f'"{name}"' for name in row)
             marks = ", ".join("?" * len(row))

@@ -7,6 +7,7 @@ from typer.core import TyperGroup
 
 from . import (
     budget,
+    dataset,
     demo,
     doctor,
     evaluate,
@@ -75,6 +76,7 @@ for module in COMMANDS:
     name = module.__name__.rpartition(".")[2]
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
 
+app.add_typer(dataset.app)
 app.add_typer(scenes.app)
 
 

@@ -52,7 +52,7 @@ def verify(folder: Path, progress: Callable[[float], None] | None = None) -> lis
     for path in sorted((folder / SAMPLES).rglob("*")):
         name = path.relative_to(folder).as_posix()
         if not path.is_dir() and name not in known:
-            findings.append(_unknown(path, name, meta.get("plan", "")))
+            findings.append(_unknown(path, name, meta.get("plan_digest", "")))
     return sorted(findings, key=lambda finding: finding.file)
 
 
