@@ -11,21 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction import InputError, Result, evaluate, reconstruct
+from reconstruction import Capture, InputError, Result, evaluate, reconstruct
 from reconstruction.capture import Truth
 from reconstruction.files import require_file, write_atomically
 from spisim.dataset.reader import DataSet, StoredSample
 from spisim.report.markup import length, number, page
 from spisim.report.pictures import Scale, colour_bar, depth_scale, figure, intensity_scale
+from spisim.report.sections import media_of
 
 
 @dataclass(frozen=True)
 class _Shown:
-    """A sample, its reconstruction, or why there is none."""
+    """A sample, and its reconstruction or why there is none."""
 
     sample: StoredSample
-    result: Result | None
-    truth: Truth | None
+    result: Result | None = None
+    truth: Truth | None = None
+    weather: str = ""
     problem: str = ""
 
 
@@ -52,10 +54,12 @@ def write_contact_sheet(
             progress(number_done / len(places))
     maps = [depth for each in shown for depth in _depths(each) if depth is not None]
     scale = depth_scale(*maps) if maps else Scale(0, 1, "viridis_r", "m")
-    cards = "".join(_card(each, scale) for each in shown)
+    common = _common(samples)
+    cards = "".join(_card(each, scale, common) for each in shown)
     title = samples.meta.get("name", "Data set")
     body = (
         f"<header><h1>{escape(title)}</h1><p>{_summary(samples, len(shown))}</p></header>"
+        f"{_parameters(common)}"
         f'<div class="bar">{colour_bar(scale, "depth")}</div>'
         f'<div class="sheet">{cards}</div>'
         f"<footer>{escape(samples.meta.get('software', ''))}</footer>"
@@ -73,9 +77,28 @@ def evenly(count: int, limit: int) -> list[int]:
 def _show(sample: StoredSample) -> _Shown:
     try:
         capture = sample.capture
-        return _Shown(sample, reconstruct(capture), capture.truth)
+        return _Shown(sample, reconstruct(capture), capture.truth, _weather(capture))
     except InputError as error:
-        return _Shown(sample, None, None, str(error))
+        return _Shown(sample, problem=str(error))
+
+
+def _weather(capture: Capture) -> str:
+    told = []
+    for medium in media_of(capture):
+        visibility = medium.get("visibility_m")
+        seen = "" if visibility is None else f", {visibility:.4g} m"
+        told.append(f"{medium.get('kind') or medium.get('where')}{seen}")
+    return "; ".join(told) or "clear air"
+
+
+def _common(samples: DataSet) -> dict[str, Any]:
+    """Parameters that are the same in every sample."""
+    first = samples.records[0].parameters
+    return {
+        name: value
+        for name, value in first.items()
+        if all(record.parameters.get(name) == value for record in samples.records)
+    }
 
 
 def _depths(shown: _Shown) -> Sequence[Any]:
@@ -93,15 +116,21 @@ def _summary(samples: DataSet, count: int) -> str:
     )
 
 
-def _card(shown: _Shown, depth: Scale) -> str:
+def _card(shown: _Shown, depth: Scale, common: Mapping[str, Any]) -> str:
     sample = shown.sample
     head = f"<h3>{escape(sample.scene_name)}<small>{sample.index}</small></h3>"
+    own = {name: value for name, value in sample.parameters.items() if name not in common}
+    pictures = _pictures(shown, depth) if shown.result else ""
+    return f'<section class="sample">{head}{pictures}{_told(shown)}{_parameters(own)}</section>'
+
+
+def _parameters(values: Mapping[str, Any]) -> str:
     rows = "".join(
-        f"<dt>{escape(_short(name))}</dt><dd>{escape(_plain(value))}</dd>"
-        for name, value in sample.parameters.items()
+        f"<dt>{escape(name.removeprefix('scene.').removeprefix('parameters.'))}</dt>"
+        f"<dd>{escape(_plain(value))}</dd>"
+        for name, value in values.items()
     )
-    shows = _pictures(shown, depth) if shown.result else ""
-    return f'<section class="sample">{head}{shows}{_error(shown)}<dl>{rows}</dl></section>'
+    return f"<dl>{rows}</dl>" if rows else ""
 
 
 def _pictures(shown: _Shown, depth: Scale) -> str:
@@ -120,22 +149,18 @@ def _pictures(shown: _Shown, depth: Scale) -> str:
     return f'<div class="row">{"".join(pictures)}</div>'
 
 
-def _error(shown: _Shown) -> str:
+def _told(shown: _Shown) -> str:
+    """Error and weather in a line; what went wrong where there is no reconstruction."""
     if shown.result is None:
-        return f'<p class="error">{escape(shown.problem)}</p>'
-    if shown.truth is None:
-        return ""
-    metrics = evaluate(shown.result, shown.truth)
-    told = [f"image correlation {number(metrics['image']['correlation'], 2)}"]
-    if metrics["depth"] and "anchored" in metrics["depth"]:
-        anchored: Mapping[str, float | None] = metrics["depth"]["anchored"]
-        told.insert(0, f"<b>{length(anchored['mae_m'])}</b> mean depth error")
-    return f'<p class="error">{", ".join(told)}</p>'
-
-
-def _short(name: str) -> str:
-    """A parameter's name without the file that it stands in."""
-    return name.removeprefix("scene.").removeprefix("parameters.").replace("_", " ")
+        return f'<p class="told">{escape(shown.problem)}</p>'
+    told = [escape(shown.weather)]
+    if shown.truth is not None:
+        metrics = evaluate(shown.result, shown.truth)
+        told.insert(0, f"image correlation {number(metrics['image']['correlation'], 2)}")
+        if metrics["depth"] and "anchored" in metrics["depth"]:
+            error = metrics["depth"]["anchored"]["mae_m"]
+            told.insert(0, f"<b>{length(error)}</b> mean depth error")
+    return f'<p class="told">{" · ".join(told)}</p>'
 
 
 def _plain(value: Any) -> str:
