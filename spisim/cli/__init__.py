@@ -70,7 +70,6 @@ COMMANDS = (
     budget,
     paper,
     weather,
-    dataset,
     schema,
     doctor,
 )
@@ -79,6 +78,7 @@ for module in COMMANDS:
     name = module.__name__.rpartition(".")[2]
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
 
+app.add_typer(dataset.app)
 app.add_typer(scenes.app)
 
 

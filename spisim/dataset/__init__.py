@@ -1,1 +1,24 @@
-"""Data sets: many captures of a plan, made on one machine or a cluster, and read again."""
+"""Data sets: many captures of a plan, made on one machine or a cluster, and read again.
+
+data = spisim.dataset.open("out/fog")
+near = data.where(lambda p: p["scene.fog.visibility_m"] < 50)
+train, validation, test = near.split()
+"""
+
+from spisim.dataset.fields import FIELDS
+from spisim.dataset.reader import DataSet, StoredSample
+from spisim.dataset.reader import open_data_set as open  # noqa: A004 - as gzip.open
+from spisim.dataset.split import Split
+from spisim.dataset.verify import Finding, verify
+from spisim.dataset.webdataset import write_shards
+
+__all__ = [
+    "FIELDS",
+    "DataSet",
+    "Finding",
+    "Split",
+    "StoredSample",
+    "open",
+    "verify",
+    "write_shards",
+]

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from reconstruction import Capture, Result
 from reconstruction.files import write_atomically
 
 from . import sections
+from .markup import page
 from .overview import write_overview
 from .plots import SpotHistograms
 
@@ -61,13 +61,7 @@ def write_report(
             f"<footer>{escape(provenance.software)}</footer>",
         ]
     )
-    style = files(__name__).joinpath("style.css").read_text(encoding="utf-8")
-    page = (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{style}</style></head><body>{body}</body></html>"
-    )
-    write_atomically(path, page.encode())
+    write_atomically(path, page(title, body).encode())
 
 
 def _kind(capture: Capture) -> str:

@@ -2,8 +2,20 @@
 
 from collections.abc import Iterable
 from html import escape
+from importlib.resources import files
 
 import numpy as np
+
+
+def page(title: str, body: str, style: str = "") -> str:
+    """A whole page that needs no other file; `style` is CSS besides that of all pages."""
+    common = files(__package__).joinpath("style.css").read_text(encoding="utf-8")
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(title)}</title><style>{common}{style}</style></head>"
+        f"<body>{body}</body></html>"
+    )
 
 
 def section(title: str, explanation: str, body: str) -> str:

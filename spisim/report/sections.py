@@ -130,7 +130,7 @@ def recording(capture: Capture, view: NDArray[np.floating] | None) -> str:
 
 def weather(capture: Capture) -> str:
     """What hung in the air of a simulation, as its settings tell."""
-    rows = [[_plain(medium.get(key)) for key in MEDIUM.values()] for medium in _media(capture)]
+    rows = [[_plain(medium.get(key)) for key in MEDIUM.values()] for medium in media_of(capture)]
     explanation = "Media at the instrument's wavelength; p(180°) is what goes straight back."
     return section("Weather", explanation, table(MEDIUM, rows)) if rows else ""
 
@@ -275,7 +275,8 @@ def parameters(capture: Capture) -> str:
     return section("Parameters", "", body) if body else ""
 
 
-def _media(capture: Capture) -> list[Mapping[str, Any]]:
+def media_of(capture: Capture) -> list[Mapping[str, Any]]:
+    """What hung in the air of a simulation: `media` of its settings; none of other recordings."""
     try:
         settings = yaml.safe_load(capture.provenance.settings)
     except yaml.YAMLError:  # of another program

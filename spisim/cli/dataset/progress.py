@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from .console import messages
+from ..console import messages
 
 if TYPE_CHECKING:
     from spisim.dataset.runner import State

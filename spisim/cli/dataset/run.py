@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .console import messages, print_json, results
-from .dataset_progress import bar, lines, short_time, silence
-from .options import Bar, Json, number_option
+from ..console import messages, print_json, results
+from ..options import Bar, Json, number_option
+from .progress import bar, lines, short_time, silence
 
 if TYPE_CHECKING:
     from spisim.dataset.plan import PlannedSet

@@ -1,0 +1,37 @@
+"""`spisim dataset`: make many captures, see how far they are, check, show and pass them on."""
+
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from . import export, run, sheet, status, verify
+
+EXAMPLE = "spisim dataset plan.yaml -o out/fog"
+
+
+class PlanOrCommand(TyperGroup):
+    """Subcommands; a plan in place of one is run."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the word `run` in front of a plan, or of an option that is none of the group's."""
+        if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
+            first = Path(args[0])
+            if args[0].startswith("-") or first.suffix in {".yaml", ".yml"} or first.is_file():
+                args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(
+    cls=PlanOrCommand,
+    name="dataset",
+    help="Many captures of a plan: make, check, show and export them.",
+    no_args_is_help=True,
+    epilog=f"Example: {EXAMPLE}",
+)
+
+COMMANDS = {"run": run, "status": status, "verify": verify, "sheet": sheet, "export": export}
+
+for name, module in COMMANDS.items():
+    app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)

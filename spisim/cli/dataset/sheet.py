@@ -1,0 +1,33 @@
+"""`spisim dataset sheet`: a data set at a glance."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..console import messages, print_json, progress_bar
+from ..options import Bar, Json, number_option
+from .arguments import Folder
+
+EXAMPLE = "spisim dataset sheet out/fog -o fog.html --limit 50"
+
+
+def command(
+    folder: Folder,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="PAGE", help="HTML file.")],
+    limit: Annotated[int, number_option(1, 10_000, "Most samples, evenly chosen.")] = 100,
+    json: Json = False,
+    progress: Bar = None,
+) -> None:
+    """Write one page with image, estimated and true depth, parameters and error of each sample."""
+    from spisim.dataset import open as open_data_set
+    from spisim.dataset.contact_sheet import write_contact_sheet
+
+    data = open_data_set(folder)
+    with progress_bar("Reconstructing", progress) as advance:
+        count = write_contact_sheet(output, data, limit, advance)
+    if json:
+        print_json({"written": [output], "samples": count})
+    else:
+        messages.print(f"Wrote {count} samples to {output}.", soft_wrap=True)
+        messages.print(f"Look at it: {output.resolve().as_uri()}", soft_wrap=True)

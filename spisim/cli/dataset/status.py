@@ -1,0 +1,42 @@
+"""`spisim dataset status`: how far a data set is."""
+
+from ..console import print_json, results
+from ..options import Json
+from ..tables import plain_table
+from .arguments import Folder
+
+EXAMPLE = "spisim dataset status out/fog"
+
+
+def command(folder: Folder, json: Json = False) -> None:
+    """Tell how many samples are done, failed and missing, how fast it goes, and why some failed.
+
+    May be asked at any time: a run that is under way is not disturbed.
+    """
+    from dataclasses import asdict
+
+    from spisim.dataset.status import status_of
+
+    status = status_of(folder)
+    if json:
+        print_json(asdict(status) | {"missing": status.missing})
+        return
+    rate = status.samples_per_minute
+    left = f", {_duration(status.missing / rate)} left" if rate and status.runner else ""
+    results.print(f"{status.name}: {status.planned} samples planned", markup=False, soft_wrap=True)
+    results.print(f"  done     {status.done}")
+    results.print(f"  failed   {status.failed}")
+    results.print(f"  missing  {status.missing}")
+    results.print(f"  rate     {f'{rate:.3g} samples a minute{left}' if rate else 'not known'}")
+    results.print(f"  disk     {status.disk_bytes / 1e6:.1f} MB")
+    results.print(f"  run      {f'process {status.runner}' if status.runner else 'none'}")
+    if status.failures:
+        table = plain_table("failed because (# are numbers)", "samples", "such as")
+        for reason, indices in status.failures.items():
+            table.add_row(reason.replace("[", r"\["), str(len(indices)), str(indices[0]))
+        results.print()
+        results.print(table)
+
+
+def _duration(minutes: float) -> str:
+    return f"{minutes / 60:.1f} h" if minutes >= 90 else f"{max(1, round(minutes))} min"

@@ -1,0 +1,35 @@
+"""`spisim dataset verify`: whether its files are those that were written."""
+
+import typer
+
+from ..console import messages, print_json, progress_bar, results
+from ..options import Bar, Json
+from ..tables import plain_table
+from .arguments import Folder
+
+EXAMPLE = "spisim dataset verify out/fog"
+
+
+def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
+    """Read all files and compare them with the manifest: exit status 1 if anything is wrong.
+
+    Tells what is missing, damaged, of another plan, or not known to the manifest.
+    """
+    from dataclasses import asdict
+
+    from spisim.dataset.verify import verify
+
+    with progress_bar("Reading", progress) as advance:
+        findings = verify(folder, advance)
+    if json:
+        print_json({"sound": not findings, "findings": [asdict(each) for each in findings]})
+    elif findings:
+        table = plain_table("file", "problem", "what")
+        for each in findings:
+            table.add_row(each.file, each.problem, each.detail)
+        results.print(table)
+        messages.print(f"{len(findings)} files are not as they should be.")
+    else:
+        messages.print(f"All files of {folder} are as they were written.", soft_wrap=True)
+    if findings:
+        raise typer.Exit(1)

@@ -1,0 +1,276 @@
+"""A data set on disk: its samples, what was drawn for them, and their arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction import Capture, read_capture
+from reconstruction.errors import InputError, nearest
+from spisim.dataset.extras import needed
+from spisim.dataset.fields import FIELDS
+from spisim.dataset.records import Record, read_manifest
+from spisim.dataset.split import Split, part_of
+
+if TYPE_CHECKING:
+    import pandas
+    import torch.utils.data
+    import xarray
+
+
+@dataclass(frozen=True)
+class StoredSample:
+    """One sample: what was drawn for it, and its capture, which is read on first use."""
+
+    index: int
+    scene_name: str
+    parameters: Mapping[str, Any]
+    path: Path
+    sidecars: tuple[Path, ...]  # files of the light itself, where the plan keeps them
+
+    @cached_property
+    def capture(self) -> Capture:
+        """The capture; InputError, naming the file, if it is missing or damaged."""
+        return read_capture(self.path)
+
+    def array(self, name: str) -> NDArray[Any]:
+        """Array of one of the FIELDS, or the number of a parameter.
+
+        Raises InputError if the sample has nothing of this name, or no number.
+        """
+        if name in FIELDS:
+            values = FIELDS[name].read(self.capture)
+        else:
+            values = np.asarray(self.parameters.get(name))
+            if values.dtype.kind not in "biuf":
+                values = None
+        if values is None:
+            numbers = [key for key, value in self.parameters.items() if _is_number(value)]
+            raise InputError(
+                f"{self.path}: no numbers under the name {name!r}: "
+                f"{nearest(name, [*FIELDS, *numbers])}"
+            )
+        return values
+
+
+@dataclass(frozen=True)
+class DataSet(Sequence[StoredSample]):
+    """The finished samples of a data set, or some of them, in order of their index.
+
+    `failed` has the records of samples that could not be made, whichever are selected.
+    """
+
+    folder: Path
+    meta: Mapping[str, str]  # name, plan's digest, when made, by which software
+    records: tuple[Record, ...]
+    failed: tuple[Record, ...]
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    @overload
+    def __getitem__(self, place: int) -> StoredSample: ...
+    @overload
+    def __getitem__(self, place: slice) -> DataSet: ...
+    def __getitem__(self, place: int | slice) -> StoredSample | DataSet:
+        if isinstance(place, slice):
+            return replace(self, records=self.records[place])
+        record = self.records[place]
+        return StoredSample(
+            record.index,
+            str(record.scene),
+            record.parameters,
+            self.folder / str(record.file),
+            tuple(self.folder / name for name in record.sidecars),
+        )
+
+    def __iter__(self) -> Iterator[StoredSample]:
+        return (self[place] for place in range(len(self)))
+
+    def select(self, indices: Iterable[int]) -> DataSet:
+        """Samples of these indices; InputError for one that this set lacks."""
+        records = {record.index: record for record in self.records}
+        wanted = sorted(set(map(int, indices)))
+        lacking = [index for index in wanted if index not in records]
+        if lacking:
+            raise InputError(f"{self.folder}: no finished sample {lacking[0]} in this set")
+        return replace(self, records=tuple(records[index] for index in wanted))
+
+    def where(self, condition: Callable[[Mapping[str, Any]], Any]) -> DataSet:
+        """Samples whose parameters fulfil a condition, as in `lambda p: p["scene"] == "forest"`.
+
+        A sample without a parameter that the condition asks for is left out. InputError if no
+        sample has it.
+        """
+        kept: list[Record] = []
+        missing: set[str] = set()
+        for record in self.records:
+            try:
+                if condition(record.parameters):
+                    kept.append(record)
+            except KeyError as error:
+                missing.add(str(error.args[0]))
+        for name in missing:
+            if all(name not in record.parameters for record in self.records):
+                raise InputError(
+                    f"{self.folder}: no sample has a parameter {name!r}: "
+                    f"{nearest(name, self.parameter_names)}"
+                )
+        return replace(self, records=tuple(kept))
+
+    @property
+    def parameter_names(self) -> list[str]:
+        """Names of all parameters, of whichever sample."""
+        return list(dict.fromkeys(name for record in self.records for name in record.parameters))
+
+    def split(
+        self,
+        train: float = 0.8,
+        validation: float = 0.1,
+        test: float = 0.1,
+        *,
+        seed: int = 0,
+        by: str = "scene_name",
+    ) -> Split[DataSet]:
+        """Parts of about these shares; what is equal in `by` is never in two parts.
+
+        `by` is "scene_name" (one and the same scene) or the name of a parameter, such as "scene"
+        (the family). The part follows from seed and name alone: more samples move none. Raises
+        InputError for shares that do not sum to one, and where a part would be empty.
+        """
+        shares = Split(train, validation, test)
+        keys = [self._key(record, by) for record in self.records]
+        names = {key: part_of(key, shares, seed) for key in set(keys)}
+        parts = Split(
+            *(
+                replace(
+                    self,
+                    records=tuple(
+                        record
+                        for record, key in zip(self.records, keys, strict=True)
+                        if names[key] == part
+                    ),
+                )
+                for part in Split._fields
+            )
+        )
+        for part, share, chosen in zip(Split._fields, shares, parts, strict=True):
+            if share > 0 and not chosen:
+                raise InputError(
+                    f"{self.folder}: nothing falls to {part} when {len(names)} different values "
+                    f"of {by} are split; take more of them, another seed or {part}=0"
+                )
+        return parts
+
+    def _key(self, record: Record, by: str) -> str:
+        if by == "scene_name":
+            return str(record.scene)
+        if by not in record.parameters:
+            raise InputError(
+                f"{self.folder}: sample {record.index} has no parameter {by!r} to split by: "
+                f"{nearest(by, ['scene_name', *record.parameters])}"
+            )
+        return repr(record.parameters[by])
+
+    def arrays(self, *names: str) -> dict[str, NDArray[Any]]:
+        """Stacked arrays (samples, …) of FIELDS or parameters, read from all captures.
+
+        Raises InputError for names that there are not, and where shapes differ.
+        """
+        rows: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+        for sample in self:
+            for name, values in rows.items():
+                values.append(sample.array(name))
+                if values[-1].shape != values[0].shape:
+                    raise InputError(
+                        f"{sample.path}: {name} has shape {values[-1].shape}, that of the first "
+                        f"sample {values[0].shape}; select samples of equal shape"
+                    )
+        return {name: np.array(values) for name, values in rows.items()}
+
+    def table(self) -> pandas.DataFrame:
+        """The manifest as a table by sample index, one column for every parameter.
+
+        InputError without pandas.
+        """
+        pandas = needed("pandas", "data")
+        told = ("file", "bytes", "seconds", "peak_memory_mb", "attempts", "finished")
+        rows = [
+            {"scene_name": record.scene}
+            | {name: getattr(record, name) for name in told}
+            | dict(record.parameters)
+            for record in self.records
+        ]
+        index = pandas.Index([record.index for record in self.records], name="index", dtype=int)
+        columns = ["scene_name", *told, *self.parameter_names]
+        return pandas.DataFrame(rows, index=index, columns=columns)
+
+    def xarray(self, *names: str) -> xarray.Dataset:
+        """Stacked arrays with named axes and units; all FIELDS of the first sample, unless named.
+
+        Numbers and words among the parameters are coordinates of the samples. InputError as
+        `arrays`, and without xarray.
+        """
+        xarray = needed("xarray", "data")
+        names = names or tuple(
+            name
+            for name, field in FIELDS.items()
+            if len(self) and field.read(self[0].capture) is not None
+        )
+        variables = {}
+        for name, values in self.arrays(*names).items():
+            field = FIELDS.get(name)
+            dims, told = ((), {}) if field is None else (field.dims, _told(field))
+            variables[name] = (("sample", *dims), values, told)
+        coordinates = {
+            name: ("sample", [record.parameters.get(name) for record in self.records])
+            for name in self.parameter_names
+            if name not in names and self._is_plain(name)
+        }
+        coordinates["scene_name"] = ("sample", [record.scene for record in self.records])
+        coordinates["sample"] = ("sample", [record.index for record in self.records])
+        return xarray.Dataset(variables, coordinates, dict(self.meta))
+
+    def _is_plain(self, name: str) -> bool:
+        return all(
+            isinstance(record.parameters.get(name), str | int | float) for record in self.records
+        )
+
+    def torch(self, *names: str) -> torch.utils.data.Dataset[dict[str, torch.Tensor]]:
+        """Map-style data set for a DataLoader: tensors by name, and the sample's `index`.
+
+        Names as for `arrays`; numbers become float32. InputError without torch.
+        """
+        tensors: torch.utils.data.Dataset[dict[str, torch.Tensor]] = needed(
+            "spisim.dataset.torch", "torch"
+        ).Tensors(self, names)
+        return tensors
+
+
+def open_data_set(folder: str | Path) -> DataSet:
+    """Open a data set, finished or not; a run that is under way is not disturbed.
+
+    Raises InputError where there is none, and where its manifest is damaged.
+    """
+    folder = Path(folder)
+    meta, records = read_manifest(folder)
+    return DataSet(
+        folder,
+        meta,
+        tuple(record for record in records if record.status == "done"),
+        tuple(record for record in records if record.status == "failed"),
+    )
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float)
+
+
+def _told(field: Any) -> dict[str, str]:
+    return {"units": field.units, "long_name": field.meaning}

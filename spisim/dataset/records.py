@@ -1,0 +1,96 @@
+"""What the manifest of a data set says, read without changing it: a run may be under way."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Literal
+
+from reconstruction.errors import InputError, naming
+
+MANIFEST = "manifest.sqlite"
+SCHEMA_VERSION = "1"
+#: Columns that hold JSON.
+_JSON = {"parameters", "sidecars", "stage_seconds"}
+
+
+@dataclass(frozen=True)
+class Record:
+    """One row of the manifest: a sample that was made, or was tried to be.
+
+    `parameters` are flat: a drawn section's fields have the names that they have in a plan.
+    `sidecars` tells size and SHA-256 (`bytes`, `sha256`) of each file beside the capture, by its
+    path; paths are relative to the folder of the data set.
+    """
+
+    index: int
+    status: Literal["done", "failed"]
+    scene: str | None
+    parameters: Mapping[str, Any]
+    file: str | None
+    bytes: int | None
+    sha256: str | None
+    sidecars: Mapping[str, Mapping[str, Any]]
+    seconds: float | None
+    stage_seconds: Mapping[str, float]
+    peak_memory_mb: float | None
+    attempts: int
+    error: str | None
+    finished: str | None
+
+
+def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
+    """What the manifest says of the data set, and of its samples in order of their index.
+
+    Raises InputError where there is none, where it is damaged or of another version.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise InputError(
+            f"{folder}: no data set there ({MANIFEST} is missing); "
+            "spisim dataset PLAN -o DIR makes one"
+        )
+    # With their table, as SQLite takes an unknown quoted name alone for a string.
+    names = ", ".join(f'samples."{field.name}"' for field in fields(Record))
+    try:
+        with naming(path), closing(_opened(path)) as database:
+            meta = {str(key): str(value) for key, value in database.execute("SELECT * FROM meta")}
+            _check_version(meta.get("schema_version"))
+            rows = database.execute(f'SELECT {names} FROM samples ORDER BY "index"')
+            return meta, tuple(_record(row) for row in rows)
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"{path}: not a manifest, or damaged ({error}); run the plan again: it is then "
+            "written anew from the samples"
+        ) from None
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
+
+
+def _check_version(found: str | None) -> None:
+    if found != SCHEMA_VERSION:
+        raise InputError(f"schema_version is {found}; this software reads {SCHEMA_VERSION}")
+
+
+def _record(row: tuple[Any, ...]) -> Record:
+    values = dict(zip((field.name for field in fields(Record)), row, strict=True))
+    for name in _JSON:
+        values[name] = json.loads(values[name] or "{}")
+    values["parameters"] = dict(_flat(values["parameters"]))
+    return Record(**values)
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value

@@ -1,0 +1,88 @@
+"""How far a data set is, while it is made or afterwards."""
+
+from __future__ import annotations
+
+import fcntl
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from spisim.dataset.records import Record, read_manifest
+
+#: The rate is that of the last samples, over this time.
+RECENT = timedelta(minutes=10)
+
+
+@dataclass(frozen=True)
+class Status:
+    """Numbers of samples, and why some failed.
+
+    `samples_per_minute` is the recent rate, None where too little is known of it; `failures` are
+    indices by reason, the most frequent first, with # in place of numbers; `runner` is the process
+    that is making samples, and its machine, None where none is.
+    """
+
+    name: str
+    planned: int
+    done: int
+    failed: int
+    failures: dict[str, list[int]]
+    samples_per_minute: float | None
+    disk_bytes: int
+    runner: str | None
+
+    @property
+    def missing(self) -> int:
+        """Samples that have not been tried."""
+        return self.planned - self.done - self.failed
+
+
+def status_of(folder: Path) -> Status:
+    """Status of a data set. Raises InputError as `read_manifest`."""
+    meta, records = read_manifest(folder)
+    done = [record for record in records if record.status == "done"]
+    failed = [record for record in records if record.status == "failed"]
+    return Status(
+        name=meta.get("name", ""),
+        planned=max(int(meta.get("samples", 0)), len(records)),
+        done=len(done),
+        failed=len(failed),
+        failures=_by_reason(failed),
+        samples_per_minute=_rate([r.finished for r in records if r.finished]),
+        disk_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
+        runner=_runner(folder / ".lock"),
+    )
+
+
+def _by_reason(failed: Iterable[Record]) -> dict[str, list[int]]:
+    reasons: dict[str, list[int]] = {}
+    for record in failed:
+        reason = re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "#", record.error or "unknown")
+        reasons.setdefault(reason, []).append(record.index)
+    return dict(sorted(reasons.items(), key=lambda item: -len(item[1])))
+
+
+def _rate(finished: Sequence[str]) -> float | None:
+    """Samples per minute over the last ones."""
+    times = sorted(datetime.fromisoformat(time) for time in finished)
+    recent = [time for time in times if time >= times[-1] - RECENT]
+    if len(recent) < 2 or recent[0] == recent[-1]:
+        return None
+    return (len(recent) - 1) / ((recent[-1] - recent[0]) / timedelta(minutes=1))
+
+
+def _runner(lock: Path) -> str | None:
+    """Process and machine that hold the lock; a killed process leaves the file, but no lock."""
+    try:
+        with lock.open(encoding="utf-8") as file:
+            holder = " on ".join(file.read().split())
+            if not holder:
+                return None
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return None
+    except FileNotFoundError:
+        return None
+    except BlockingIOError:
+        return holder

@@ -1,0 +1,96 @@
+"""Whether the files of a data set are those that its manifest tells of."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import yaml
+
+from reconstruction import InputError, read_capture
+from spisim.dataset.records import Record, read_manifest
+
+SAMPLES = "samples"
+PLAN = "plan.yaml"
+
+Problem = Literal["missing", "damaged", "foreign", "extra", "unfinished"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something wrong with a file; `file` is its path within the data set.
+
+    missing: the manifest has it; damaged: its content is not what was written; foreign: a capture
+    of another plan; extra: of this plan or none, but not in the manifest; unfinished: left by an
+    interrupted run.
+    """
+
+    file: str
+    problem: Problem
+    detail: str
+
+
+def verify(folder: Path, progress: Callable[[float], None] | None = None) -> list[Finding]:
+    """Read every file of a data set; what is wrong, sorted by file.
+
+    `progress` is called with the fraction that is done. Raises InputError as `read_manifest`.
+    """
+    meta, records = read_manifest(folder)
+    findings: list[Finding] = []
+    if not (folder / PLAN).is_file():
+        findings.append(Finding(PLAN, "missing", "the plan that the samples were made from"))
+    done = [record for record in records if record.status == "done"]
+    known: set[str] = set()
+    for number, record in enumerate(done, start=1):
+        known |= {str(record.file), *record.sidecars}
+        findings += _of_record(folder, record)
+        if progress:
+            progress(number / len(done))
+    for path in sorted((folder / SAMPLES).rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if not path.is_dir() and name not in known:
+            findings.append(_unknown(path, name, meta.get("plan_digest", "")))
+    return sorted(findings, key=lambda finding: finding.file)
+
+
+def _of_record(folder: Path, record: Record) -> Iterator[Finding]:
+    capture = {str(record.file): {"bytes": record.bytes, "sha256": record.sha256}}
+    for name, told in (capture | dict(record.sidecars)).items():
+        path = folder / name
+        if not path.is_file():
+            yield Finding(name, "missing", f"of sample {record.index}")
+        elif (size := path.stat().st_size) != told["bytes"]:
+            yield Finding(name, "damaged", f"{size} bytes instead of {told['bytes']}")
+        elif _sum(path) != told["sha256"]:
+            yield Finding(name, "damaged", "another SHA-256 than when it was written")
+
+
+def _sum(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _unknown(path: Path, name: str, plan: str) -> Finding:
+    if path.name.startswith(".") and path.suffix == ".tmp":
+        return Finding(name, "unfinished", "left by an interrupted run; may be removed")
+    if path.suffix != ".h5":
+        return Finding(name, "extra", "not in the manifest")
+    try:
+        origin = _plan_of(path)
+    except InputError:
+        return Finding(name, "extra", "not a capture that can be read")
+    if origin == plan:
+        return Finding(name, "extra", "a capture of this plan that the manifest does not have")
+    return Finding(name, "foreign", "a capture of another plan, or of none")
+
+
+def _plan_of(path: Path) -> str | None:
+    """Digest of the plan that a capture was made from; None for any other capture."""
+    try:
+        settings = yaml.safe_load(read_capture(path).provenance.settings)
+        return str(settings["data_set"]["plan"])
+    except (yaml.YAMLError, LookupError, TypeError):
+        return None

@@ -1,0 +1,74 @@
+"""Data sets as plain TAR shards, as WebDataset and its relatives read them in one stream."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import tarfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from reconstruction.errors import InputError
+from reconstruction.files import require_folder, write_atomically
+
+if TYPE_CHECKING:
+    from spisim.dataset.reader import DataSet, StoredSample
+
+
+def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -> list[Path]:
+    """Write `shard-000000.tar`, … of so many samples each, and return their paths.
+
+    A sample is `000123.h5` (its capture), `000123.json` (index, scene and parameters) and its
+    sidecars. Equal samples give byte-equal shards; each appears whole or not at all. Raises
+    InputError for a set without samples, a folder that holds other shards or cannot be written
+    into, and captures that are missing.
+    """
+    folder = Path(folder)
+    if not samples:
+        raise InputError(f"{samples.folder}: there is no finished sample to export")
+    require_folder(folder)
+    batches = [
+        list(range(start, min(start + shard_size, len(samples))))
+        for start in range(0, len(samples), shard_size)
+    ]
+    paths = [folder / f"shard-{number:06d}.tar" for number in range(len(batches))]
+    others = set(folder.glob("shard-*.tar")) - set(paths)
+    if others:
+        raise InputError(f"{min(others)} belongs to another export; choose an empty folder")
+    for path, places in zip(paths, batches, strict=True):
+        members = itertools.chain.from_iterable(_members(samples[place]) for place in places)
+        write_atomically(path, _tar(members))
+    return paths
+
+
+def _members(sample: StoredSample) -> Iterator[tuple[str, bytes]]:
+    key = f"{sample.index:06d}"
+    told = {
+        "index": sample.index,
+        "scene_name": sample.scene_name,
+        "parameters": dict(sample.parameters),
+    }
+    yield f"{key}.h5", _content(sample.path)
+    yield f"{key}.json", json.dumps(told, ensure_ascii=False).encode()
+    for path in sample.sidecars:
+        yield f"{key}{path.suffix}", _content(path)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: missing; spisim dataset verify lists what is") from None
+
+
+def _tar(members: Iterator[tuple[str, bytes]]) -> bytes:
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w", format=tarfile.USTAR_FORMAT) as tar:
+        for name, content in members:
+            header = tarfile.TarInfo(name)  # its time is 0, its owner nobody
+            header.size = len(content)
+            header.mode = 0o644
+            tar.addfile(header, io.BytesIO(content))
+    return buffer.getvalue()
