@@ -27,7 +27,7 @@ CLEARANCE_M = 0.3
 SAMPLES = 20_000
 #: Points of the bulk to be seen, and rays times triangles to be tested in search of the best view.
 LOOKED_FOR = 32
-MOST_TESTS = 3e7
+MOST_TESTS = 1e7
 
 
 @dataclass(frozen=True)

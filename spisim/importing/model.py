@@ -81,6 +81,14 @@ class Content:
             self.notes.append(text)
 
 
+def check_triangles(count: int) -> None:
+    """InputError for more triangles than are read."""
+    if count > MAX_TRIANGLES:
+        raise InputError(
+            f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not read"
+        )
+
+
 def check_pose(matrix: Floats, what: str) -> None:
     """InputError unless a (4, 4) matrix places things: finite, affine, and flattens nothing."""
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
