@@ -130,6 +130,7 @@ def _summary(report: Import) -> dict[str, Any]:
 
 
 def _print(report: Import) -> None:
+    from rich.markup import escape
     from rich.table import Table
 
     size = report.bounds_m[1] - report.bounds_m[0]
@@ -148,7 +149,7 @@ def _print(report: Import) -> None:
     table = Table("in the file", "material", "how", "why", "parts", box=None, header_style="dim")
     for match, parts in report.materials:
         table.add_row(
-            *map(_plain, (match.source, match.material, match.how, match.why)), str(parts)
+            *map(escape, (match.source, match.material, match.how, match.why)), str(parts)
         )
     results.print()
     results.print(table)
@@ -166,9 +167,3 @@ def _print(report: Import) -> None:
 
 def _metres(values: Any) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
-
-
-def _plain(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)

@@ -17,7 +17,7 @@ from spisim.importing.files import Folders
 from spisim.importing.materials import Match, check_map, match, read_map
 from spisim.importing.meshes import READERS
 from spisim.importing.mitsuba_xml import read_mitsuba
-from spisim.importing.model import MAX_TRIANGLES, Content, Floats
+from spisim.importing.model import Content, Floats, check_triangles
 from spisim.importing.sdf import read_sdf
 from spisim.importing.shapes import as_mesh
 from spisim.importing.units import choose_unit, choose_up, odd_sizes, to_metres
@@ -143,10 +143,7 @@ def _placed(content: Content) -> list[trimesh.Trimesh]:
     """The meshes of all parts in world coordinates."""
     meshes = {id(part.geometry): as_mesh(part.geometry) for part in content.parts}
     count = sum(len(meshes[id(part.geometry)].faces) for part in content.parts)
-    if count > MAX_TRIANGLES:
-        raise InputError(
-            f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not imported"
-        )
+    check_triangles(count)
     return [
         meshes[id(part.geometry)].copy().apply_transform(part.to_world) for part in content.parts
     ]
