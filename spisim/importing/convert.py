@@ -21,8 +21,9 @@ from spisim.importing.model import Content, Floats, check_triangles
 from spisim.importing.sdf import read_sdf
 from spisim.importing.shapes import as_mesh
 from spisim.importing.units import choose_unit, choose_up, odd_sizes, to_metres
-from spisim.importing.write import Written, check_free, write_scene
+from spisim.importing.write import scene_fields
 from spisim.scene.model import Vector3
+from spisim.scene.write import Written, check_free, write_scene
 
 FORMATS: dict[str, Callable[[Path, Folders], Content]] = {
     **READERS,
@@ -30,6 +31,7 @@ FORMATS: dict[str, Callable[[Path, Folders], Content]] = {
     ".sdf": read_sdf,
     ".world": read_sdf,
 }
+HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
 
@@ -97,7 +99,8 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
         ]
     )
     drone = _drone(placed, content, options)
-    written = write_scene(output, content.parts, matches, drone, file.name)
+    fields, meshes = scene_fields(output.stem, content.parts, matches, drone, file.name)
+    written = write_scene(output, fields, meshes, HEADER)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_M
     if not near <= drone.nearest_m <= far:

@@ -151,7 +151,7 @@ def test_parameters_includes_and_references(tmp_path: Path) -> None:
          "aluminium-rough"),
         ('<bsdf type="thindielectric"/>', "glass-pane"),
         ('<bsdf type="diffuse" id="red brick"/>', "brick"),
-        ('<bsdf type="mask"><bsdf type="diffuse" id="grass"/></bsdf>', "leaves-green"),
+        ('<bsdf type="mask"><bsdf type="diffuse" id="grass"/></bsdf>', "grass"),
         ('<bsdf type="diffuse"><rgb name="reflectance" value="0.01"/></bsdf>', "paint-black"),
         ('<bsdf type="diffuse"><rgb name="reflectance" value="0.9 0.9 0.85"/></bsdf>',
          "paint-white"),

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import messages, print_json, results, warn
-from .options import Json
+from ..console import messages, print_json, results, warn
+from ..options import Json
 
 if TYPE_CHECKING:
     from spisim.importing import Import
@@ -159,7 +159,7 @@ def _print(report: Import) -> None:
     written = report.written
     messages.print(
         f"Wrote {written.scene_file} and {len(written.mesh_files)} meshes. "
-        f"Look at it: spisim picture {written.scene_file} -o picture.exr --clear",
+        f"Look at it: spisim scenes show {written.scene_file}",
         markup=False,
         soft_wrap=True,
     )
