@@ -66,7 +66,7 @@ def test_a_grid_becomes_a_sheet_of_its_size() -> None:
 def test_stones_and_bushes_are_closed_and_face_out() -> None:
     rng = np.random.default_rng(2)
     stones = scattered_rocks(rng, np.zeros((4, 3)), np.full(4, 0.1))
-    body, foliage = bush(rng, (1, 1, 2), 0.1, 20)
+    body, foliage = bush(rng, (1, 1, 2), 0.1, 50)
     assert all(fault(mesh) is None for mesh in (stones, blob(rng, (1, 2, 1), 0.2), body, foliage))
     assert 0.05 < np.ptp(stones.bounds, axis=0).max() < 0.2
     assert body.volume > 0
