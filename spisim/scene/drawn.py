@@ -66,6 +66,7 @@ def whole_file(fields: Mapping[str, Any], draft: families.Draft) -> dict[str, An
     whole = {"name": name, **own}
     drawn = draft.sections()
     for section in ("drone", "ambient", "materials"):
-        whole[section] = {**drawn.get(section, {}), **own.get(section, {})}
+        both = {**drawn.get(section, {}), **own.get(section, {})}
+        whole |= {section: both} if both else {}
     whole["objects"] = [*drawn["objects"], *own.get("objects", ())]
     return whole
