@@ -31,12 +31,11 @@ def command(
     )
     from reconstruction.files import require_folder
     from spisim.instrument import load_instrument
+    from spisim.light_files import write_truth
     from spisim.measurement import simulate, simulation_warnings
     from spisim.report import write_overview, write_report
     from spisim.scene import load_scene
     from spisim.transport import fine_view
-
-    from .files import write_truth
 
     require_folder(output)
     seconds: dict[str, float] = {}

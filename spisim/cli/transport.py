@@ -66,9 +66,8 @@ def command(
     """
     from reconstruction.errors import InputError
     from reconstruction.files import require_file
+    from spisim.light_files import light_channels, write_histograms, write_truth
     from spisim.transport import LONGEST_PATH_M, PathLengthBins, Wanted, ground_truth, solve
-
-    from .files import light_channels, write_histograms, write_truth
 
     histograms = output.with_suffix(".npz")
     if histograms == output:

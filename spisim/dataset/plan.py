@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
-import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +16,7 @@ import yaml
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from reconstruction.errors import InputError, naming, nearest
 from spisim.config import (
     Count,
     Name,
@@ -24,14 +25,20 @@ from spisim.config import (
     Section,
     find_named,
     parse_model,
+    read_mapping,
     read_text,
 )
-from spisim.dataset.values import Grid, drawn_value, is_grid, set_field
+from spisim.dataset.values import Grid, drawn_value, open_value, openable, set_field
 from spisim.distributions import stream
-from spisim.instrument import load_instrument
+from spisim.families import find_family
+from spisim.instrument import Instrument
+from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder
+from spisim.scene.description import SceneDescription
 
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Drawn = Annotated[Any, BeforeValidator(open_value)]
+Openable = Annotated[Any, BeforeValidator(openable)]
 
 
 class SceneSource(Section):
@@ -43,7 +50,7 @@ class SceneSource(Section):
 
     scene: Name | None = None
     family: Name | None = None
-    parameters: dict[Name, Any] = Field(default_factory=dict)
+    parameters: dict[Name, Drawn] = Field(default_factory=dict)
     distinct: Count | None = None
     weight: NonNegative = 1.0
 
@@ -53,7 +60,15 @@ class SceneSource(Section):
             raise PydanticCustomError("source", "needs either scene or family")
         if self.scene is not None and self.model_fields_set & {"parameters", "distinct"}:
             raise PydanticCustomError("source", "parameters and distinct go with a family")
+        if self.family is not None:
+            self._check_parameters(self.family)
         return self
+
+    def _check_parameters(self, family: str) -> None:
+        known = find_family(family).parameters.model_fields
+        for name in self.parameters:
+            if name not in known:
+                raise InputError(f"unknown parameter {name!r} of {family}: {nearest(name, known)}")
 
 
 class Keep(Section):
@@ -62,10 +77,6 @@ class Keep(Section):
     truth: bool = True
     transport: bool = False  # image and its errors, as OpenEXR beside the capture
     histograms: bool = False  # of the four spots over path length, as NPZ beside the capture
-
-
-def _open_value(value: Any) -> Any:
-    return Grid.model_validate(value) if is_grid(value) else value
 
 
 class Plan(Section):
@@ -84,8 +95,8 @@ class Plan(Section):
     seed: Seed = 0
     scenes: Annotated[tuple[SceneSource, ...], Field(min_length=1)]
     every_scene: bool = False
-    vary: dict[Name, Annotated[Any, BeforeValidator(_open_value)]] = Field(default_factory=dict)
-    materials: dict[Name, Any] = Field(default_factory=dict)
+    vary: dict[Name, Openable] = Field(default_factory=dict)
+    materials: dict[Name, Openable] = Field(default_factory=dict)
     instrument: Name = "paper"
     spp: Count | None = None
     noise: Positive | None = None
@@ -98,20 +109,20 @@ class Plan(Section):
             raise PydanticCustomError("plan", "needs spp or noise, not both")
         if not sum(source.weight for source in self.scenes) > 0:
             raise PydanticCustomError("plan", "scenes should not all have weight 0")
-        for path in self.vary:
-            file, dot, field = path.partition(".")
-            if file not in ("scene", "instrument") or not dot or not field:
-                raise PydanticCustomError(
-                    "plan",
-                    "vary: {path} should begin with scene. or instrument.",
-                    {"path": path},
-                )
+        paths = list(self.vary)
+        for number, path in enumerate(paths):
+            _check_path(path, paths[:number])
         return self
+
+    @property
+    def open(self) -> dict[str, Any]:
+        """What every sample draws, by field: `vary`, and `materials` as "materials.old"."""
+        return {**self.vary, **{f"materials.{old}": new for old, new in self.materials.items()}}
 
     @cached_property
     def axes(self) -> dict[str, tuple[Any, ...]]:
         """Values of every grid, by field."""
-        grids = {path: value.grid for path, value in self.vary.items() if isinstance(value, Grid)}
+        grids = {path: value.grid for path, value in self.open.items() if isinstance(value, Grid)}
         return ({"scene": tuple(range(len(self.scenes)))} if self.every_scene else {}) | grids
 
     @property
@@ -132,6 +143,22 @@ class Plan(Section):
         return {"transport_noise": 0.01 if self.noise is None else self.noise}
 
 
+def _check_path(path: str, before: list[str]) -> None:
+    """Fields are set in the order given: a section after one of its fields would erase it."""
+    file, _, field = path.partition(".")
+    if file not in ("scene", "instrument") or not field:
+        raise PydanticCustomError(
+            "plan", "vary: {path} should begin with scene. or instrument.", {"path": path}
+        )
+    for other in before:
+        if other.startswith(f"{path}."):
+            raise PydanticCustomError(
+                "plan",
+                "vary: {path} should stand before {other}, which it would replace",
+                {"path": path, "other": other},
+            )
+
+
 @dataclass(frozen=True)
 class Sample:
     """One sample of a plan, ready to be simulated, and what was drawn for it."""
@@ -147,77 +174,104 @@ class Sample:
 
 @dataclass(frozen=True)
 class PlannedSet:
-    """A plan, where it lies, and its text."""
+    """A plan, its text, and the file it stands in."""
 
     plan: Plan
     text: str
-    folder: Path
+    path: Path
 
-    @property
+    @cached_property
+    def fields(self) -> dict[str, Any]:
+        """The plan as it was written, but for the number of samples."""
+        fields: dict[str, Any] = yaml.safe_load(self.text)
+        return {name: value for name, value in fields.items() if name != "samples"}
+
+    @cached_property
+    def files(self) -> dict[str, dict[str, Any]]:
+        """What stands in the files that the plan names, by those names, as read the first time.
+
+        Raises InputError where one is missing or no YAML.
+        """
+        with naming(self.path):
+            files = {}
+            for name in sorted({source.scene for source in self.plan.scenes if source.scene}):
+                file = self._scene_file(name)
+                files[f"scene {name}"] = read_mapping(read_text(file), SceneDescription, file)
+            name = self.plan.instrument
+            file = find_named(self._beside(name), PRESETS, "instrument")
+            files[f"instrument {name}"] = read_mapping(read_text(file), Instrument, file)
+            return files
+
+    @cached_property
     def digest(self) -> str:
-        """SHA-256 of what the samples depend on: all of the plan but their number."""
-        fields = yaml.safe_load(self.text)
-        fields.pop("samples", None)
-        return hashlib.sha256(yaml.safe_dump(fields).encode()).hexdigest()
+        """SHA-256 of what the samples depend on: the plan but for their number, and its files."""
+        return hashlib.sha256(yaml.safe_dump([self.fields, self.files]).encode()).hexdigest()
+
+    def with_samples(self, samples: int) -> PlannedSet:
+        """The same plan with another number of samples; its text loses its comments."""
+        text = yaml.safe_dump({**self.fields, "samples": samples}, sort_keys=False)
+        return replace(self, plan=self.plan.model_copy(update={"samples": samples}), text=text)
 
     def sample(self, index: int) -> Sample:
-        """Sample of this index; depends on plan and index alone.
+        """Sample of this index; depends on plan, its files and index alone.
 
-        Raises InputError for values that cannot be drawn, or fields that are none.
+        Raises InputError, naming the plan, for fields that are none.
         """
         plan, seed = self.plan, self.plan.seed
-        round_, place = divmod(index, plan.combinations)
-        chosen = dict(zip(plan.axes, self._combination(place), strict=True))
-        values = {
-            path: chosen[path] if path in chosen else drawn_value(value, seed, path, round_)
-            for path, value in plan.vary.items()
+        round_, chosen = self._place(index)
+        source = plan.scenes[self.source_of(index)]
+        drawn = {
+            path: drawn_value(chosen.get(path, value), seed, path, round_)
+            for path, value in plan.open.items()
         }
-        source = self._source(round_, chosen)
-        fields, folder, parameters = self._scene(source, round_)
-        swaps = {
-            old: drawn_value(new, seed, f"materials.{old}", round_)
-            for old, new in plan.materials.items()
+        scene, folder, parameters = self._scene(source, round_)
+        files = {
+            "scene": scene,
+            "instrument": copy.deepcopy(self.files[f"instrument {plan.instrument}"]),
         }
-        if swaps:
-            fields["material_swaps"] = {**fields.get("material_swaps", {}), **swaps}
-        instrument = self._instrument()
-        for path, value in values.items():
-            file, _, field = path.partition(".")
-            set_field(fields if file == "scene" else instrument, field, value)
-        name = fields.get("name") or f"{source.family}-{fields['seed']}"
+        with naming(self.path):
+            for path, value in drawn.items():
+                file, _, field = path.partition(".")
+                if file == "materials":
+                    scene.setdefault("material_swaps", {})[field] = value
+                else:
+                    set_field(files[file], field, value)
+        name = scene.get("name") or f"{source.family}-{scene['seed']}"
         return Sample(
             index,
             int(stream(seed, "capture", index).integers(2**62)),
             name,
-            _dump(fields),
+            _dump(scene),
             folder,
-            _dump(instrument),
-            {
-                "scene": source.family or name,
-                **parameters,
-                **values,
-                **{f"materials.{old}": new for old, new in swaps.items()},
-            },
+            _dump(files["instrument"]),
+            {"scene": source.family or name, **parameters, **drawn},
         )
 
-    def _combination(self, place: int) -> tuple[Any, ...]:
-        return next(itertools.islice(itertools.product(*self.plan.axes.values()), place, None))
-
-    def _source(self, round_: int, chosen: Mapping[str, Any]) -> SceneSource:
-        sources = self.plan.scenes
+    def source_of(self, index: int) -> int:
+        """Which of the plan's scenes this sample is of."""
+        round_, chosen = self._place(index)
         if "scene" in chosen:
-            return sources[chosen["scene"]]
-        weights = np.array([source.weight for source in sources])
+            return int(chosen["scene"])
+        weights = np.array([source.weight for source in self.plan.scenes])
         rng = stream(self.plan.seed, "scene", round_)
-        return sources[int(rng.choice(len(sources), p=weights / weights.sum()))]
+        return int(rng.choice(len(weights), p=weights / weights.sum()))
+
+    def _place(self, index: int) -> tuple[int, dict[str, Any]]:
+        """Round of the grids, and the combination of their values within it."""
+        round_, place = divmod(index, self.plan.combinations)
+        chosen = {}
+        for name, values in reversed(self.plan.axes.items()):  # the last runs fastest
+            place, at = divmod(place, len(values))
+            chosen[name] = values[at]
+        return round_, chosen
 
     def _scene(
         self, source: SceneSource, round_: int
     ) -> tuple[dict[str, Any], Path, dict[str, Any]]:
         """Fields of the scene file, folder of its meshes, and the parameters of a family."""
         if source.scene is not None:
-            file = find_named(self._beside(source.scene), scenes_folder(), "scene")
-            return yaml.safe_load(read_text(file)), file.parent, {}
+            fields = copy.deepcopy(self.files[f"scene {source.scene}"])
+            return fields, self._scene_file(source.scene).parent, {}
         assert source.family is not None  # the source demands one of the two
         rng = stream(self.plan.seed, "family", source.family, round_)
         seed = int(rng.integers(2**31 if source.distinct is None else source.distinct))
@@ -227,25 +281,23 @@ class PlannedSet:
             name: drawn_value(value, self.plan.seed, f"parameters.{name}", *key)
             for name, value in source.parameters.items()
         }
-        fields = {"family": source.family, "seed": seed, "parameters": parameters}
         told = {f"parameters.{name}": value for name, value in parameters.items()}
-        return fields, self.folder, {"family_seed": seed, **told}
+        fields = {"family": source.family, "seed": seed, "parameters": parameters}
+        return fields, self.path.parent, {"family_seed": seed, **told}
 
-    def _instrument(self) -> dict[str, Any]:
-        text = load_instrument(self._beside(self.plan.instrument)).text
-        fields: dict[str, Any] = yaml.safe_load(text)
-        return fields
+    def _scene_file(self, name: str) -> Path:
+        return find_named(self._beside(name), scenes_folder(), "scene")
 
     def _beside(self, name: str) -> str:
         """A file by its path from the plan, if there is one; else the name as it stands."""
-        beside = self.folder / name
+        beside = self.path.parent / name
         return str(beside) if beside.is_file() else name
 
 
-def load_plan(path: Path) -> PlannedSet:
+def load_plan(path: Path, kind: type[Plan] = Plan) -> PlannedSet:
     """Plan from a YAML file; InputError, naming file and field, for whatever is wrong with it."""
     text = read_text(path)
-    return PlannedSet(parse_model(text, Plan, path), text, path.parent)
+    return PlannedSet(parse_model(text, kind, path), text, path.absolute())
 
 
 def _dump(fields: Mapping[str, Any]) -> str:

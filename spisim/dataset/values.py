@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter, ValidationError
+from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import InputError
 from spisim.config import Section
@@ -20,32 +22,47 @@ class Grid(Section):
     grid: Annotated[tuple[Any, ...], Field(min_length=1)]
 
 
-def is_grid(value: Any) -> bool:
-    """Whether a value of a plan is a grid."""
-    return isinstance(value, Mapping) and "grid" in value
+def openable(value: Any) -> Any:
+    """What a field of a plan may be: a grid, or as in `open_value`, also within a grid."""
+    if not _is_grid(value):
+        return open_value(value)
+    grid = _checked(TypeAdapter(Grid), value)
+    for choice in grid.grid:
+        open_value(choice)
+    return grid
+
+
+def open_value(value: Any) -> Any:
+    """A value as it stands, once whatever is a distribution in it has proved to be a sound one.
+
+    Raises PydanticCustomError where it is none, or where there is a grid in it.
+    """
+    if _is_grid(value):
+        raise PydanticCustomError("grid", "a grid can only stand for a whole field of vary")
+    if is_distribution(value):
+        _checked(_DISTRIBUTION, value)
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            open_value(part)
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        for part in value:
+            open_value(part)
+    return value
 
 
 def drawn_value(value: Any, seed: int, *keys: str | int) -> Any:
     """What a sample gets: distributions drawn, also within lists and mappings, the rest as it is.
 
     Each distribution has a random stream of its own, named by `keys` and its place in the value.
-    Raises InputError for a distribution that is none.
     """
     if is_distribution(value):
-        return _distribution(value, keys).draw(stream(seed, *keys))
+        # A choice is handed out as it stands in the plan, which no sample may change.
+        return copy.deepcopy(_DISTRIBUTION.validate_python(value).draw(stream(seed, *keys)))
     if isinstance(value, Mapping):
         return {name: drawn_value(part, seed, *keys, str(name)) for name, part in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [drawn_value(part, seed, *keys, i) for i, part in enumerate(value)]
     return value
-
-
-def _distribution(value: Mapping[str, Any], keys: Sequence[str | int]) -> Any:
-    try:
-        return _DISTRIBUTION.validate_python(value)
-    except ValidationError as error:
-        reason = error.errors(include_url=False)[0]["msg"]
-        raise InputError(f"{keys[0]}: {reason}; found {dict(value)}") from None
 
 
 def set_field(fields: dict[str, Any], path: str, value: Any) -> None:
@@ -63,3 +80,20 @@ def set_field(fields: dict[str, Any], path: str, value: Any) -> None:
         if not isinstance(place, dict):
             raise InputError(f"{path}: {section} has no fields; it is {place!r}")
     place[last] = value
+
+
+def _is_grid(value: Any) -> bool:
+    return isinstance(value, Mapping) and "grid" in value
+
+
+def _checked(kind: TypeAdapter[Any], value: Any) -> Any:
+    try:
+        return kind.validate_python(value)
+    except ValidationError as error:
+        details = error.errors(include_url=False)[0]
+        reason = details["msg"].removeprefix("Input ")
+        raise PydanticCustomError(
+            "open_value",
+            "{reason}; found {value}",
+            {"reason": reason[0].lower() + reason[1:], "value": str(value)},
+        ) from None

@@ -39,6 +39,11 @@ def has_cuda() -> bool:
     return bool(dr.has_backend(dr.JitBackend.CUDA))
 
 
+def use_threads(count: int) -> None:
+    """Trace light on this many threads of this process, on the CPU."""
+    dr.set_thread_count(count)
+
+
 def _check_llvm() -> None:
     """Dr.Jit has loaded a library by now; a wrong one would abort at the first kernel."""
     wanted = find_llvm()

@@ -6,7 +6,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from . import export, sheet, status, verify
+from . import export, run, sheet, status, verify
 
 EXAMPLE = "spisim dataset plan.yaml -o out/fog"
 
@@ -31,7 +31,7 @@ app = typer.Typer(
     epilog=f"Example: {EXAMPLE}",
 )
 
-COMMANDS = {"status": status, "verify": verify, "sheet": sheet, "export": export}
+COMMANDS = {"run": run, "status": status, "verify": verify, "sheet": sheet, "export": export}
 
 for name, module in COMMANDS.items():
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)

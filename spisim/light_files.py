@@ -1,4 +1,4 @@
-"""What the commands write besides captures, results and pages."""
+"""Light and truth as files: OpenEXR images and NumPy histograms."""
 
 from __future__ import annotations
 

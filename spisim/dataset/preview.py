@@ -1,0 +1,113 @@
+"""What a plan would make: its samples, checked, and what they would cost."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+
+from reconstruction.errors import InputError, naming
+from spisim.dataset.plan import PlannedSet, Sample
+from spisim.dataset.sample import Maker, load
+
+#: Samples at random that are checked beside the first of every scene and value of a grid.
+AT_RANDOM = 3
+#: How far to look for the first sample of a scene.
+FARTHEST = 1000
+#: Samples that are made to tell time and size.
+TIMED = 2
+
+
+@dataclass(frozen=True)
+class Preview:
+    """Samples that were looked at, and the cost of all."""
+
+    samples: int
+    shown: Sequence[Sample]
+    seconds_per_sample: float
+    bytes_per_sample: int
+    workers: int
+
+    @property
+    def seconds(self) -> float:
+        """Time of the whole on this machine."""
+        return self.samples * self.seconds_per_sample / self.workers
+
+    @property
+    def bytes(self) -> int:
+        """Size of the whole."""
+        return self.samples * self.bytes_per_sample
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {
+            "samples": self.samples,
+            "first": [_row(sample) for sample in self.shown],
+            "seconds_per_sample": self.seconds_per_sample,
+            "bytes_per_sample": self.bytes_per_sample,
+            "workers": self.workers,
+            "seconds": self.seconds,
+            "bytes": self.bytes,
+        }
+
+
+def check(planned: PlannedSet) -> None:
+    """Load some samples: the first of every scene and grid value, and a few at random.
+
+    Raises InputError, naming plan and sample, where one cannot be loaded.
+    """
+    for index in _telling(planned):
+        with naming(f"{planned.path}: sample {index}"), catch_warnings():
+            simplefilter("ignore")
+            load(planned.sample(index))
+
+
+def preview(planned: PlannedSet, workers: int, rows: int = 10) -> Preview:
+    """Check a plan and make a few samples in a folder that is removed again.
+
+    Raises InputError as `check` does, and where one of these samples fails.
+    """
+    check(planned)
+    size = planned.plan.size
+    with tempfile.TemporaryDirectory() as folder:
+        make = Maker(planned, Path(folder))
+        make(0)  # the first also compiles what the others use again
+        made = [make(int(index)) for index in np.linspace(0, size - 1, min(TIMED, size))]
+        for outcome in made:
+            if not outcome.done:
+                raise InputError(f"{planned.path}: sample {outcome.index}: {outcome.error}")
+        sizes = [file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()]
+        different = len({0, *(outcome.index for outcome in made)})
+    return Preview(
+        samples=size,
+        shown=[planned.sample(index) for index in range(min(rows, size))],
+        seconds_per_sample=float(np.mean([outcome.seconds or 0 for outcome in made])),
+        bytes_per_sample=round(sum(sizes) / different),
+        workers=workers,
+    )
+
+
+def _telling(planned: PlannedSet) -> list[int]:
+    """Indices at which something comes for the first time, and a few others."""
+    plan = planned.plan
+    chosen: dict[Any, int] = {}
+    for index in range(min(plan.size, FARTHEST)):
+        chosen.setdefault(("scene", planned.source_of(index)), index)
+        if len(chosen) == len(plan.scenes):
+            break
+    step = plan.combinations
+    for name, values in plan.axes.items():
+        step //= len(values)
+        for at in range(len(values)):
+            chosen.setdefault((name, at), at * step)
+    others = np.random.default_rng(plan.seed).integers(plan.size, size=AT_RANDOM)
+    return sorted({index for index in (*chosen.values(), *map(int, others)) if index < plan.size})
+
+
+def _row(sample: Sample) -> Mapping[str, Any]:
+    return {"index": sample.index, "scene": sample.scene_name, "parameters": sample.parameters}

@@ -1,0 +1,147 @@
+"""Run a data set: make what is missing, note how it went, wait where there is no space."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from reconstruction.errors import InputError
+from spisim.dataset.folder import Layout
+from spisim.dataset.manifest import NO_SPACE, Manifest, Outcome
+from spisim.dataset.opening import Say, opened
+from spisim.dataset.plan import PlannedSet
+from spisim.dataset.sample import is_out_of_space
+from spisim.dataset.workers import Executor
+
+#: Space that has to be free before a run that ran out of it goes on, and how often to look.
+SPACE_NEEDED_BYTES = 4 * 2**20
+LOOK_EVERY_S = 5.0
+#: Default of how long to wait for space.
+SPACE_TIMEOUT_S = 3600.0
+
+
+class OutOfSpace(OSError):
+    """There was no space for too long; what is done is safe."""
+
+
+@dataclass(frozen=True)
+class State:
+    """How far a run is."""
+
+    samples: int  # planned
+    done: int
+    failed: int
+    made: int  # in this run
+    seconds: float  # of this run
+
+    @property
+    def missing(self) -> int:
+        """Samples not tried yet."""
+        return self.samples - self.done - self.failed
+
+
+def run_dataset(
+    planned: PlannedSet,
+    folder: Path,
+    executor: Executor,
+    *,
+    retry_failed: bool = False,
+    space_timeout_s: float = SPACE_TIMEOUT_S,
+    say: Say = print,
+    progress: Callable[[State], None] = lambda state: None,
+) -> State:
+    """Make all samples of a plan in a folder that are not there yet.
+
+    Samples that failed stay so unless they are to be tried again; one that took its worker with it
+    is tried once more in any case.
+
+    Raises InputError as `opened` does, and where workers write into another folder of the same
+    name; OutOfSpace after waiting for space for too long.
+    """
+    with opened(planned, folder, say) as manifest, executor:
+        run = _Run(Layout(folder), manifest, planned.plan.size, space_timeout_s, say)
+        progress(run.state)
+        to_do = manifest.to_do(planned.plan.size, failed_too=retry_failed)
+        fruitless = False
+        while to_do:
+            postponed = set()
+            for outcome in executor.run(to_do):
+                if outcome.status == NO_SPACE:
+                    postponed.add(outcome.index)
+                    run.wait_for_space()
+                else:
+                    run.record(outcome)
+                    progress(run.state)
+            if fruitless and len(postponed) == len(to_do):
+                raise OutOfSpace(f"{folder}: no space for a sample, even where there is some")
+            fruitless = len(postponed) == len(to_do)
+            to_do = sorted({*manifest.to_do(planned.plan.size), *postponed})
+        return run.state
+
+
+class _Run:
+    def __init__(
+        self, layout: Layout, manifest: Manifest, samples: int, patience_s: float, say: Say
+    ) -> None:
+        self._layout = layout
+        self._manifest = manifest
+        self._samples = samples
+        self._patience_s = patience_s
+        self._say = say
+        self._made = 0
+        self._began = time.monotonic()
+
+    @property
+    def state(self) -> State:
+        seconds = time.monotonic() - self._began
+        return State(self._samples, **self._manifest.counts(), made=self._made, seconds=seconds)
+
+    def record(self, outcome: Outcome) -> None:
+        if outcome.file is not None and not (self._layout.folder / outcome.file).is_file():
+            raise InputError(
+                f"{self._layout.folder}: a worker wrote {outcome.file}, which is not there; the "
+                "folder has to be one that all workers share"
+            )
+        while True:
+            try:
+                self._manifest.record(outcome)
+            except OSError as error:
+                if not is_out_of_space(error):
+                    raise
+                self.wait_for_space()
+            else:
+                self._made += 1
+                return
+
+    def wait_for_space(self) -> None:
+        began = time.monotonic()
+        if has_space(self._layout.folder):
+            return
+        self._say(f"{self._layout.folder}: no space left; waiting for some")
+        while not has_space(self._layout.folder):
+            if time.monotonic() - began > self._patience_s:
+                raise OutOfSpace(
+                    f"{self._layout.folder}: no space left for {self._patience_s:g} s; make some "
+                    "and run the same command again to go on"
+                )
+            time.sleep(LOOK_EVERY_S)
+        self._say("There is space again; going on")
+
+
+def has_space(folder: Path) -> bool:
+    """Whether a file can be written that is larger than a sample; quotas count too."""
+    probe = folder / ".space.tmp"
+    try:
+        probe.write_bytes(os.urandom(SPACE_NEEDED_BYTES))
+    except OSError as error:
+        if not is_out_of_space(error):
+            raise
+        return False
+    finally:
+        with suppress(OSError):
+            probe.unlink()
+    return True

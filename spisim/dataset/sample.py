@@ -1,0 +1,170 @@
+"""One sample of a plan: simulated, written, and told how it went."""
+
+from __future__ import annotations
+
+import errno
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Lock
+from typing import Any
+from warnings import catch_warnings, simplefilter
+
+import yaml
+
+from reconstruction import Capture, capture_warnings, write_capture
+from reconstruction.errors import InputError, explain
+from reconstruction.files import write_atomically
+from spisim.config import parse_model
+from spisim.dataset.folder import Layout, fingerprint
+from spisim.dataset.manifest import NO_SPACE, Outcome
+from spisim.dataset.plan import Keep, PlannedSet, Sample
+from spisim.exr import write_exr
+from spisim.instrument import Instrument
+from spisim.light_files import write_histograms
+from spisim.measurement import Simulation, simulate
+from spisim.scene import Scene, make_scene
+from spisim.transport.backend import use_threads
+
+_one_at_a_time = Lock()  # warnings are caught for the whole process
+
+
+@dataclass(frozen=True)
+class Maker:
+    """Makes samples of a plan in a folder. It can be sent to other processes."""
+
+    planned: PlannedSet
+    folder: Path
+
+    def __call__(self, index: int) -> Outcome:
+        """Make one sample on one thread.
+
+        Whatever goes wrong with it becomes the reason of a failed outcome, with the traceback in
+        the folder's `errors`; where there is no space left, the outcome says so.
+        """
+        with _one_at_a_time:
+            use_threads(1)
+            began = time.perf_counter()
+            try:
+                outcome = self._made(index)
+            except Exception as error:
+                outcome = self._failed(index, error)
+            else:
+                with suppress(FileNotFoundError):
+                    Layout(self.folder).error(index).unlink()
+            seconds = time.perf_counter() - began
+            return replace(outcome, seconds=seconds, peak_memory_mb=peak_memory_mb())
+
+    def _made(self, index: int) -> Outcome:
+        layout, sample = Layout(self.folder), self.planned.sample(index)
+        seconds: dict[str, float] = {}
+        with catch_warnings(record=True) as odd:
+            simplefilter("always")
+            with _timed(seconds, "scene"):
+                scene, instrument = load(sample)
+            with _timed(seconds, "simulate"):
+                plan = self.planned.plan
+                simulation = simulate(
+                    scene, instrument, seed=sample.seed, frames=plan.frames, **plan.effort
+                )
+        capture = _of_a_set(simulation.capture, self.planned, index)
+        path = layout.capture(index)
+        with _timed(seconds, "write"):
+            beside = _write_sidecars(path, simulation, self.planned.plan.keep)
+            write_capture(capture, path)  # last: where it is, all of the sample is
+        told = [str(warning.message) for warning in odd] + list(capture_warnings(capture))
+        return Outcome(
+            index,
+            "done",
+            scene=sample.scene_name,
+            parameters=sample.parameters,
+            file=layout.relative(path),
+            **fingerprint(path),
+            sidecars={layout.relative(each): fingerprint(each) for each in beside},
+            stage_seconds=seconds,
+            warnings=tuple(dict.fromkeys(told)),
+        )
+
+    def _failed(self, index: int, error: Exception) -> Outcome:
+        text = "".join(traceback.format_exception(error))
+        try:
+            if is_out_of_space(error):
+                raise error
+            write_atomically(Layout(self.folder).error(index), text.encode())
+        except OSError as problem:
+            if not is_out_of_space(problem):
+                raise
+            return Outcome(index, NO_SPACE, error=explain(problem))
+        scene, parameters = None, {}
+        with suppress(InputError):
+            sample = self.planned.sample(index)
+            scene, parameters = sample.scene_name, dict(sample.parameters)
+        return Outcome(index, "failed", scene=scene, parameters=parameters, error=_reason(error))
+
+
+def load(sample: Sample) -> tuple[Scene, Instrument]:
+    """Scene and instrument of a sample. Raises InputError."""
+    scene = make_scene(sample.scene_text, sample.scene_folder, "scene")
+    return scene, parse_model(sample.instrument_text, Instrument, "instrument")
+
+
+def peak_memory_mb() -> float:
+    """Most memory that this process ever held."""
+    with suppress(OSError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
+
+
+def is_out_of_space(error: BaseException) -> bool:
+    """Whether a file system has no room, or none for this user."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def _of_a_set(capture: Capture, planned: PlannedSet, index: int) -> Capture:
+    """The capture that says where it belongs; when it was made would tell equal ones apart."""
+    settings = yaml.safe_load(capture.provenance.settings)
+    settings["data_set"] = {"plan": planned.digest, "index": index}
+    provenance = replace(
+        capture.provenance, created="", settings=yaml.safe_dump(settings, sort_keys=False)
+    )
+    truth = capture.truth if planned.plan.keep.truth else None
+    return replace(capture, provenance=provenance, truth=truth)
+
+
+def _write_sidecars(path: Path, simulation: Simulation, keep: Keep) -> list[Path]:
+    written = []
+    if keep.transport:
+        light = simulation.transport
+        channels: dict[str, Any] = {"transport": light.image, "transport_error": light.image_error}
+        written.append(path.with_suffix(".exr"))
+        write_exr(written[-1], channels, {f"units.{name}": "1" for name in channels})
+    if keep.histograms:
+        written.append(path.with_suffix(".npz"))
+        write_histograms(written[-1], simulation.transport)
+    return written
+
+
+def _reason(error: Exception) -> str:
+    """One line."""
+    if isinstance(error, InputError):
+        text = str(error)
+    elif isinstance(error, OSError):
+        text = explain(error)
+    else:
+        text = f"{type(error).__name__}: {error}"
+    return " ".join(text.split())
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[stage] = time.perf_counter() - start
