@@ -17,11 +17,10 @@ import yaml
 from reconstruction import read_capture
 from reconstruction.errors import InputError
 from reconstruction.files import require_folder, write_atomically
-from spisim.dataset.folder import Layout, fingerprint
+from spisim.dataset.folder import Layout, belongs_to, fingerprint
 from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, Outcome
 from spisim.dataset.plan import PlannedSet
-from spisim.dataset.sample import belongs_to
 
 Say = Callable[[str], None]
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
+from spisim.dataset.folder import Layout
 from spisim.dataset.records import Record, read_manifest
 
 #: The rate is that of the last samples, over this time.
@@ -42,8 +43,8 @@ class Status:
 def status_of(folder: Path) -> Status:
     """Status of a data set. Raises InputError as `read_manifest`."""
     meta, records = read_manifest(folder)
-    done = [record for record in records if record.status == "done"]
-    failed = [record for record in records if record.status == "failed"]
+    done = [record for record in records if record.done]
+    failed = [record for record in records if not record.done]
     return Status(
         name=meta.get("name", ""),
         planned=max(int(meta.get("samples", 0)), len(records)),
@@ -52,7 +53,7 @@ def status_of(folder: Path) -> Status:
         failures=_by_reason(failed),
         samples_per_minute=_rate([r.finished for r in records if r.finished]),
         disk_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
-        runner=_runner(folder / ".lock"),
+        runner=_runner(Layout(folder).lock),
     )
 
 
