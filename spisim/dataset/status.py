@@ -53,7 +53,7 @@ def status_of(folder: Path) -> Status:
         failures=_by_reason(failed),
         samples_per_minute=_rate([r.finished for r in records if r.finished]),
         disk_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
-        runner=_runner(Layout(folder).lock),
+        runner=runner_of(folder),
     )
 
 
@@ -74,14 +74,14 @@ def _rate(finished: Sequence[str]) -> float | None:
     return (len(recent) - 1) / ((recent[-1] - recent[0]) / timedelta(minutes=1))
 
 
-def _runner(lock: Path) -> str | None:
-    """Process and machine that hold the lock; a killed process leaves the file, but no lock."""
+def runner_of(folder: Path) -> str | None:
+    """Process and machine that run a data set; None where none does, or it was killed."""
     try:
-        with lock.open(encoding="utf-8") as file:
+        with Layout(folder).lock.open(encoding="utf-8") as file:
             holder = " on ".join(file.read().split())
             if not holder:
                 return None
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # a killed process holds no lock
             return None
     except FileNotFoundError:
         return None

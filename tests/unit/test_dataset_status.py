@@ -69,6 +69,7 @@ def test_a_run_under_way_is_told_and_a_killed_one_is_not(own: Path) -> None:
         file.write(f"{os.getpid()} here")
         file.flush()
         assert status_of(own).runner == f"{os.getpid()} on here"
+        assert "on here is making samples" in run("verify", own)[2].replace("\n", " ")
     assert lock.read_text()  # as a killed run leaves it
     assert status_of(own).runner is None
 
