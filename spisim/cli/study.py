@@ -43,12 +43,10 @@ def command(
     from spisim.dataset.runner import OutOfSpace
     from spisim.dataset.workers import default_workers
     from spisim.study import load_study, run_study
-    from spisim.transport.backend import activate
 
     planned = load_study(plan)
     if quick:
         planned = planned.quick()
-    activate()  # before every process finds out by itself that light cannot be traced
     try:
         with shown(progress) as made, progress_bar("Evaluating", progress) as evaluated:
             finished = run_study(

@@ -175,11 +175,6 @@ class PlannedStudy:
             dict.fromkeys(condition_of(dict(flat(s.parameters)), self.study) for s in samples)
         )
 
-    @property
-    def samples_per_condition(self) -> float:
-        """Planned number of samples that are put together."""
-        return self.data_set.plan.size / len(self.conditions)
-
 
 def load_study(path: Path) -> PlannedStudy:
     """Study from a YAML file; InputError, naming file and field, for whatever is wrong with it."""

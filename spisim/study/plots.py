@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from spisim.study.labels import axis_label, brief, condition_label, group_label
 from spisim.study.metrics import METRICS
-from spisim.study.plan import Study
 from spisim.study.results import Condition, Results, Summary
 
 #: M. Okabe & K. Ito's colours, which the colour-blind tell apart, without the pale yellow.
@@ -50,7 +50,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class _Curve:
-    """One method over all values of x of a group; `beside` has no x."""
+    """One method over all values of x of a group, which has the label and the colour."""
 
     label: str
     colour: str
@@ -87,7 +87,7 @@ def _curves(results: Results, metrics: Sequence[str], conditions: list[Condition
     colours = zip(islice(cycle(COLOURS), len(groups)), cycle(MARKERS), strict=False)
     return [
         _Curve(
-            _curve_label(results.planned.study, group, name, alone=len(metrics) == 1),
+            group_label(results.planned.study, group) or results.planned.study.reference,
             colour,
             marker,
             *METHODS[method],
@@ -96,11 +96,6 @@ def _curves(results: Results, metrics: Sequence[str], conditions: list[Condition
         for (group, chosen), (colour, marker) in zip(groups.items(), colours, strict=True)
         for method, name in enumerate(metrics)
     ]
-
-
-def _curve_label(study: Study, group: Condition, name: str, *, alone: bool) -> str:
-    words = [group_label(study, group), "" if alone else METRICS[name].method]
-    return ", ".join(word for word in words if word)
 
 
 def _over_numbers(results: Results, metrics: tuple[str, ...]) -> Figure:
@@ -134,6 +129,7 @@ def _over_numbers(results: Results, metrics: tuple[str, ...]) -> Figure:
     axes.set_xlabel(axis_label(study.x))
     axes.set_ylabel(METRICS[metrics[0]].title)
     _finish(axes, results, metrics)
+    _legend(axes, curves, metrics)
     return figure
 
 
@@ -157,6 +153,7 @@ def _over_names(results: Results, metrics: tuple[str, ...]) -> Figure:
     axes.set_ylabel(axis_label(study.x))
     axes.set_xlabel(METRICS[metrics[0]].title)
     _finish(axes, results, metrics, across="x")
+    _legend(axes, curves, metrics)
     return figure
 
 
@@ -179,7 +176,6 @@ def _draw(
         "lw": 1.3,
         "elinewidth": 1.1,
         "capsize": 2.5,
-        "label": curve.label or None,
     }
     if along == "y":
         axes.errorbar(at, means, yerr=bars, **style)
@@ -208,13 +204,34 @@ def _line_across(axes: Axes, point: Summary) -> None:
 
 
 def _finish(axes: Axes, results: Results, metrics: Sequence[str], across: str = "y") -> None:
-    """Scale of the metric's axis, its zero, and the legend."""
+    """Scale of the metric's axis, and its zero."""
     shown = [s.estimate.mean for (_, name), s in results.summaries.items() if name in metrics]
     means = [mean for mean in shown if mean is not None]
     if METRICS[metrics[0]].better == "near zero":
         (axes.axhline if across == "y" else axes.axvline)(0, color="0.3", lw=0.8)
     elif METRICS[metrics[0]].better == "low" and means and 0 < LOG_FROM * min(means) < max(means):
         (axes.set_yscale if across == "y" else axes.set_xscale)("log", nonpositive="clip")
-    handles, labels = axes.get_legend_handles_labels()
-    if len(handles) > 1 or any(labels):
-        axes.legend(frameon=False, fontsize=8.5, ncols=1 if len(handles) < 7 else 2)
+
+
+def _legend(axes: Axes, curves: Sequence[_Curve], metrics: Sequence[str]) -> None:
+    """Groups by colour and mark; methods, where there are several, by line and filling."""
+    handles = []
+    groups = {curve.label: curve for curve in curves}
+    if len(groups) > 1:
+        handles += [
+            Line2D([], [], color=c.colour, marker=c.marker, ms=5, label=label)
+            for label, c in groups.items()
+        ]
+    if len(metrics) > 1:
+        handles += [
+            Line2D([], [], color="0.25", marker="o", ms=5, ls=line, label=METRICS[name].method,
+                   mfc="0.25" if filled else "white")
+            for name, (line, filled) in zip(metrics, METHODS, strict=False)
+        ]  # fmt: skip
+    if handles:
+        figure = axes.get_figure(root=True)
+        assert isinstance(figure, Figure)
+        figure.legend(
+            handles=handles, loc="outside upper left", ncols=min(len(handles), 4), frameon=False,
+            fontsize=8.5,
+        )  # fmt: skip

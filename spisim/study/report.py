@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from importlib.metadata import version
 from importlib.resources import files
@@ -14,11 +14,9 @@ from spisim.report.markup import card, details, page, section, table
 from spisim.study.labels import axis_label, condition_label
 from spisim.study.metrics import METRICS
 from spisim.study.plots import Plot
-from spisim.study.results import Condition, Difference, Results
-from spisim.study.statistics import Estimate
+from spisim.study.results import Condition, Results
+from spisim.study.statistics import FEW_UNITS, Estimate
 
-#: Fewer units than this, and the bootstrap knows too little of how they differ.
-FEW_UNITS = 5
 #: Failures that are listed.
 MOST_FAILURES = 20
 
@@ -27,8 +25,9 @@ HOW_TO_READ = (
     "interval of that mean, by bootstrap: scenes are drawn anew where there are several, rounds "
     "(other seeds) where there is one. Bars that overlap do not mean that nothing differs: the "
     "same scenes and rounds were recorded in every combination, so that the tables of differences, "
-    "made sample by sample, are sharper. A difference whose interval excludes zero is bold. No "
-    "correction is made for the number of comparisons: of twenty without any effect, one is bold."
+    "made sample by sample, are sharper. A difference of at least five scenes or rounds whose "
+    "interval excludes zero is bold. No correction is "
+    "made for the number of comparisons: of twenty without any effect, one is bold."
 )
 
 
@@ -71,12 +70,11 @@ def _warnings(results: Results) -> str:
             f"Some means rest on {min(units)} independent scenes or rounds: their intervals are "
             f"too narrow, or missing. Five are needed, ten are better."
         )
-    wanted = results.planned.samples_per_condition
     for name in results.metrics:
         lacking = [
             condition_label(results.planned.study, condition)
             for condition in results.conditions
-            if results.summaries[condition, name].estimate.n < wanted / 2
+            if results.summaries[condition, name].estimate.n < results.tried[condition] / 2
         ]
         if lacking:
             told.append(
@@ -118,29 +116,30 @@ def _means(results: Results) -> str:
 
 
 def _against_first(results: Results) -> str:
+    """Differences from the first combination, where there is another."""
     study = results.planned.study
-    first = results.conditions[0]
     found = {
-        (each.condition, each.metric): each
+        (each.condition, each.metric): each.estimate
         for each in results.differences
-        if each.minus_condition == first and each.minus_metric == each.metric
+        if each.condition != each.minus_condition
     }
-    rows = _difference_rows(results, [c for c in results.conditions if c != first], found)
+    rows = [
+        (
+            escape(condition_label(study, condition)),
+            *(_estimate(found[condition, name]) for name in results.metrics),
+        )
+        for condition in results.conditions
+        if (condition, results.metrics[0]) in found
+    ]
+    if not rows:
+        return ""
+    first = results.conditions[0]
+    alone = (None, *first[1:]) if study.x == "scene" else first
     return section(
-        f"Less {condition_label(study, first)}",
+        f"Less {condition_label(study, alone)}",
         "Mean difference from the first combination, of samples of the same scene and round.",
         table(("", *map(_head, results.metrics)), rows),
     )
-
-
-def _difference_rows(
-    results: Results,
-    conditions: Iterable[Condition],
-    found: dict[tuple[Condition, str], Difference],
-) -> Iterable[tuple[str, ...]]:
-    for condition in conditions:
-        cells = (_estimate(found[condition, name].estimate) for name in results.metrics)
-        yield (escape(condition_label(results.planned.study, condition)), *cells)
 
 
 def _methods(results: Results) -> str:

@@ -12,10 +12,12 @@ from typing import Any
 from spisim.dataset.records import Record
 from spisim.study.evaluation import Evaluation
 from spisim.study.metrics import METRICS
-from spisim.study.plan import PlannedStudy, condition_of
+from spisim.study.plan import PlannedStudy, Study, condition_of
 from spisim.study.statistics import Estimate, estimate
 
 Condition = tuple[Any, ...]
+
+ALL_SCENES = "all scenes"
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class Difference:
-    """A metric less another one, of a combination or the first, sample by sample.
+    """A metric of a combination less that of the first, or less one of another method.
 
     Samples of one round and scene are compared with each other: all that is random is equal in
     them, but for the noise of light transport and detection.
@@ -56,13 +58,22 @@ class Difference:
 
 @dataclass(frozen=True)
 class Results:
-    """All tables. `conditions` are values of the study's x and groups, in the grids' order."""
+    """All tables.
+
+    `conditions` are values of the study's x and groups in the grids' order, `tried` the number of
+    samples of each. Where x is the scene, ALL_SCENES together follow.
+    """
 
     planned: PlannedStudy
     rows: Sequence[Row]
-    conditions: Sequence[Condition]
+    tried: Mapping[Condition, int]
     summaries: Mapping[tuple[Condition, str], Summary]
     differences: Sequence[Difference]
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """What is compared."""
+        return list(self.tried)
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -82,14 +93,16 @@ def results_of(
         condition = condition_of(row.parameters, planned.study)
         if condition in by_condition:  # a sample that took its worker with it has no parameters
             by_condition[condition].append(row)
+    if planned.study.x == "scene":
+        for (_, *group), chosen in list(by_condition.items()):
+            by_condition.setdefault((ALL_SCENES, *group), []).extend(chosen)
+    tried = {condition: len(chosen) for condition, chosen in by_condition.items()}
     summaries = {
         (condition, name): Summary(condition, name, _estimate(chosen, name))
         for condition, chosen in by_condition.items()
         for name in planned.study.metrics
     }
-    return Results(
-        planned, rows, list(by_condition), summaries, _differences(planned, by_condition)
-    )
+    return Results(planned, rows, tried, summaries, _differences(planned, by_condition))
 
 
 def _row(record: Record, evaluations: Mapping[int, Evaluation], combinations: int) -> Row:
@@ -123,13 +136,18 @@ def _differences(
     first = planned.conditions[0]
     for condition, rows in by_condition.items():
         for name in planned.study.metrics:
-            if condition != first:
-                estimated = _paired(rows, name, by_condition[first], name)
-                made.append(Difference(condition, name, first, name, estimated))
+            if condition != (base := _base(condition, first, planned.study)):
+                estimated = _paired(rows, name, by_condition[base], name)
+                made.append(Difference(condition, name, base, name, estimated))
             for other in _other_methods(name, planned.study.metrics):
                 estimated = _paired(rows, name, rows, other)
                 made.append(Difference(condition, name, condition, other, estimated))
     return made
+
+
+def _base(condition: Condition, first: Condition, study: Study) -> Condition:
+    """What a combination is compared with: the first; the first of its own scene, where x is it."""
+    return (condition[0], *first[1:]) if study.x == "scene" else first
 
 
 def _other_methods(name: str, metrics: Sequence[str]) -> list[str]:

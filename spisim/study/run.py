@@ -9,6 +9,7 @@ from typing import Any
 
 from reconstruction.errors import InputError
 from reconstruction.files import write_atomically
+from spisim.dataset.folder import Layout
 from spisim.dataset.opening import Say
 from spisim.dataset.preview import check
 from spisim.dataset.runner import State, run_dataset
@@ -25,6 +26,7 @@ from spisim.study.results import (
     results_of,
     summary_csv,
 )
+from spisim.transport.backend import activate
 
 STUDY = "study.yaml"
 
@@ -82,7 +84,9 @@ def run_study(
 
     Raises InputError and OutOfSpace as `run_dataset`, and InputError where all samples failed.
     """
-    check(planned.data_set)
+    if not Layout(folder).plan.exists():  # whatever an earlier run made was sound
+        activate()  # before every process finds out by itself that light cannot be traced
+        check(planned.data_set)
     maker = Maker(planned.data_set, folder)
     state = run_dataset(
         planned.data_set,

@@ -14,6 +14,8 @@ Floats = NDArray[np.float64]
 
 RESAMPLES = 20_000
 LEVEL = 0.95
+#: With fewer units than this, the bootstrap knows too little of how they differ.
+FEW_UNITS = 5
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,10 @@ class Estimate:
 
     @property
     def settled(self) -> bool:
-        """Whether the interval excludes zero."""
-        return self.low is not None and self.high is not None and self.low * self.high > 0
+        """Whether the interval can be relied on and excludes zero."""
+        if self.low is None or self.high is None or self.units < FEW_UNITS:
+            return False
+        return self.low * self.high > 0
 
 
 def estimate(values: Sequence[float], units: Sequence[Hashable]) -> Estimate:
