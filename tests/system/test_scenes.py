@@ -10,7 +10,6 @@ from spisim.families import FAMILIES
 from spisim.measurement import simulation_warnings
 from spisim.scene import Scene, draw_scene, list_scenes, load_scene
 
-
 INSTRUMENT = spisim.load_instrument("paper")
 
 
