@@ -65,7 +65,9 @@ def _trees(
     draft: Draft, parameters: ForestParameters, rng: np.random.Generator, ground: Ground
 ) -> None:
     """Trees on both sides; a few kinds, copied."""
-    ahead = np.linspace(2.8, parameters.bank_m + 0.5, parameters.trunks) + rng.uniform(-0.3, 0.3, parameters.trunks)
+    ahead = np.linspace(2.8, parameters.bank_m + 0.5, parameters.trunks) + rng.uniform(
+        -0.3, 0.3, parameters.trunks
+    )
     side = rng.permutation(np.resize([-1, 1], parameters.trunks))
     off = parameters.trail_width_m / 2 + 0.25 + rng.exponential(0.5, parameters.trunks)
     places = list(zip(ahead, _bend(parameters, ahead) + side * off, strict=True))
