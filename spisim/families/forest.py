@@ -23,7 +23,7 @@ class ForestParameters(Parameters):
     drone_height_m: float = drawn(1.2, 2.2, "above the trail")
     trail_width_m: float = drawn(0.8, 1.8, "of the trail")
     bend_m: float = drawn(-2.0, 2.0, "how far the trail has gone to the left 10 m ahead")
-    bank_m: float = drawn(7.0, 9.5, "to the foot of the wooded bank that ends the view")
+    bank_m: float = drawn(5.5, 7.8, "to the foot of the wooded bank that ends the view")
     relief_m: float = drawn(0.02, 0.2, "height of the ground's waves")
     trunks: int = drawn(5, 12, "before the bank")
     trunk_mm: float = drawn(120.0, 450.0, "diameter of an average trunk at its foot")
