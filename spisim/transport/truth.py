@@ -15,7 +15,7 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.views import Floats, InstrumentView
-from spisim.transport.world import build_world
+from spisim.transport.world import surfaces
 
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
@@ -50,7 +50,7 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
     InputError
         If a laser beam hits nothing.
     """
-    geometry = build_world(scene).geometry.scene
+    geometry = surfaces(scene)
     placed = InstrumentView.of(instrument, scene.drone_pose)
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     shape = placed.projector.shape
@@ -124,11 +124,11 @@ def _reflectance(scene: Scene, si: Any, identity: NDArray[np.int64]) -> NDArray[
 
 def _object_ids(geometry: Any, si: Any) -> NDArray[np.int64]:
     """Number of the object that each ray meets, -1 for none."""
-    registry = {
-        int(_registry_ids(mi.ShapePtr(shape))[0]): number
-        for number, shape in enumerate(geometry.shapes())
-    }
-    return np.array([registry.get(int(number), -1) for number in _registry_ids(si.shape)])
+    numbers = _registry_ids(si.shape)
+    of_objects = [int(_registry_ids(mi.ShapePtr(shape))[0]) for shape in geometry.shapes()]
+    places = np.full(max([*of_objects, int(numbers.max())]) + 1, -1, np.int64)
+    places[of_objects] = np.arange(len(of_objects))
+    return np.asarray(places[numbers])
 
 
 def _registry_ids(shapes: Any) -> Any:

@@ -21,6 +21,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+import spisim
 from reconstruction import read_capture
 from spisim.cli import app
 
@@ -314,6 +315,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[int]]]:
         stderr=subprocess.DEVNULL,
         text=True,
         start_new_session=True,
+        env=os.environ | {"PYTHONPATH": str(Path(spisim.__file__).parents[1])},
     )
     assert process.stdout is not None
     try:
