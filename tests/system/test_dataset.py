@@ -40,6 +40,9 @@ PLAN = {
 }
 
 
+linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+
 def write_plan(folder: Path, **changes: Any) -> Path:
     path = folder / "tiny.yaml"
     path.write_text(yaml.safe_dump(PLAN | changes, sort_keys=False))
@@ -152,6 +155,7 @@ def test_one_worker_and_another_order_make_the_same(
     assert same.items() <= files(folder).items()
 
 
+@linux
 def test_a_main_process_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> None:
     plan, folder = whole
     with started(plan, "-o", tmp_path / "set", "--workers", "2") as process:
@@ -167,6 +171,7 @@ def test_a_main_process_that_is_killed(whole: tuple[Path, Path], tmp_path: Path)
     assert [row[1] for row in rows(tmp_path / "set")] == ["done"] * SAMPLES
 
 
+@linux
 def test_a_worker_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> None:
     plan, folder = whole
     with started(plan, "-o", tmp_path / "set", "--workers", "2") as process:
@@ -179,6 +184,7 @@ def test_a_worker_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> No
     assert sorted(row[3] for row in told) == [1] * (SAMPLES - 1) + [2]  # one twice
 
 
+@linux
 @pytest.mark.slow
 def test_ctrl_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
     plan, folder = whole
