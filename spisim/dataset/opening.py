@@ -126,7 +126,7 @@ def _digests(files: Mapping[str, Any]) -> dict[str, str]:
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     old, new = (yaml.safe_dump(fields).splitlines() for fields in (before, now))
-    return "\n".join(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
+    return "\n".join(difflib.unified_diff(old, new, "before", "now", lineterm=""))
 
 
 def _check_size(planned: PlannedSet, manifest: Manifest, layout: Layout) -> None:

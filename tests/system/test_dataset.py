@@ -21,6 +21,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+import spisim
 from reconstruction import read_capture
 from spisim.cli import app
 
@@ -37,6 +38,9 @@ PLAN = {
     "spp": 8,
     "keep": {"transport": True, "histograms": True},
 }
+
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 
 def write_plan(folder: Path, **changes: Any) -> Path:
@@ -151,6 +155,7 @@ def test_one_worker_and_another_order_make_the_same(
     assert same.items() <= files(folder).items()
 
 
+@linux
 def test_a_main_process_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> None:
     plan, folder = whole
     with started(plan, "-o", tmp_path / "set", "--workers", "2") as process:
@@ -166,6 +171,7 @@ def test_a_main_process_that_is_killed(whole: tuple[Path, Path], tmp_path: Path)
     assert [row[1] for row in rows(tmp_path / "set")] == ["done"] * SAMPLES
 
 
+@linux
 def test_a_worker_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> None:
     plan, folder = whole
     with started(plan, "-o", tmp_path / "set", "--workers", "2") as process:
@@ -178,6 +184,7 @@ def test_a_worker_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> No
     assert sorted(row[3] for row in told) == [1] * (SAMPLES - 1) + [2]  # one twice
 
 
+@linux
 @pytest.mark.slow
 def test_ctrl_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
     plan, folder = whole
@@ -314,6 +321,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[int]]]:
         stderr=subprocess.DEVNULL,
         text=True,
         start_new_session=True,
+        env=os.environ | {"PYTHONPATH": str(Path(spisim.__file__).parents[1])},
     )
     assert process.stdout is not None
     try:

@@ -15,6 +15,8 @@ from spisim.dataset import workers
 from spisim.dataset.manifest import Outcome
 from spisim.dataset.workers import LocalExecutor, default_workers
 
+linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
 
 def outcomes(make: Fake, indices: range, count: int = 2, timeout_s: float = 60) -> list[Outcome]:
     with LocalExecutor(make, count, timeout_s) as executor:
@@ -59,6 +61,7 @@ def test_one_that_hangs_is_ended(tmp_path: Path) -> None:
         assert all(outcome.done for outcome in executor.run([5, 6]))
 
 
+@linux
 def test_one_that_grows_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "GROWTH_MB", 100)
     make = Hoarder(tmp_path)
@@ -86,6 +89,7 @@ def test_one_that_died_while_idle_is_no_loss(tmp_path: Path) -> None:
         assert [outcome.done for outcome in executor.run([2, 3])] == [True, True]
 
 
+@linux
 def test_they_end_with_the_process_that_started_them(tmp_path: Path) -> None:
     code = f"""
         from pathlib import Path
