@@ -18,6 +18,7 @@ from . import (
     scenes,
     schema,
     simulate,
+    study,
     transport,
     weather,
 )
@@ -67,6 +68,7 @@ COMMANDS = (
     reconstruct,
     evaluate,
     fly,
+    study,
     budget,
     paper,
     weather,

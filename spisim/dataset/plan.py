@@ -28,7 +28,7 @@ from spisim.config import (
     read_mapping,
     read_text,
 )
-from spisim.dataset.values import Grid, drawn_value, open_value, openable, set_field
+from spisim.dataset.values import Grid, drawn_value, open_value, openable, possible, set_field
 from spisim.distributions import stream
 from spisim.families import find_family
 from spisim.instrument import Instrument
@@ -39,6 +39,15 @@ from spisim.scene.description import SceneDescription
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Drawn = Annotated[Any, BeforeValidator(open_value)]
 Openable = Annotated[Any, BeforeValidator(openable)]
+
+
+def _instruments(value: Any) -> Any:
+    """A name, or a grid of names."""
+    names = openable(value)
+    for name in names.grid if isinstance(names, Grid) else (names,):
+        if not isinstance(name, str) or not name:
+            raise PydanticCustomError("instrument", "should be a name, or a grid of names")
+    return names
 
 
 class SceneSource(Section):
@@ -83,10 +92,10 @@ class Plan(Section):
     """A data set or study.
 
     `vary` gives fields of the scene file ("scene.fog.visibility_m") and of the instrument's file
-    ("instrument.lasers.power_w") values, distributions, or grids; `materials` does so for materials
-    in place of others. With grids, the samples run through all combinations, again and again with
-    other random values; within one such round, these are the same. With `every_scene`, the scenes
-    are a grid too.
+    ("instrument.lasers.power_w") values, distributions, or grids; under any other name, mappings of
+    such fields, which change together. `materials` does so for materials in place of others. With
+    grids, the samples run through all combinations, again and again with other random values;
+    within one such round, these are the same. With `every_scene`, the scenes are a grid too.
     """
 
     name: Name
@@ -97,7 +106,7 @@ class Plan(Section):
     every_scene: bool = False
     vary: dict[Name, Openable] = Field(default_factory=dict)
     materials: dict[Name, Openable] = Field(default_factory=dict)
-    instrument: Name = "paper"
+    instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
     spp: Count | None = None
     noise: Positive | None = None
     frames: Count = 1
@@ -111,7 +120,7 @@ class Plan(Section):
             raise PydanticCustomError("plan", "scenes should not all have weight 0")
         paths = list(self.vary)
         for number, path in enumerate(paths):
-            _check_path(path, paths[:number])
+            _check_path(path, self.vary[path], paths[:number])
         return self
 
     @property
@@ -122,8 +131,14 @@ class Plan(Section):
     @cached_property
     def axes(self) -> dict[str, tuple[Any, ...]]:
         """Values of every grid, by field."""
-        grids = {path: value.grid for path, value in self.open.items() if isinstance(value, Grid)}
+        values = {"instrument": self.instrument, **self.open}
+        grids = {path: value.grid for path, value in values.items() if isinstance(value, Grid)}
         return ({"scene": tuple(range(len(self.scenes)))} if self.every_scene else {}) | grids
+
+    @property
+    def instruments(self) -> tuple[str, ...]:
+        """Names or files of all instruments."""
+        return self.axes.get("instrument", (self.instrument,))
 
     @property
     def combinations(self) -> int:
@@ -143,12 +158,16 @@ class Plan(Section):
         return {"transport_noise": 0.01 if self.noise is None else self.noise}
 
 
-def _check_path(path: str, before: list[str]) -> None:
+def _check_path(path: str, value: Any, before: list[str]) -> None:
     """Fields are set in the order given: a section after one of its fields would erase it."""
-    file, _, field = path.partition(".")
-    if file not in ("scene", "instrument") or not field:
+    if not is_field(path) and not all(
+        isinstance(fields, Mapping) and all(map(is_field, fields)) for fields in possible(value)
+    ):
         raise PydanticCustomError(
-            "plan", "vary: {path} should begin with scene. or instrument.", {"path": path}
+            "plan",
+            "vary: {path} should begin with scene. or instrument., or each of its values be a "
+            "mapping of such fields",
+            {"path": path},
         )
     for other in before:
         if other.startswith(f"{path}."):
@@ -157,6 +176,12 @@ def _check_path(path: str, before: list[str]) -> None:
                 "vary: {path} should stand before {other}, which it would replace",
                 {"path": path, "other": other},
             )
+
+
+def is_field(path: Any) -> bool:
+    """Whether this names a field of the scene's or the instrument's file."""
+    file, _, field = str(path).partition(".")
+    return file in ("scene", "instrument") and bool(field)
 
 
 @dataclass(frozen=True)
@@ -197,9 +222,9 @@ class PlannedSet:
             for name in sorted({source.scene for source in self.plan.scenes if source.scene}):
                 file = self._scene_file(name)
                 files[f"scene {name}"] = read_mapping(read_text(file), SceneDescription, file)
-            name = self.plan.instrument
-            file = find_named(self._beside(name), PRESETS, "instrument")
-            files[f"instrument {name}"] = read_mapping(read_text(file), Instrument, file)
+            for name in sorted(set(self.plan.instruments)):
+                file = find_named(self._beside(name), PRESETS, "instrument")
+                files[f"instrument {name}"] = read_mapping(read_text(file), Instrument, file)
             return files
 
     @cached_property
@@ -220,14 +245,16 @@ class PlannedSet:
         plan, seed = self.plan, self.plan.seed
         round_, chosen = self._place(index)
         source = plan.scenes[self.source_of(index)]
-        drawn = {
-            path: drawn_value(chosen.get(path, value), seed, path, round_)
-            for path, value in plan.open.items()
-        }
+        drawn: dict[str, Any] = {}
+        for path, open_ in plan.open.items():
+            value = drawn_value(chosen.get(path, open_), seed, path, round_)
+            together = path in plan.vary and not is_field(path)
+            drawn |= value if together else {path: value}
+        instrument = chosen.get("instrument", plan.instrument)
         scene, folder, parameters = self._scene(source, round_)
         files = {
             "scene": scene,
-            "instrument": copy.deepcopy(self.files[f"instrument {plan.instrument}"]),
+            "instrument": copy.deepcopy(self.files[f"instrument {instrument}"]),
         }
         with naming(self.path):
             for path, value in drawn.items():
@@ -237,6 +264,7 @@ class PlannedSet:
                 else:
                     set_field(files[file], field, value)
         name = scene.get("name") or f"{source.family}-{scene['seed']}"
+        told = {"instrument": instrument} if "instrument" in chosen else {}
         return Sample(
             index,
             int(stream(seed, "capture", index).integers(2**62)),
@@ -244,7 +272,7 @@ class PlannedSet:
             _dump(scene),
             folder,
             _dump(files["instrument"]),
-            {"scene": source.family or name, **parameters, **drawn},
+            {"scene": source.family or name, **told, **parameters, **drawn},
         )
 
     def source_of(self, index: int) -> int:

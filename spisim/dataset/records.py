@@ -70,13 +70,14 @@ def _record(row: tuple[Any, ...]) -> Record:
     values = dict(zip((field.name for field in fields(Record)), row, strict=True))
     for name, nothing in _JSON.items():
         values[name] = json.loads(values[name] or nothing)
-    values["parameters"] = dict(_flat(values["parameters"]))
+    values["parameters"] = dict(flat(values["parameters"]))
     return Record(**values)
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Values and the names that they have in a plan, through all sections."""
     for name, value in values.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from flat(value, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", value

@@ -50,6 +50,15 @@ def open_value(value: Any) -> Any:
     return value
 
 
+def possible(value: Any) -> Sequence[Any]:
+    """Every value of a grid or choice; the value itself where it is neither."""
+    if isinstance(value, Grid):
+        return [choice for one in value.grid for choice in possible(one)]
+    if isinstance(value, Mapping) and "choice" in value:
+        return list(value["choice"])
+    return [value]
+
+
 def drawn_value(value: Any, seed: int, *keys: str | int) -> Any:
     """What a sample gets: distributions drawn, also within lists and mappings, the rest as it is.
 

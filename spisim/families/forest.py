@@ -23,9 +23,9 @@ class ForestParameters(Parameters):
     drone_height_m: float = drawn(1.2, 2.2, "above the trail")
     trail_width_m: float = drawn(0.8, 1.8, "of the trail")
     bend_m: float = drawn(-2.0, 2.0, "how far the trail has gone to the left 10 m ahead")
-    bank_m: float = drawn(9.5, 11.5, "to the foot of the wooded bank that ends the view")
+    bank_m: float = drawn(5.5, 7.8, "to the foot of the wooded bank that ends the view")
     relief_m: float = drawn(0.02, 0.2, "height of the ground's waves")
-    trunks: int = drawn(5, 12, "within 11 m")
+    trunks: int = drawn(5, 12, "before the bank")
     trunk_mm: float = drawn(120.0, 450.0, "diameter of an average trunk at its foot")
     crossing_branches: int = drawn(1, 4, "that reach across the way")
     branch_mm: float = drawn_log(6.0, 30.0, "diameter of these where they start; they end at 3 mm")
@@ -65,7 +65,9 @@ def _trees(
     draft: Draft, parameters: ForestParameters, rng: np.random.Generator, ground: Ground
 ) -> None:
     """Trees on both sides; a few kinds, copied."""
-    ahead = np.linspace(2.8, 9.5, parameters.trunks) + rng.uniform(-0.3, 0.3, parameters.trunks)
+    ahead = np.linspace(2.8, parameters.bank_m + 0.5, parameters.trunks) + rng.uniform(
+        -0.3, 0.3, parameters.trunks
+    )
     side = rng.permutation(np.resize([-1, 1], parameters.trunks))
     off = parameters.trail_width_m / 2 + 0.25 + rng.exponential(0.5, parameters.trunks)
     places = list(zip(ahead, _bend(parameters, ahead) + side * off, strict=True))

@@ -33,7 +33,7 @@ class GatesParameters(Parameters):
     net_mm: float = drawn(2.0, 5.0, "diameter of the cords of the net behind")
     net_mesh_m: float = drawn(0.08, 0.2, "distance of its cords")
     bunting_mm: float = drawn_log(3.0, 12.0, "diameter of a cord with pennants over the course")
-    backdrop_m: float = drawn(9.5, 12.0, "to wall or bank")
+    backdrop_m: float = drawn(7.2, 9.2, "to wall or bank")
     cloth: str = one_of("polyester-fabric", "pvc", "cotton-white", text="of the gates")
 
 

@@ -13,8 +13,8 @@ from spisim.scene.rays import enclosing_object, first_hits
 CLEARANCE_M = 0.4
 #: Nearest thing in view.
 NEAREST_M = (0.9, 10.0)
-#: What the four laser beams end on; the instrument's range.
-FARTHEST_SPOT_M = 15.0
+#: What the four laser beams end on: within the range that its phase tells without doubt.
+FARTHEST_SPOT_M = 9.8
 #: Half the field of view looked at, and angle of the spots off both axes: the paper's instrument.
 HALF_FIELD_DEG = 10.0
 SPOT_DEG = 5.0

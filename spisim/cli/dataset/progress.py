@@ -21,6 +21,14 @@ EVERY_S = 30.0
 
 
 @contextmanager
+def shown(wanted: bool | None) -> Iterator[Update]:
+    """A bar on terminals, else a line now and then; always a bar or nothing where that is asked."""
+    kinds = {None: bar if messages.is_terminal else lines, True: bar, False: silence}
+    with kinds[wanted]() as update:
+        yield update
+
+
+@contextmanager
 def bar() -> Iterator[Update]:
     """A bar that moves, with rate, failures and time left."""
     columns = (

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +9,7 @@ import typer
 
 from ..console import messages, print_json, results
 from ..options import Bar, Json, number_option
-from .progress import bar, lines, short_time, silence
+from .progress import short_time, shown
 
 if TYPE_CHECKING:
     from spisim.dataset.plan import PlannedSet
@@ -81,7 +79,7 @@ def command(
     folder = output.absolute()
     executor = _executor(planned, folder, workers or default_workers(), dask, timeout)
     try:
-        with _shown(progress) as update:
+        with shown(progress) as update:
             state = run_dataset(
                 planned,
                 folder,
@@ -157,14 +155,6 @@ def _tell(folder: Path, state: State, json: bool) -> None:
     _say(f"{state.done} of {state.samples} samples are done in {folder}, {state.failed} failed")
     if failures:
         _say(f"Their tracebacks are in {folder / 'errors'}; --retry-failed tries them again")
-
-
-@contextmanager
-def _shown(shown: bool | None) -> Iterator[Callable[[State], None]]:
-    """A bar on terminals, else a line now and then; nothing with --no-progress."""
-    kinds = {None: bar if messages.is_terminal else lines, True: bar, False: silence}
-    with kinds[shown]() as update:
-        yield update
 
 
 def _say(text: str) -> None:

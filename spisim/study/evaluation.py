@@ -1,0 +1,103 @@
+"""Metrics of every capture of a study, found once and kept."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import reconstruction
+from reconstruction import InputError, read_capture
+from reconstruction.files import write_atomically
+from spisim.dataset.folder import PER_FOLDER
+from spisim.dataset.manifest import DIED, Outcome
+from spisim.dataset.reader import DataSet, open_data_set
+from spisim.dataset.records import Record
+from spisim.dataset.workers import Executor
+from spisim.study import metrics
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Metrics of one capture, or why there are none."""
+
+    metrics: Mapping[str, float | None]
+    error: str | None = None
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """Evaluates captures of a data set and keeps what it finds. It can be sent to processes."""
+
+    folder: Path
+    files: Mapping[int, tuple[str, str]]  # capture and its SHA-256, by index
+
+    def __call__(self, index: int) -> Outcome:
+        """Evaluate one capture; one that cannot be reconstructed is kept with the reason."""
+        file, sha256 = self.files[index]
+        told: dict[str, Any] = {"key": key_of(sha256), "metrics": {}, "error": None}
+        try:
+            told["metrics"] = metrics.measure(read_capture(self.folder / file))
+        except InputError as error:
+            told["error"] = str(error)
+        write_atomically(kept_at(self.folder, index), json.dumps(told).encode())
+        return Outcome(index, "done")
+
+
+def evaluate_all(
+    folder: Path,
+    executor: Callable[[Evaluator], Executor],
+    progress: Callable[[float], None] = lambda share: None,
+) -> tuple[DataSet, dict[int, Evaluation]]:
+    """The data set in a folder, and the metrics of its captures by index.
+
+    What was found before is taken, as long as capture and reconstruction are the same. Whatever
+    takes its worker with it is told as an error of that capture, and not kept.
+    """
+    data = open_data_set(folder)
+    found = {record.index: _kept(folder, record) for record in data.records}
+    missing = {
+        record.index: (str(record.file), str(record.sha256))
+        for record in data.records
+        if found[record.index] is None
+    }
+    lost: dict[int, Evaluation] = {}
+    if missing:
+        with executor(Evaluator(folder, missing)) as running:
+            for done, outcome in enumerate(running.run(missing), start=1):
+                if not outcome.done:
+                    lost[outcome.index] = Evaluation({}, f"evaluation: {outcome.error or DIED}")
+                progress(done / len(missing))
+    kept = {record.index: _kept(folder, record) for record in data.records}
+    evaluations = {index: each for index, each in kept.items() if each is not None}
+    return data, evaluations | lost
+
+
+def kept_at(folder: Path, index: int) -> Path:
+    """File with the metrics of a capture."""
+    return folder / "metrics" / f"{index // PER_FOLDER:03}" / f"{index:06}.json"
+
+
+def key_of(sha256: str) -> str:
+    """What the metrics of a capture depend on: its content, and the code that finds them."""
+    return hashlib.sha256(f"{sha256} {_code()}".encode()).hexdigest()
+
+
+@cache
+def _code() -> str:
+    """Digest of the reconstruction and the metrics as they stand in their files."""
+    files = [*sorted(Path(reconstruction.__path__[0]).rglob("*.py")), Path(metrics.__file__)]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+def _kept(folder: Path, record: Record) -> Evaluation | None:
+    with suppress(OSError, ValueError, KeyError):
+        told = json.loads(kept_at(folder, record.index).read_bytes())
+        if told["key"] == key_of(str(record.sha256)):
+            return Evaluation(told["metrics"], told["error"])
+    return None

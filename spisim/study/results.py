@@ -1,0 +1,241 @@
+"""The tables of a study: one row per sample, per combination, and per comparison."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from spisim.dataset.records import Record
+from spisim.study.evaluation import Evaluation
+from spisim.study.metrics import METRICS
+from spisim.study.plan import PlannedStudy, Study, condition_of
+from spisim.study.statistics import Estimate, estimate
+
+Condition = tuple[Any, ...]
+
+ALL_SCENES = "all scenes"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One sample: what was drawn for it, and its metrics, none where it or they failed."""
+
+    index: int
+    round: int
+    scene_name: str
+    parameters: Mapping[str, Any]
+    metrics: Mapping[str, float | None]
+    error: str | None
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A metric over all samples of a combination."""
+
+    condition: Condition
+    metric: str
+    estimate: Estimate
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A metric of a combination less that of the first, or less one of another method.
+
+    Samples of one round and scene are compared with each other: all that is random is equal in
+    them, but for the noise of light transport and detection.
+    """
+
+    condition: Condition
+    metric: str
+    minus_condition: Condition
+    minus_metric: str
+    estimate: Estimate
+
+
+@dataclass(frozen=True)
+class Results:
+    """All tables.
+
+    `conditions` are values of the study's x and groups in the grids' order, `tried` the number of
+    samples of each. Where x is the scene, ALL_SCENES together follow.
+    """
+
+    planned: PlannedStudy
+    rows: Sequence[Row]
+    tried: Mapping[Condition, int]
+    summaries: Mapping[tuple[Condition, str], Summary]
+    differences: Sequence[Difference]
+
+    @property
+    def conditions(self) -> list[Condition]:
+        """What is compared."""
+        return list(self.tried)
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """Names of the metrics that are asked for."""
+        return self.planned.study.metrics
+
+
+def results_of(
+    planned: PlannedStudy, records: Iterable[Record], evaluations: Mapping[int, Evaluation]
+) -> Results:
+    """Put the samples of a study together. `records` are all that were tried, done or failed."""
+    combinations = planned.plan.combinations
+    rows = [_row(record, evaluations, combinations) for record in records]
+    rows.sort(key=lambda row: row.index)
+    by_condition: dict[Condition, list[Row]] = {each: [] for each in planned.conditions}
+    for row in rows:
+        condition = condition_of(row.parameters, planned.study)
+        if condition in by_condition:  # a sample that took its worker with it has no parameters
+            by_condition[condition].append(row)
+    if planned.study.x == "scene":
+        for (_, *group), chosen in list(by_condition.items()):
+            by_condition.setdefault((ALL_SCENES, *group), []).extend(chosen)
+    tried = {condition: len(chosen) for condition, chosen in by_condition.items()}
+    summaries = {
+        (condition, name): Summary(condition, name, _estimate(chosen, name))
+        for condition, chosen in by_condition.items()
+        for name in planned.study.metrics
+    }
+    return Results(planned, rows, tried, summaries, _differences(planned, by_condition))
+
+
+def _row(record: Record, evaluations: Mapping[int, Evaluation], combinations: int) -> Row:
+    evaluation = evaluations.get(record.index, Evaluation({}, record.error))
+    return Row(
+        record.index,
+        record.index // combinations,
+        record.scene or "",
+        record.parameters,
+        evaluation.metrics,
+        evaluation.error,
+    )
+
+
+def _estimate(rows: Iterable[Row], name: str) -> Estimate:
+    known = [(row, value) for row in rows if (value := row.metrics.get(name)) is not None]
+    return _over_units([row for row, _ in known], [value for _, value in known])
+
+
+def _over_units(rows: Sequence[Row], values: Sequence[float]) -> Estimate:
+    """Scenes are independent of each other where there are several, rounds where there is one."""
+    scenes = [row.scene_name for row in rows]
+    several = len(set(scenes)) > 1
+    return estimate(values, scenes if several else [row.round for row in rows])
+
+
+def _differences(
+    planned: PlannedStudy, by_condition: Mapping[Condition, Sequence[Row]]
+) -> list[Difference]:
+    made = []
+    first = planned.conditions[0]
+    for condition, rows in by_condition.items():
+        for name in planned.study.metrics:
+            if condition != (base := _base(condition, first, planned.study)):
+                estimated = _paired(rows, name, by_condition[base], name)
+                made.append(Difference(condition, name, base, name, estimated))
+            for other in _other_methods(name, planned.study.metrics):
+                estimated = _paired(rows, name, rows, other)
+                made.append(Difference(condition, name, condition, other, estimated))
+    return made
+
+
+def _base(condition: Condition, first: Condition, study: Study) -> Condition:
+    """What a combination is compared with: the first; the first of its own scene, where x is it."""
+    return (condition[0], *first[1:]) if study.x == "scene" else first
+
+
+def _other_methods(name: str, metrics: Sequence[str]) -> list[str]:
+    """Metrics of the same quantity by another method that come later."""
+    later = metrics[metrics.index(name) + 1 :]
+    return [other for other in later if METRICS[other].quantity == METRICS[name].quantity]
+
+
+def _paired(rows: Sequence[Row], name: str, others: Sequence[Row], other_name: str) -> Estimate:
+    partners = {(row.round, row.scene_name): row.metrics.get(other_name) for row in others}
+    kept, values = [], []
+    for row in rows:
+        value, other = row.metrics.get(name), partners.get((row.round, row.scene_name))
+        if value is not None and other is not None:
+            kept.append(row)
+            values.append(value - other)
+    return _over_units(kept, values)
+
+
+def results_csv(results: Results) -> str:
+    """One row per sample: index, round, scene, parameters, all metrics, what went wrong."""
+    parameters = dict.fromkeys(name for row in results.rows for name in row.parameters)
+    head = ("index", "round", "scene_name", *parameters, *METRICS, "error")
+    return _csv(
+        head,
+        (
+            (
+                row.index,
+                row.round,
+                row.scene_name,
+                *(row.parameters.get(name) for name in parameters),
+                *(row.metrics.get(name) for name in METRICS),
+                row.error,
+            )
+            for row in results.rows
+        ),
+    )
+
+
+ESTIMATE: Mapping[str, Callable[[Estimate], float | None]] = {
+    "mean": lambda e: e.mean,
+    "low": lambda e: e.low,
+    "high": lambda e: e.high,
+    "median": lambda e: e.median,
+    "n": lambda e: e.n,
+    "units": lambda e: e.units,
+}
+
+
+def summary_csv(results: Results) -> str:
+    """One row per combination and metric."""
+    head = (*results.planned.study.parameters, "metric", *ESTIMATE)
+    return _csv(
+        head,
+        (
+            (*each.condition, each.metric, *(read(each.estimate) for read in ESTIMATE.values()))
+            for each in results.summaries.values()
+        ),
+    )
+
+
+def differences_csv(results: Results) -> str:
+    """One row per comparison; the columns minus_… tell what was taken off."""
+    names = results.planned.study.parameters
+    minus = [f"minus_{name}" for name in names]
+    head = (*names, "metric", *minus, "minus_metric", *ESTIMATE)
+    return _csv(
+        head,
+        (
+            (
+                *each.condition,
+                each.metric,
+                *each.minus_condition,
+                each.minus_metric,
+                *(read(each.estimate) for read in ESTIMATE.values()),
+            )
+            for each in results.differences
+        ),
+    )
+
+
+def _csv(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return buffer.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    return json.dumps(value) if isinstance(value, list | tuple | dict) else value

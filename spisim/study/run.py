@@ -1,0 +1,129 @@
+"""A study from its plan to its report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from reconstruction.errors import InputError
+from reconstruction.files import write_atomically
+from spisim.dataset.folder import Layout
+from spisim.dataset.opening import Say
+from spisim.dataset.preview import check
+from spisim.dataset.runner import State, run_dataset
+from spisim.dataset.sample import Maker
+from spisim.dataset.workers import LocalExecutor
+from spisim.study.evaluation import Evaluator, evaluate_all
+from spisim.study.plan import PlannedStudy
+from spisim.study.plots import study_plots
+from spisim.study.report import write_report
+from spisim.study.results import (
+    Results,
+    differences_csv,
+    results_csv,
+    results_of,
+    summary_csv,
+)
+from spisim.transport.backend import activate
+
+STUDY = "study.yaml"
+
+
+@dataclass(frozen=True)
+class Finished:
+    """What a study found, how its data set went, and the files that tell of it."""
+
+    results: Results
+    state: State
+    written: tuple[Path, ...]
+
+    @property
+    def evaluated(self) -> int:
+        """Number of samples with metrics."""
+        return sum(bool(row.metrics) for row in self.results.rows)
+
+    @property
+    def failed(self) -> int:
+        """Number of samples without: not simulated, or not reconstructed."""
+        return len(self.results.rows) - self.evaluated
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready; the means with their intervals by combination."""
+        study = self.results.planned.study
+        return {
+            "samples": self.state.samples,
+            "made": self.state.made,
+            "evaluated": self.evaluated,
+            "failed": self.failed,
+            "seconds": self.state.seconds,
+            "written": self.written,
+            "means": [
+                dict(zip(study.parameters, each.condition, strict=True))
+                | {"metric": each.metric}
+                | asdict(each.estimate)
+                for each in self.results.summaries.values()
+            ],
+        }
+
+
+def run_study(
+    planned: PlannedStudy,
+    folder: Path,
+    workers: int,
+    *,
+    retry_failed: bool = False,
+    say: Say = print,
+    made: Callable[[State], None] = lambda state: None,
+    evaluated: Callable[[float], None] = lambda share: None,
+) -> Finished:
+    """Make what is missing of a study's captures and metrics; write tables, plots and report.
+
+    The folder is that of the data set. `made` and `evaluated` are told the progress.
+
+    Raises InputError and OutOfSpace as `run_dataset`, and InputError where all samples failed.
+    """
+    if not Layout(folder).plan.exists():  # whatever an earlier run made was sound
+        activate()  # before every process finds out by itself that light cannot be traced
+        check(planned.data_set)
+    maker = Maker(planned.data_set, folder)
+    state = run_dataset(
+        planned.data_set,
+        folder,
+        LocalExecutor(maker, workers),
+        retry_failed=retry_failed,
+        say=say,
+        progress=made,
+    )
+
+    def executor(evaluator: Evaluator) -> LocalExecutor:
+        return LocalExecutor(evaluator, workers)
+
+    data, evaluations = evaluate_all(folder, executor, evaluated)
+    if not any(each.metrics for each in evaluations.values()):
+        reasons = [record.error for record in data.failed]
+        reasons += [evaluation.error for evaluation in evaluations.values()]
+        raise InputError(f"{folder}: all samples failed; the first one because: {reasons[0]}")
+    results = results_of(planned, (*data.records, *data.failed), evaluations)
+    return Finished(results, state, _write(results, folder))
+
+
+def _write(results: Results, folder: Path) -> tuple[Path, ...]:
+    tables = {
+        "results.csv": results_csv(results),
+        "summary.csv": summary_csv(results),
+        "differences.csv": differences_csv(results),
+        STUDY: results.planned.text,
+    }
+    for name, text in tables.items():
+        write_atomically(folder / name, text.encode())
+    plots = study_plots(results)
+    pictures = []
+    for plot in plots:
+        for suffix, content in (("png", plot.png), ("svg", plot.svg)):
+            pictures.append(folder / "plots" / f"{plot.name}.{suffix}")
+            write_atomically(pictures[-1], content)
+    report = folder / "report.html"
+    write_report(report, results, plots)
+    return (report, *(folder / name for name in tables), *pictures)
