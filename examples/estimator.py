@@ -30,6 +30,7 @@ RANGES_WEIGHT = 0.7  # of ranges against readings, whose components have a varia
 FALLBACK_M = 5.0  # where no spot has a range
 
 Floats = NDArray[np.float64]
+Errors = dict[str, float | None]
 
 
 @dataclass(frozen=True)
@@ -104,23 +105,36 @@ def load(samples: DataSet) -> tuple[Readings, Floats]:
     return Readings(arrays["buckets"][:, 0], arrays["spot_range_m"][:, 0]), arrays["true_depth_m"]
 
 
-def compare(samples: DataSet) -> dict[str, dict[str, float | None]]:
-    """Errors on scenes that were not learned from, by method."""
+def compare(samples: DataSet) -> dict[str, dict[str, Errors]]:
+    """Errors on scenes that were not learned from: by group of samples, then by method.
+
+    The groups are all of them, and those of each family.
+    """
     learned, _, unseen = samples.split(0.75, 0, 0.25)
     estimator = Estimator()
     estimator.fit(*load(learned))
     readings, true_m = load(unseen)
     results = [reconstruct(sample.capture) for sample in unseen]
-    nothing = np.full(true_m.shape[1:], np.nan)
     maps = {
         "learned": estimator.predict(readings),
-        "anchored (default)": [nothing if r.depth_m is None else r.depth_m for r in results],
-        "nearest spot": [
-            nothing if r.depth_nearest_m is None else r.depth_nearest_m for r in results
-        ],
+        "anchored (default)": _stacked([result.depth_m for result in results], true_m),
+        "nearest spot": _stacked([result.depth_nearest_m for result in results], true_m),
     }
-    print(f"learned from {len(learned)} samples, tried on {len(unseen)}", file=sys.stderr)
-    return {name: depth_metrics(depth_m, true_m) for name, depth_m in maps.items()}
+    families = np.array([sample.parameters["scene"] for sample in unseen])
+    groups = {f"all, from {len(learned)} others": np.full(len(unseen), True)}
+    groups |= {family: families == family for family in sorted(set(families))}
+    return {
+        f"{group} ({members.sum()})": {
+            name: depth_metrics(depth_m[members], true_m[members]) for name, depth_m in maps.items()
+        }
+        for group, members in groups.items()
+    }
+
+
+def _stacked(maps_m: list[NDArray[np.float32] | None], like: Floats) -> Floats:
+    """One array of depth maps; nan where there is none."""
+    nothing = np.full(like.shape[1:], np.nan)
+    return np.array([nothing if depth_m is None else depth_m for depth_m in maps_m])
 
 
 def main() -> None:
@@ -138,12 +152,13 @@ def main() -> None:
     if options.json:
         print(json.dumps(errors))
         return
-    print(f"{'':20}{'mean error':>12}{'RMS error':>12}{'median':>10}{'within 25 %':>13}")
-    for name, error in errors.items():
-        print(
-            f"{name:20}{error['mae_m']:10.2f} m{error['rmse_m']:10.2f} m"
-            f"{error['median_relative']:10.1%}{error['within_25_percent']:13.0%}"
-        )
+    for group, methods in errors.items():
+        print(f"{group:28}{'mean error':>12}{'RMS error':>12}{'median':>10}{'within 25 %':>13}")
+        for name, error in methods.items():
+            print(
+                f"  {name:26}{error['mae_m']:10.2f} m{error['rmse_m']:10.2f} m"
+                f"{error['median_relative']:10.1%}{error['within_25_percent']:13.0%}"
+            )
 
 
 if __name__ == "__main__":
