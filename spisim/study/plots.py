@@ -207,6 +207,8 @@ def _finish(axes: Axes, results: Results, metrics: Sequence[str], across: str = 
     """Scale of the metric's axis, and its zero."""
     shown = [s.estimate.mean for (_, name), s in results.summaries.items() if name in metrics]
     means = [mean for mean in shown if mean is not None]
+    if len(set(means)) == 1:  # not a scale of rounding errors
+        (axes.set_ylim if across == "y" else axes.set_xlim)(0, 1.1 * means[0] or 1)
     if METRICS[metrics[0]].better == "near zero":
         (axes.axhline if across == "y" else axes.axvline)(0, color="0.3", lw=0.8)
     elif METRICS[metrics[0]].better == "low" and means and 0 < LOG_FROM * min(means) < max(means):

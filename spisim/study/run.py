@@ -124,6 +124,8 @@ def _write(results: Results, folder: Path) -> tuple[Path, ...]:
         for suffix, content in (("png", plot.png), ("svg", plot.svg)):
             pictures.append(folder / "plots" / f"{plot.name}.{suffix}")
             write_atomically(pictures[-1], content)
+    for path in set((folder / "plots").iterdir()) - set(pictures):  # of other metrics, earlier
+        path.unlink()
     report = folder / "report.html"
     write_report(report, results, plots)
     return (report, *(folder / name for name in tables), *pictures)
