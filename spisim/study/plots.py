@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
 from typing import Any
@@ -71,12 +71,18 @@ def study_plots(results: Results) -> list[Plot]:
 def _plot(results: Results, metrics: tuple[str, ...]) -> Plot:
     values = [condition[0] for condition in results.conditions if condition[0] is not None]
     numeric = all(isinstance(x, int | float) and not isinstance(x, bool) for x in values)
+    draw = _over_numbers if numeric else _over_names
+    return saved(metrics[0], metrics, lambda: draw(results, metrics))
+
+
+def saved(name: str, metrics: tuple[str, ...], draw: Callable[[], Figure]) -> Plot:
+    """A figure in the style of all plots, as files; equal figures give equal files."""
     with rc_context(STYLE):
-        figure = (_over_numbers if numeric else _over_names)(results, metrics)
+        figure = draw()
         png, svg = io.BytesIO(), io.BytesIO()
         figure.savefig(png, format="png", dpi=150)
         figure.savefig(svg, format="svg", metadata={"Date": None})
-    return Plot(metrics[0], metrics, png.getvalue(), svg.getvalue())
+    return Plot(name, metrics, png.getvalue(), svg.getvalue())
 
 
 def _curves(results: Results, metrics: Sequence[str], conditions: list[Condition]) -> list[_Curve]:

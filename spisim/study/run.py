@@ -18,6 +18,7 @@ from spisim.dataset.workers import LocalExecutor
 from spisim.study.evaluation import Evaluator, evaluate_all
 from spisim.study.plan import PlannedStudy
 from spisim.study.plots import study_plots
+from spisim.study.profile_plot import profile_plot
 from spisim.study.report import write_report
 from spisim.study.results import (
     Results,
@@ -119,6 +120,8 @@ def _write(results: Results, folder: Path) -> tuple[Path, ...]:
     for name, text in tables.items():
         write_atomically(folder / name, text.encode())
     plots = study_plots(results)
+    if results.planned.study.x == "scene":
+        plots.append(profile_plot(results))
     pictures = []
     for plot in plots:
         for suffix, content in (("png", plot.png), ("svg", plot.svg)):

@@ -17,11 +17,12 @@ from reconstruction import Capture, InputError, evaluate, reconstruct
 from spisim.dataset.manifest import Outcome, failure
 from spisim.dataset.records import Record
 from spisim.study import METRICS, load_study
-from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, kept_at
+from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of, kept_at
 from spisim.study.labels import axis_label, condition_label, value_label
-from spisim.study.metrics import measure
 from spisim.study.plan import PlannedStudy
 from spisim.study.plots import study_plots
+from spisim.study.profile import CENTRES_M, EDGES_M, depth_profile
+from spisim.study.profile_plot import profile_of, profile_plot
 from spisim.study.report import write_report
 from spisim.study.results import (
     ALL_SCENES,
@@ -244,7 +245,7 @@ def test_the_mean_weighs_samples_and_the_same_values_give_the_same_interval() ->
 def test_metrics_are_those_of_the_evaluation(capture: Capture) -> None:
     assert capture.truth is not None
     told = evaluate(reconstruct(capture), capture.truth)
-    found = measure(capture)
+    found = evaluation_of(capture).metrics
     assert set(found) == set(METRICS)
     assert found["image_correlation"] == told["image"]["correlation"]
     assert found["image_zero_filled_psnr_db"] == told["image"]["zero_filled"]["psnr_db"]
@@ -262,12 +263,12 @@ def test_range_metrics_are_over_the_spots_that_have_a_range(capture: Capture) ->
     lost = capture.spots.saturated.copy()
     lost[0, 3] = True
     spots = replace(capture.spots, saturated=lost)
-    found = measure(replace(capture, truth=shifted, spots=spots))
+    found = evaluation_of(replace(capture, truth=shifted, spots=spots)).metrics
     assert found["valid_spots"] == 3
     assert found["range_bias_m"] == pytest.approx(0.0, abs=1e-6)
     assert found["range_error_m"] == pytest.approx(0.2, abs=1e-6)
     all_lost = replace(capture.spots, saturated=np.ones_like(lost))
-    nothing = measure(replace(capture, spots=all_lost))
+    nothing = evaluation_of(replace(capture, spots=all_lost)).metrics
     assert nothing["valid_spots"] == 0
     assert nothing["range_bias_m"] is nothing["depth_mae_m"] is None
 
@@ -276,12 +277,29 @@ def test_saturated_is_the_share_of_readings(capture: Capture) -> None:
     saturated = capture.buckets.saturated.copy()
     saturated[0, 64:96] = True
     buckets = replace(capture.buckets, saturated=saturated)
-    assert measure(replace(capture, buckets=buckets))["saturated"] == 32 / capture.plan.exposures
+    assert (
+        evaluation_of(replace(capture, buckets=buckets)).metrics["saturated"]
+        == 32 / capture.plan.exposures
+    )
 
 
 def test_a_capture_without_truth_is_refused(capture: Capture) -> None:
     with pytest.raises(InputError, match="no truth to compare with"):
-        measure(replace(capture, truth=None))
+        evaluation_of(replace(capture, truth=None))
+
+
+def test_depth_profiles_are_means_of_the_pixels_in_a_bin(capture: Capture) -> None:
+    assert capture.truth is not None
+    depth = capture.truth.depth_m.copy()
+    depth[0] = np.nan
+    depth[1, :2] = 1.0  # four pixels of two frames are too few
+    truth = replace(capture.truth, depth_m=depth)
+    result = replace(reconstruct(capture), depth_m=np.full_like(depth, 3.0), depth_nearest_m=None)
+    profile = depth_profile([result, replace(result, depth_m=np.full_like(depth, 6.0))], truth)
+    bins = np.histogram(depth[np.isfinite(depth)], EDGES_M)[0]
+    assert sorted(bins[bins > 0])[0] == 2
+    assert profile["anchored"] == [4.5 if pixels > 2 else None for pixels in bins]
+    assert profile["nearest"] == [None] * CENTRES_M.size
 
 
 # What was evaluated is kept
@@ -323,7 +341,7 @@ def test_captures_are_evaluated_once_and_again_when_they_change(
 
     data, first = evaluate_all(folder, Counting)
     assert [record.index for record in data.records] == [0, 1, 2]
-    assert first[1].metrics == measure(data[1].capture)
+    assert first[1].metrics == evaluation_of(data[1].capture).metrics
     _, second = evaluate_all(folder, Counting)
     assert second == first
     assert asked == [[0, 1, 2]]
@@ -350,7 +368,7 @@ def test_a_capture_that_takes_its_worker_with_it_is_told_and_tried_again(
 ) -> None:
     folder = make_set(tmp_path / "walls", capture, done=1, failed=0)
     _, found = evaluate_all(folder, Deadly)
-    assert found[0] == Evaluation({}, "evaluation: worker killed by SIGKILL")
+    assert found[0] == Evaluation({}, error="evaluation: worker killed by SIGKILL")
     _, found = evaluate_all(folder, InProcess)
     assert found[0].error is None
 
@@ -517,6 +535,25 @@ def test_methods_share_a_plot_and_plots_are_the_same_each_time(tmp_path: Path) -
         assert plot.png.startswith(b"\x89PNG")
         assert plot.svg == again.svg
         assert plot.png == again.png
+
+
+def test_a_depth_profile_is_over_the_scenes_that_have_such_a_depth(tmp_path: Path) -> None:
+    results = made(tmp_path)
+    rows = [row for row in results.groups()[()] if row.parameters["scene.fog.visibility_m"] == 20]
+    values = [1.0 + row.round for row in rows]
+    known: list[Any] = [None] * CENTRES_M.size
+    profiled = []
+    for row, value in zip(rows, values, strict=True):
+        anchored = list(known)
+        anchored[4] = value
+        anchored[5] = value if row.round < 2 else None
+        profiled.append(replace(row, profile={"anchored": anchored, "nearest": known}))
+    profile = profile_of(profiled, "anchored")
+    assert list(profile) == [CENTRES_M[4]]  # two rounds are not enough for the next
+    assert (profile[CENTRES_M[4]].mean, profile[CENTRES_M[4]].n) == (5.5, 10)
+    assert profile_of(profiled, "nearest") == {}
+    plot = profile_plot(replace(results, rows=profiled))
+    assert plot.svg == profile_plot(replace(results, rows=profiled)).svg
 
 
 def test_the_page_needs_no_other_file_and_escapes_what_it_shows(tmp_path: Path) -> None:
