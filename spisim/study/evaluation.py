@@ -6,27 +6,28 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import reconstruction
-from reconstruction import InputError, read_capture
+from reconstruction import Capture, InputError, read_capture, reconstruct
 from reconstruction.files import write_atomically
 from spisim.dataset.folder import PER_FOLDER
 from spisim.dataset.manifest import DIED, Outcome
 from spisim.dataset.reader import DataSet, open_data_set
 from spisim.dataset.records import Record
 from spisim.dataset.workers import Executor
-from spisim.study import metrics
+from spisim.study import metrics, profile
+from spisim.study.profile import Profile, depth_profile
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Metrics of one capture, or why there are none."""
+    """Metrics and depth profile of one capture, or why there are none."""
 
     metrics: Mapping[str, float | None]
+    profile: Profile = field(default_factory=dict)
     error: str | None = None
 
 
@@ -40,13 +41,24 @@ class Evaluator:
     def __call__(self, index: int) -> Outcome:
         """Evaluate one capture; one that cannot be reconstructed is kept with the reason."""
         file, sha256 = self.files[index]
-        told: dict[str, Any] = {"key": key_of(sha256), "metrics": {}, "error": None}
         try:
-            told["metrics"] = metrics.measure(read_capture(self.folder / file))
+            found = evaluation_of(read_capture(self.folder / file))
         except InputError as error:
-            told["error"] = str(error)
+            found = Evaluation({}, error=str(error))
+        told = {"key": key_of(sha256), **asdict(found)}
         write_atomically(kept_at(self.folder, index), json.dumps(told).encode())
         return Outcome(index, "done")
+
+
+def evaluation_of(capture: Capture) -> Evaluation:
+    """Reconstruct all frames and compare them with the truth.
+
+    Raises InputError where there is no truth, or nothing to reconstruct.
+    """
+    if capture.truth is None:
+        raise InputError("the capture holds no truth to compare with")
+    results = [reconstruct(capture, frame) for frame in range(capture.frames)]
+    return Evaluation(metrics.measure(capture, results), depth_profile(results, capture.truth))
 
 
 def evaluate_all(
@@ -71,7 +83,9 @@ def evaluate_all(
         with executor(Evaluator(folder, missing)) as running:
             for done, outcome in enumerate(running.run(missing), start=1):
                 if not outcome.done:
-                    lost[outcome.index] = Evaluation({}, f"evaluation: {outcome.error or DIED}")
+                    lost[outcome.index] = Evaluation(
+                        {}, error=f"evaluation: {outcome.error or DIED}"
+                    )
                 progress(done / len(missing))
     kept = {record.index: _kept(folder, record) for record in data.records}
     evaluations = {index: each for index, each in kept.items() if each is not None}
@@ -91,7 +105,8 @@ def key_of(sha256: str) -> str:
 @cache
 def _code() -> str:
     """Digest of the reconstruction and the metrics as they stand in their files."""
-    files = [*sorted(Path(reconstruction.__path__[0]).rglob("*.py")), Path(metrics.__file__)]
+    files = sorted(Path(reconstruction.__path__[0]).rglob("*.py"))
+    files += [Path(str(module.__file__)) for module in (metrics, profile)]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
@@ -99,5 +114,5 @@ def _kept(folder: Path, record: Record) -> Evaluation | None:
     with suppress(OSError, ValueError, KeyError):
         told = json.loads(kept_at(folder, record.index).read_bytes())
         if told["key"] == key_of(str(record.sha256)):
-            return Evaluation(told["metrics"], told["error"])
+            return Evaluation(told["metrics"], told["profile"], told["error"])
     return None

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from reconstruction import Capture, InputError, evaluate, reconstruct
+from reconstruction import Capture, Result, evaluate
 
 #: What `reconstruction.evaluate` returns, and `saturated`.
 Evaluated = Mapping[str, Any]
@@ -175,18 +175,16 @@ METRICS: Mapping[str, Metric] = {
 }
 
 
-def measure(capture: Capture) -> dict[str, float | None]:
-    """All metrics of a capture, mean over its frames; None where no frame has one.
+def measure(capture: Capture, results: Sequence[Result]) -> dict[str, float | None]:
+    """All metrics of a capture with truth, mean over the results of its frames.
 
-    Raises InputError where the capture has no truth, or cannot be reconstructed.
+    None where no frame has one.
     """
-    if capture.truth is None:
-        raise InputError("the capture holds no truth to compare with")
+    assert capture.truth is not None
     frames = []
-    for frame in range(capture.frames):
-        evaluated = evaluate(reconstruct(capture, frame), capture.truth)
-        unusable = 1 - float(capture.buckets.usable[frame].mean())
-        frames.append({**evaluated, "saturated": unusable})
+    for result in results:
+        unusable = 1 - float(capture.buckets.usable[result.frame].mean())
+        frames.append({**evaluate(result, capture.truth), "saturated": unusable})
     return {name: _mean([metric.read(each) for each in frames]) for name, metric in METRICS.items()}
 
 

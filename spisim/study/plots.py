@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
 from typing import Any
@@ -71,12 +71,18 @@ def study_plots(results: Results) -> list[Plot]:
 def _plot(results: Results, metrics: tuple[str, ...]) -> Plot:
     values = [condition[0] for condition in results.conditions if condition[0] is not None]
     numeric = all(isinstance(x, int | float) and not isinstance(x, bool) for x in values)
+    draw = _over_numbers if numeric else _over_names
+    return saved(metrics[0], metrics, lambda: draw(results, metrics))
+
+
+def saved(name: str, metrics: tuple[str, ...], draw: Callable[[], Figure]) -> Plot:
+    """A figure in the style of all plots, as files; equal figures give equal files."""
     with rc_context(STYLE):
-        figure = (_over_numbers if numeric else _over_names)(results, metrics)
+        figure = draw()
         png, svg = io.BytesIO(), io.BytesIO()
         figure.savefig(png, format="png", dpi=150)
         figure.savefig(svg, format="svg", metadata={"Date": None})
-    return Plot(metrics[0], metrics, png.getvalue(), svg.getvalue())
+    return Plot(name, metrics, png.getvalue(), svg.getvalue())
 
 
 def _curves(results: Results, metrics: Sequence[str], conditions: list[Condition]) -> list[_Curve]:
@@ -207,6 +213,8 @@ def _finish(axes: Axes, results: Results, metrics: Sequence[str], across: str = 
     """Scale of the metric's axis, and its zero."""
     shown = [s.estimate.mean for (_, name), s in results.summaries.items() if name in metrics]
     means = [mean for mean in shown if mean is not None]
+    if len(set(means)) == 1:  # not a scale of rounding errors
+        (axes.set_ylim if across == "y" else axes.set_xlim)(0, 1.1 * means[0] or 1)
     if METRICS[metrics[0]].better == "near zero":
         (axes.axhline if across == "y" else axes.axvline)(0, color="0.3", lw=0.8)
     elif METRICS[metrics[0]].better == "low" and means and 0 < LOG_FROM * min(means) < max(means):

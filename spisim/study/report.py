@@ -30,6 +30,13 @@ HOW_TO_READ = (
     "made for the number of comparisons: of twenty without any effect, one is bold."
 )
 
+PROFILE = (
+    "Mean estimate over the pixels whose true depth lies in a bin, mean over captures, with the "
+    "95 % confidence interval over scenes. On the line, depth is right on average; flatter than "
+    "the line, depth maps are flatter than the world. Each bin holds scenes of its own: not all "
+    "have something at every depth."
+)
+
 
 def write_report(path: Path, results: Results, plots: Sequence[Plot]) -> None:
     """Write the page: plots, tables, what failed, the plan, and how to read it."""
@@ -86,13 +93,20 @@ def _warnings(results: Results) -> str:
 
 
 def _plot(plot: Plot) -> str:
-    metric = METRICS[plot.metrics[0]]
+    title, text = _told(plot)
     picture = base64.b64encode(plot.svg).decode()
-    good = {"high": "Higher is better.", "low": "Lower is better.", "near zero": "Zero is best."}
-    title = metric.quantity[0].upper() + metric.quantity[1:]
-    text = f"{metric.meaning[0].upper()}{metric.meaning[1:]}. {good[metric.better]}"
     image = f'<img class="plot" alt="{escape(title)}" src="data:image/svg+xml;base64,{picture}">'
     return section(title, text, image)
+
+
+def _told(plot: Plot) -> tuple[str, str]:
+    """Title and explanation of a plot."""
+    if not plot.metrics:
+        return "Estimated against true depth", PROFILE
+    metric = METRICS[plot.metrics[0]]
+    good = {"high": "Higher is better.", "low": "Lower is better.", "near zero": "Zero is best."}
+    meaning = f"{metric.meaning[0].upper()}{metric.meaning[1:]}. {good[metric.better]}"
+    return metric.quantity[0].upper() + metric.quantity[1:], meaning
 
 
 def _means(results: Results) -> str:

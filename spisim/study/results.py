@@ -13,6 +13,7 @@ from spisim.dataset.records import Record
 from spisim.study.evaluation import Evaluation
 from spisim.study.metrics import METRICS
 from spisim.study.plan import PlannedStudy, Study, condition_of
+from spisim.study.profile import Profile
 from spisim.study.statistics import Estimate, estimate
 
 Condition = tuple[Any, ...]
@@ -29,6 +30,7 @@ class Row:
     scene_name: str
     parameters: Mapping[str, Any]
     metrics: Mapping[str, float | None]
+    profile: Profile
     error: str | None
 
 
@@ -75,6 +77,14 @@ class Results:
         """What is compared."""
         return list(self.tried)
 
+    def groups(self) -> dict[Condition, list[Row]]:
+        """All rows with metrics by the values of the study's groups."""
+        found: dict[Condition, list[Row]] = {condition[1:]: [] for condition in self.conditions}
+        for row in self.rows:
+            if row.metrics:
+                found[condition_of(row.parameters, self.planned.study)[1:]].append(row)
+        return found
+
     @property
     def metrics(self) -> tuple[str, ...]:
         """Names of the metrics that are asked for."""
@@ -106,23 +116,24 @@ def results_of(
 
 
 def _row(record: Record, evaluations: Mapping[int, Evaluation], combinations: int) -> Row:
-    evaluation = evaluations.get(record.index, Evaluation({}, record.error))
+    evaluation = evaluations.get(record.index, Evaluation({}, error=record.error))
     return Row(
         record.index,
         record.index // combinations,
         record.scene or "",
         record.parameters,
         evaluation.metrics,
+        evaluation.profile,
         evaluation.error,
     )
 
 
 def _estimate(rows: Iterable[Row], name: str) -> Estimate:
     known = [(row, value) for row in rows if (value := row.metrics.get(name)) is not None]
-    return _over_units([row for row, _ in known], [value for _, value in known])
+    return over_units([row for row, _ in known], [value for _, value in known])
 
 
-def _over_units(rows: Sequence[Row], values: Sequence[float]) -> Estimate:
+def over_units(rows: Sequence[Row], values: Sequence[float]) -> Estimate:
     """Scenes are independent of each other where there are several, rounds where there is one."""
     scenes = [row.scene_name for row in rows]
     several = len(set(scenes)) > 1
@@ -164,7 +175,7 @@ def _paired(rows: Sequence[Row], name: str, others: Sequence[Row], other_name: s
         if value is not None and other is not None:
             kept.append(row)
             values.append(value - other)
-    return _over_units(kept, values)
+    return over_units(kept, values)
 
 
 def results_csv(results: Results) -> str:

@@ -18,6 +18,7 @@ from spisim.dataset.workers import LocalExecutor
 from spisim.study.evaluation import Evaluator, evaluate_all
 from spisim.study.plan import PlannedStudy
 from spisim.study.plots import study_plots
+from spisim.study.profile_plot import profile_plot
 from spisim.study.report import write_report
 from spisim.study.results import (
     Results,
@@ -119,11 +120,15 @@ def _write(results: Results, folder: Path) -> tuple[Path, ...]:
     for name, text in tables.items():
         write_atomically(folder / name, text.encode())
     plots = study_plots(results)
+    if results.planned.study.x == "scene":
+        plots.append(profile_plot(results))
     pictures = []
     for plot in plots:
         for suffix, content in (("png", plot.png), ("svg", plot.svg)):
             pictures.append(folder / "plots" / f"{plot.name}.{suffix}")
             write_atomically(pictures[-1], content)
+    for path in set((folder / "plots").iterdir()) - set(pictures):  # of other metrics, earlier
+        path.unlink()
     report = folder / "report.html"
     write_report(report, results, plots)
     return (report, *(folder / name for name in tables), *pictures)

@@ -1,0 +1,48 @@
+"""Depth maps against the truth: what is estimated where the true depth is so much."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.stats import binned_statistic
+
+from reconstruction import Result
+from reconstruction.capture import Truth
+
+#: Bins of true depth, each 19 % wider than the one before.
+EDGES_M = np.geomspace(0.5, 32.0, 25)
+CENTRES_M = np.sqrt(EDGES_M[:-1] * EDGES_M[1:])
+#: Fewer pixels in a bin tell nothing.
+LEAST_PIXELS = 5
+
+#: Mean estimated depth in each bin, None where there are too few pixels, by kind of depth map.
+Profile = Mapping[str, Sequence[float | None]]
+
+#: The depth maps that are compared, and what they are called.
+MAPS = {"anchored": "anchored on the spots", "nearest": "nearest spot"}
+
+
+def depth_profile(results: Sequence[Result], truth: Truth) -> Profile:
+    """Mean estimated depth by true depth, over the pixels of all frames."""
+    maps = {
+        "anchored": [result.depth_m for result in results],
+        "nearest": [result.depth_nearest_m for result in results],
+    }
+    profiles = {}
+    for name, depths in maps.items():
+        known = [depth for depth in depths if depth is not None]
+        true_m = np.tile(truth.depth_m.ravel(), len(known))
+        estimated_m = np.array(known, np.float64).ravel()
+        profiles[name] = _means(true_m, estimated_m)
+    return profiles
+
+
+def _means(true_m: np.ndarray, estimated_m: np.ndarray) -> list[float | None]:
+    both = np.isfinite(true_m) & np.isfinite(estimated_m)
+    if not both.any():
+        return [None] * CENTRES_M.size
+    x, y = true_m[both].astype(float), estimated_m[both].astype(float)
+    count = binned_statistic(x, y, "count", EDGES_M).statistic
+    total = binned_statistic(x, y, "sum", EDGES_M).statistic
+    return [float(s / n) if n >= LEAST_PIXELS else None for s, n in zip(total, count, strict=True)]
