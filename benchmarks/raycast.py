@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 
 #: Every so many-th row and column of pixels: an R-tree takes milliseconds for a ray.
 STRIDE = 1 if trimesh.ray.has_embree else 8
-#: Depth steps by so much within a pixel and its neighbours make an edge.
-EDGE_M = 0.02
+#: Within a pixel and its neighbours, a step by so much of the range or another object is an edge.
+EDGE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,8 @@ def compare(scene: Scene, instrument: Instrument) -> Comparison:
     )
     known = np.where(np.isfinite(truth.range_m), truth.range_m, np.inf).astype(np.float64)
     beyond = np.minimum(known, 1e3)
-    steps = maximum_filter(beyond, 3) - minimum_filter(beyond, 3) > EDGE_M * beyond
+    steps = maximum_filter(beyond, 3) - minimum_filter(beyond, 3) > EDGE * beyond
+    steps |= maximum_filter(truth.object_id, 3) != minimum_filter(truth.object_id, 3)
     return Comparison(
         known[step, step],
         ranges[:-4].reshape(len(y), len(x)),
