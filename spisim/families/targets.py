@@ -74,7 +74,8 @@ def _siemens_star(
     radius = 0.4 * SIZE_PER_M * parameters.distance_m
     edges = np.linspace(0, 2 * np.pi, 2 * parameters.spokes, endpoint=False)
     wedge = np.pi / parameters.spokes
-    spokes = union([_spoke(radius, edge, wedge) for edge in edges[::2]])
+    turn = 0.3 * wedge  # no edge along rows, columns or diagonals of pixels
+    spokes = union([_spoke(radius, turn + edge, wedge) for edge in edges[::2]])
     draft.mesh("star", parameters.dark, spokes, (at[0] - RELIEF_M, *at[1:]))
 
 
