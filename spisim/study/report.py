@@ -62,7 +62,7 @@ def _cards(results: Results) -> str:
     rounds = {row.round for row in good}
     cards = (
         card(f"{len(good):,}", "samples", f"{len(rows) - len(good)} failed"),
-        card(str(len(results.conditions)), "combinations", "of the values compared"),
+        card(str(results.planned.plan.combinations), "combinations", "of the values compared"),
         card(str(len(scenes)), "scenes", "different ones"),
         card(str(len(rounds)), "rounds", "of other seeds"),
     )
