@@ -132,7 +132,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a capture comes from: ``created`` is an ISO time.
+    """Where a capture comes from: ``created`` is an ISO time, or empty.
 
     ``instrument``, ``scene`` and the ``settings`` of the simulator are YAML text.
     """

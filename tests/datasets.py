@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from reconstruction import Capture, write_capture
+from spisim.dataset.manifest import SCHEMA
 
 PLAN = "0123abcd"
 META = {
@@ -21,12 +22,6 @@ META = {
     "software": "spisim test",
     "samples": "45",
 }
-SCHEMA = """
-CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE samples ("index" INTEGER PRIMARY KEY, status TEXT, scene TEXT, parameters TEXT,
-    file TEXT, bytes INTEGER, sha256 TEXT, sidecars TEXT, seconds REAL, stage_seconds TEXT,
-    peak_memory_mb REAL, attempts INTEGER, error TEXT, finished TEXT, warnings TEXT);
-"""
 SCENES = 20
 
 

@@ -156,7 +156,7 @@ def _told(shown: _Shown) -> str:
     told = [escape(shown.weather)]
     if shown.truth is not None:
         metrics = evaluate(shown.result, shown.truth)
-        told.insert(0, f"image correlation {number(metrics['image']['correlation'], 2)}")
+        told.insert(0, f"correlation {number(metrics['image']['correlation'], 2)}")
         if metrics["depth"] and "anchored" in metrics["depth"]:
             error = metrics["depth"]["anchored"]["mae_m"]
             told.insert(0, f"<b>{length(error)}</b> mean depth error")

@@ -79,5 +79,10 @@ class DaskExecutor:
                 f"--dask {self._address}: the scheduler is gone; run the same command again to "
                 "go on where it was"
             ) from None
+        except Exception as error:  # of Dask: a sample's own is an outcome
+            raise InputError(
+                f"--dask {self._address}: its workers cannot make samples; they need the same "
+                f"spisim as this machine ({type(error).__name__}: {error})"
+            ) from error
         assert isinstance(outcome, Outcome)
         return outcome

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import yaml
+
+from reconstruction import Capture
 
 #: Samples that share a folder.
 PER_FOLDER = 1000
@@ -66,3 +71,11 @@ def fingerprint(path: Path) -> dict[str, Any]:
     """Size and SHA-256 of a file, `bytes` and `sha256`."""
     content = path.read_bytes()
     return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+
+
+def belongs_to(capture: Capture) -> tuple[str, int] | None:
+    """Digest of the plan that a capture was made for, and its index there; None for others."""
+    with suppress(yaml.YAMLError, TypeError, KeyError, ValueError):
+        told = yaml.safe_load(capture.provenance.settings)["data_set"]
+        return str(told["plan"]), int(told["index"])
+    return None

@@ -17,11 +17,10 @@ import yaml
 from reconstruction import read_capture
 from reconstruction.errors import InputError
 from reconstruction.files import require_folder, write_atomically
-from spisim.dataset.folder import Layout, fingerprint
+from spisim.dataset.folder import Layout, belongs_to, fingerprint
 from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, Outcome
 from spisim.dataset.plan import PlannedSet
-from spisim.dataset.sample import belongs_to
 
 Say = Callable[[str], None]
 
@@ -127,7 +126,7 @@ def _digests(files: Mapping[str, Any]) -> dict[str, str]:
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     old, new = (yaml.safe_dump(fields).splitlines() for fields in (before, now))
-    return "\n".join(difflib.unified_diff(old, new, "before", "now", lineterm="", n=1))
+    return "\n".join(difflib.unified_diff(old, new, "before", "now", lineterm=""))
 
 
 def _check_size(planned: PlannedSet, manifest: Manifest, layout: Layout) -> None:

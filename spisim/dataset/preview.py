@@ -15,7 +15,7 @@ from reconstruction.errors import InputError, naming
 from spisim.dataset.plan import PlannedSet, Sample
 from spisim.dataset.sample import Maker, load
 
-#: Samples at random that are checked beside the first of every scene and value of a grid.
+#: Samples at random that a preview loads beside those that `check` does.
 AT_RANDOM = 3
 #: How far to look for the first sample of a scene.
 FARTHEST = 1000
@@ -56,12 +56,13 @@ class Preview:
         }
 
 
-def check(planned: PlannedSet) -> None:
-    """Load some samples: the first of every scene and grid value, and a few at random.
+def check(planned: PlannedSet, at_random: int = 0) -> None:
+    """Load the first sample of every scene and grid value, and some at random.
 
     Raises InputError, naming plan and sample, where one cannot be loaded.
     """
-    for index in _telling(planned):
+    others = np.random.default_rng(planned.plan.seed).integers(planned.plan.size, size=at_random)
+    for index in sorted({*_telling(planned), *map(int, others)}):
         with naming(f"{planned.path}: sample {index}"), catch_warnings():
             simplefilter("ignore")
             load(planned.sample(index))
@@ -72,7 +73,7 @@ def preview(planned: PlannedSet, workers: int, rows: int = 10) -> Preview:
 
     Raises InputError as `check` does, and where one of these samples fails.
     """
-    check(planned)
+    check(planned, AT_RANDOM)
     size = planned.plan.size
     with tempfile.TemporaryDirectory() as folder:
         make = Maker(planned, Path(folder))
@@ -92,8 +93,8 @@ def preview(planned: PlannedSet, workers: int, rows: int = 10) -> Preview:
     )
 
 
-def _telling(planned: PlannedSet) -> list[int]:
-    """Indices at which something comes for the first time, and a few others."""
+def _telling(planned: PlannedSet) -> set[int]:
+    """Indices at which a scene or a value of a grid comes for the first time."""
     plan = planned.plan
     chosen: dict[Any, int] = {}
     for index in range(min(plan.size, FARTHEST)):
@@ -105,8 +106,7 @@ def _telling(planned: PlannedSet) -> list[int]:
         step //= len(values)
         for at in range(len(values)):
             chosen.setdefault((name, at), at * step)
-    others = np.random.default_rng(plan.seed).integers(plan.size, size=AT_RANDOM)
-    return sorted({index for index in (*chosen.values(), *map(int, others)) if index < plan.size})
+    return {index for index in chosen.values() if index < plan.size}
 
 
 def _row(sample: Sample) -> Mapping[str, Any]:

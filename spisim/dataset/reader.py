@@ -263,8 +263,8 @@ def open_data_set(folder: str | Path) -> DataSet:
     return DataSet(
         folder,
         meta,
-        tuple(record for record in records if record.status == "done"),
-        tuple(record for record in records if record.status == "failed"),
+        tuple(record for record in records if record.done),
+        tuple(record for record in records if not record.done),
     )
 
 

@@ -8,39 +8,25 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from reconstruction.errors import InputError, naming
+from spisim.dataset.folder import Layout
+from spisim.dataset.manifest import SCHEMA_VERSION, Outcome
 
-MANIFEST = "manifest.sqlite"
-SCHEMA_VERSION = "1"
 #: Columns that hold JSON.
-_JSON = {"parameters", "sidecars", "stage_seconds"}
+_JSON = {"parameters": "{}", "sidecars": "{}", "stage_seconds": "{}", "warnings": "[]"}
 
 
 @dataclass(frozen=True)
-class Record:
-    """One row of the manifest: a sample that was made, or was tried to be.
+class Record(Outcome):
+    """One row of the manifest: how it went with a sample, after how many attempts, and when.
 
     `parameters` are flat: a drawn section's fields have the names that they have in a plan.
-    `sidecars` tells size and SHA-256 (`bytes`, `sha256`) of each file beside the capture, by its
-    path; paths are relative to the folder of the data set.
     """
 
-    index: int
-    status: Literal["done", "failed"]
-    scene: str | None
-    parameters: Mapping[str, Any]
-    file: str | None
-    bytes: int | None
-    sha256: str | None
-    sidecars: Mapping[str, Mapping[str, Any]]
-    seconds: float | None
-    stage_seconds: Mapping[str, float]
-    peak_memory_mb: float | None
-    attempts: int
-    error: str | None
-    finished: str | None
+    attempts: int = 0
+    finished: str | None = None
 
 
 def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
@@ -48,10 +34,10 @@ def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
 
     Raises InputError where there is none, where it is damaged or of another version.
     """
-    path = folder / MANIFEST
+    path = Layout(folder).manifest
     if not path.is_file():
         raise InputError(
-            f"{folder}: no data set there ({MANIFEST} is missing); "
+            f"{folder}: no data set there ({path.name} is missing); "
             "spisim dataset PLAN -o DIR makes one"
         )
     # With their table, as SQLite takes an unknown quoted name alone for a string.
@@ -76,14 +62,14 @@ def _opened(path: Path) -> sqlite3.Connection:
 
 
 def _check_version(found: str | None) -> None:
-    if found != SCHEMA_VERSION:
+    if found != str(SCHEMA_VERSION):
         raise InputError(f"schema_version is {found}; this software reads {SCHEMA_VERSION}")
 
 
 def _record(row: tuple[Any, ...]) -> Record:
     values = dict(zip((field.name for field in fields(Record)), row, strict=True))
-    for name in _JSON:
-        values[name] = json.loads(values[name] or "{}")
+    for name, nothing in _JSON.items():
+        values[name] = json.loads(values[name] or nothing)
     values["parameters"] = dict(flat(values["parameters"]))
     return Record(**values)
 

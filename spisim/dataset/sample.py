@@ -128,14 +128,6 @@ def is_out_of_space(error: BaseException) -> bool:
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
-def belongs_to(capture: Capture) -> tuple[str, int] | None:
-    """Digest of the plan that a capture was made for, and its index there; None for others."""
-    with suppress(yaml.YAMLError, TypeError, KeyError, ValueError):
-        told = yaml.safe_load(capture.provenance.settings)["data_set"]
-        return str(told["plan"]), int(told["index"])
-    return None
-
-
 def _of_a_set(capture: Capture, planned: PlannedSet, index: int) -> Capture:
     """The capture that says where it belongs; when it was made would tell equal ones apart."""
     settings = yaml.safe_load(capture.provenance.settings)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
+from spisim.dataset.folder import Layout
 from spisim.dataset.records import Record, read_manifest
 
 #: The rate is that of the last samples, over this time.
@@ -42,8 +43,8 @@ class Status:
 def status_of(folder: Path) -> Status:
     """Status of a data set. Raises InputError as `read_manifest`."""
     meta, records = read_manifest(folder)
-    done = [record for record in records if record.status == "done"]
-    failed = [record for record in records if record.status == "failed"]
+    done = [record for record in records if record.done]
+    failed = [record for record in records if not record.done]
     return Status(
         name=meta.get("name", ""),
         planned=max(int(meta.get("samples", 0)), len(records)),
@@ -52,7 +53,7 @@ def status_of(folder: Path) -> Status:
         failures=_by_reason(failed),
         samples_per_minute=_rate([r.finished for r in records if r.finished]),
         disk_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
-        runner=_runner(folder / ".lock"),
+        runner=runner_of(folder),
     )
 
 
@@ -73,14 +74,14 @@ def _rate(finished: Sequence[str]) -> float | None:
     return (len(recent) - 1) / ((recent[-1] - recent[0]) / timedelta(minutes=1))
 
 
-def _runner(lock: Path) -> str | None:
-    """Process and machine that hold the lock; a killed process leaves the file, but no lock."""
+def runner_of(folder: Path) -> str | None:
+    """Process and machine that run a data set; None where none does, or it was killed."""
     try:
-        with lock.open(encoding="utf-8") as file:
+        with Layout(folder).lock.open(encoding="utf-8") as file:
             holder = " on ".join(file.read().split())
             if not holder:
                 return None
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # a killed process holds no lock
             return None
     except FileNotFoundError:
         return None

@@ -8,13 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import yaml
-
 from reconstruction import InputError, read_capture
+from spisim.dataset.folder import Layout, belongs_to
 from spisim.dataset.records import Record, read_manifest
-
-SAMPLES = "samples"
-PLAN = "plan.yaml"
 
 Problem = Literal["missing", "damaged", "foreign", "extra", "unfinished"]
 
@@ -40,17 +36,20 @@ def verify(folder: Path, progress: Callable[[float], None] | None = None) -> lis
     """
     meta, records = read_manifest(folder)
     findings: list[Finding] = []
-    if not (folder / PLAN).is_file():
-        findings.append(Finding(PLAN, "missing", "the plan that the samples were made from"))
-    done = [record for record in records if record.status == "done"]
+    layout = Layout(folder)
+    if not layout.plan.is_file():
+        findings.append(
+            Finding(layout.plan.name, "missing", "the plan that the samples were made from")
+        )
+    done = [record for record in records if record.done]
     known: set[str] = set()
     for number, record in enumerate(done, start=1):
         known |= {str(record.file), *record.sidecars}
         findings += _of_record(folder, record)
         if progress:
             progress(number / len(done))
-    for path in sorted((folder / SAMPLES).rglob("*")):
-        name = path.relative_to(folder).as_posix()
+    for path in sorted(layout.samples.rglob("*")):
+        name = layout.relative(path)
         if not path.is_dir() and name not in known:
             findings.append(_unknown(path, name, meta.get("plan_digest", "")))
     return sorted(findings, key=lambda finding: finding.file)
@@ -79,18 +78,9 @@ def _unknown(path: Path, name: str, plan: str) -> Finding:
     if path.suffix != ".h5":
         return Finding(name, "extra", "not in the manifest")
     try:
-        origin = _plan_of(path)
+        origin = belongs_to(read_capture(path))
     except InputError:
         return Finding(name, "extra", "not a capture that can be read")
-    if origin == plan:
+    if origin is not None and origin[0] == plan:
         return Finding(name, "extra", "a capture of this plan that the manifest does not have")
     return Finding(name, "foreign", "a capture of another plan, or of none")
-
-
-def _plan_of(path: Path) -> str | None:
-    """Digest of the plan that a capture was made from; None for any other capture."""
-    try:
-        settings = yaml.safe_load(read_capture(path).provenance.settings)
-        return str(settings["data_set"]["plan"])
-    except (yaml.YAMLError, LookupError, TypeError):
-        return None

@@ -64,7 +64,7 @@ class LocalExecutor:
     def __init__(self, make: Make, workers: int, timeout_s: float = TIMEOUT_S) -> None:
         self._make = make
         self._count = workers
-        self._timeout_s = timeout_s
+        self.timeout_s = timeout_s
         self._workers: list[_Worker] = []
 
     def __enter__(self) -> Self:
@@ -85,9 +85,9 @@ class LocalExecutor:
                 assert worker.index is not None
                 if worker.pipe in ready:
                     yield self._received(worker)
-                elif time.monotonic() - worker.since > self._timeout_s:
+                elif time.monotonic() - worker.since > self.timeout_s:
                     self._end(worker)
-                    yield failure(worker.index, f"took longer than {self._timeout_s:g} s")
+                    yield failure(worker.index, f"took longer than {self.timeout_s:g} s")
 
     def _give_work(self, waiting: deque[int]) -> None:
         while waiting:

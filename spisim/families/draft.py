@@ -80,8 +80,8 @@ class Draft:
         self.objects.append(thing | more)
 
     def sections(self) -> dict[str, Any]:
-        """The sections of a scene file: drone, ambient, materials, objects."""
-        return {
+        """The sections of a scene file: drone, ambient, objects, and materials if it has any."""
+        sections: dict[str, Any] = {
             "drone": {
                 "position_m": _numbers(self.position_m),
                 "look_at_m": _numbers(self.look_at_m),
@@ -91,9 +91,9 @@ class Draft:
                 "sun_direction": _numbers(self.sun_direction),
                 "sky_klx": float(self.sky_klx),
             },
-            "materials": self.materials,
             "objects": self.objects,
         }
+        return sections | ({"materials": self.materials} if self.materials else {})
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class DroneParameters(Parameters):
     rope_mm: float = drawn_log(3.0, 8.0, "diameter of the rope or tether")
     frame: str = one_of("rubber-black", "polypropylene", "aluminium-anodised", text="its material")
     backdrop: str = one_of(*BACKDROPS, text="what is behind")
-    backdrop_m: float = drawn(2.0, 6.0, "from the other drone to the backdrop")
+    backdrop_m: float = drawn(1.5, 4.0, "from the other drone to the backdrop")
 
 
 @dataclass(frozen=True)

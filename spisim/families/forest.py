@@ -8,7 +8,7 @@ from trimesh.creation import icosphere
 from spisim.families.draft import Draft, Family, Placed
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.families.placing import Ground, aside, daylight, rolling
-from spisim.families.plants import UP, bush, grow, leaves, tree, tuft, unit, wood
+from spisim.families.plants import UP, Limb, bush, grow, leaves, tree, tuft, unit, wood
 from spisim.families.shapes import Mesh, limb, union
 
 #: Kinds of tree, bush and tuft that are copied; more would look no different.
@@ -23,9 +23,9 @@ class ForestParameters(Parameters):
     drone_height_m: float = drawn(1.2, 2.2, "above the trail")
     trail_width_m: float = drawn(0.8, 1.8, "of the trail")
     bend_m: float = drawn(-2.0, 2.0, "how far the trail has gone to the left 10 m ahead")
-    bank_m: float = drawn(9.5, 11.5, "to the foot of the wooded bank that ends the view")
+    bank_m: float = drawn(5.5, 7.8, "to the foot of the wooded bank that ends the view")
     relief_m: float = drawn(0.02, 0.2, "height of the ground's waves")
-    trunks: int = drawn(5, 12, "within 11 m")
+    trunks: int = drawn(5, 12, "before the bank")
     trunk_mm: float = drawn(120.0, 450.0, "diameter of an average trunk at its foot")
     crossing_branches: int = drawn(1, 4, "that reach across the way")
     branch_mm: float = drawn_log(6.0, 30.0, "diameter of these where they start; they end at 3 mm")
@@ -50,7 +50,7 @@ def build(parameters: ForestParameters, rng: np.random.Generator) -> Draft:
     _trees(draft, parameters, rng, ground)
     _bank(draft, parameters, rng, ground)
     for i in range(parameters.crossing_branches):
-        _crossing_branch(draft, parameters, rng, i)
+        _crossing_branch(draft, parameters, rng, ground, i)
     _undergrowth(draft, parameters, rng, ground)
     _fallen(draft, parameters, rng, ground)
     return draft
@@ -65,7 +65,9 @@ def _trees(
     draft: Draft, parameters: ForestParameters, rng: np.random.Generator, ground: Ground
 ) -> None:
     """Trees on both sides; a few kinds, copied."""
-    ahead = np.linspace(2.8, 9.5, parameters.trunks) + rng.uniform(-0.3, 0.3, parameters.trunks)
+    ahead = np.linspace(2.8, parameters.bank_m + 0.5, parameters.trunks) + rng.uniform(
+        -0.3, 0.3, parameters.trunks
+    )
     side = rng.permutation(np.resize([-1, 1], parameters.trunks))
     off = parameters.trail_width_m / 2 + 0.25 + rng.exponential(0.5, parameters.trunks)
     places = list(zip(ahead, _bend(parameters, ahead) + side * off, strict=True))
@@ -104,20 +106,20 @@ def _bank(
 
 
 def _crossing_branch(
-    draft: Draft, parameters: ForestParameters, rng: np.random.Generator, i: int
+    draft: Draft, parameters: ForestParameters, rng: np.random.Generator, ground: Ground, i: int
 ) -> None:
-    """A bough that comes in from one side and ends across the way, about as high as the drone."""
+    """A sapling beside the view with a bough across the way, about as high as the drone."""
     ahead = parameters.nearest_branch_m + 1.1 * i
     side = (-1) ** i * (1 if parameters.bend_m < 0 else -1)
-    start = (
-        ahead + 0.2,
-        side * aside(ahead, 13.0),
-        draft.position_m[2] + aside(ahead, rng.uniform(-4.0, 9.0)),
-    )
+    heading = np.degrees(np.arctan2(draft.look_at_m[1], draft.look_at_m[0]))
+    x, y = ahead + 0.2, aside(ahead, heading + side * 14.0)
+    start = (x, y, draft.position_m[2] + aside(ahead, rng.uniform(-4.0, 9.0)))
     towards = unit((rng.uniform(-0.1, 0.3), -side, rng.uniform(-0.35, 0.15)))
     length = aside(ahead, rng.uniform(14.0, 22.0))
     grown = grow(rng, start, towards, length, parameters.branch_mm / 2000, 2, 4)
-    draft.mesh(f"branch across {i + 1}", "bark", wood(grown))
+    path = np.array([ground.on(x, y, 0.1), start, (x, y, start[2] + 1.5)])
+    stem = Limb(path, parameters.branch_mm / 1000 * np.array([1.5, 1.0, 0.5]))
+    draft.mesh(f"branch across {i + 1}", "bark", wood([stem, *grown]))
     if parameters.leaves_per_twig:
         foliage = leaves(rng, grown, 0.05, max(1, parameters.leaves_per_twig // 3))
         draft.mesh(f"leaves of branch {i + 1}", parameters.season, foliage)

@@ -32,12 +32,9 @@ def blob(rng: np.random.Generator, size: Point, relief: float, detail: int = 3) 
     return mesh
 
 
-def bush(
-    rng: np.random.Generator, size: Point, leaf: float, leaves_per_m2: float
-) -> tuple[Mesh, Mesh]:
-    """A bumpy body centred on the origin, and sheets of leaves all over it."""
+def bush(rng: np.random.Generator, size: Point, leaf: float, count: int) -> tuple[Mesh, Mesh]:
+    """A bumpy body centred on the origin, and `count` sheets of leaves all over it."""
     body = blob(rng, size, 0.15, 2)
-    count = round(leaves_per_m2 * float(body.area))
     picked = rng.choice(len(body.faces), count, p=body.area_faces / body.area)
     weights = rng.dirichlet((1, 1, 1), count)
     places = np.einsum("nk,nkd->nd", weights, body.triangles[picked])

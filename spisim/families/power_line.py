@@ -28,7 +28,7 @@ class PowerLineParameters(Parameters):
     """The drone flies nearly as high as the conductors, which cross the view."""
 
     support: str = one_of("wooden-pole", "lattice-pylon", text="what carries the line")
-    distance_m: float = drawn(4.5, 7.0, "to the support")
+    distance_m: float = drawn(3.8, 5.5, "to the support")
     support_angle_deg: float = drawn(-6.0, 6.0, "at which the support is seen, to the left")
     line_angle_deg: float = drawn(45.0, 135.0, "of the line to the line of sight")
     drone_below_m: float = drawn(0.2, 1.5, "how far below the cross-arm the drone flies")
@@ -41,7 +41,7 @@ class PowerLineParameters(Parameters):
     cable_mm: float = drawn_log(5.0, 15.0, "diameter of a service cable in front of the line")
     cable_m: float = drawn(2.0, 3.2, "to the service cable")
     equipment: str = one_of("none", "transformer", text="on a wooden pole")
-    backdrop_m: float = drawn(10.5, 12.0, "to the slope behind, as high as the drone")
+    backdrop_m: float = drawn(6.6, 8.4, "to the slope behind, as high as the drone")
     trees: int = drawn(5, 10, "on the slope")
 
 

@@ -18,6 +18,9 @@ Vector = NDArray[np.float64]
 #: Aluminium at 1550 nm: A. D. Rakić (1995), Applied Optics 34, 4755-4767.
 ALUMINIUM = {"eta": 1.44, "k": 16.0, "source": "Rakić (1995), aluminium at 1550 nm"}
 BOARD_M = 0.02
+#: Slope of the line of sight.
+DOWN = 0.05
+TIN_RADIUS_M, TIN_HEIGHT_M = 0.0425, 0.115
 #: Corners of what is round.
 SECTIONS = 14
 #: How far the fronts of things are behind the edge of the board.
@@ -55,7 +58,7 @@ def build(parameters: ShelfParameters, rng: np.random.Generator) -> Draft:
     """The shelf in a storeroom, a lamp before it."""
     eye = (0.0, 0.0, parameters.height_m)
     x = parameters.distance_m
-    draft = Draft(position_m=eye, look_at_m=(x, 0, eye[2] - 0.05 * x), sky_klx=rng.uniform(0.2, 2))
+    draft = Draft(position_m=eye, look_at_m=(x, 0, eye[2] - DOWN * x), sky_klx=rng.uniform(0.2, 2))
     draft.materials = {
         "bare tin": {"bsdf": "rough-conductor", "roughness": parameters.roughness, **ALUMINIUM},
         "polished tin": {"bsdf": "conductor", **ALUMINIUM},
@@ -104,8 +107,7 @@ def _add_goods(
 ) -> None:
     """Rows of things on every board, and some behind or upon them."""
     half = 0.3 + 0.175 * parameters.distance_m - 0.06
-    poses: dict[tuple[str, bool], list[Vector]] = {}
-    mirrors = 0
+    poses: dict[str, list[Vector]] = {}
     for top in tops:
         y = -half
         while y < half - 0.1:
@@ -116,21 +118,24 @@ def _add_goods(
             y += wide
             if rng.random() > parameters.filled:
                 continue
-            polished = name == "bare tins" and mirrors < parameters.mirrors and rng.random() < 0.4
-            mirrors += polished
             stacked = 1 + int(rng.random() < 0.5 and 2 * kind.high < parameters.spacing_m - 0.04)
             turn = np.radians(rng.uniform(-8, 8))
             for level in range(stacked):
                 at = np.add(place, (0, 0, level * kind.high))
-                poses.setdefault((name, polished), []).append(_pose(turn, at))
+                poses.setdefault(name, []).append(_pose(turn, at))
     shelf, turned = (parameters.distance_m, 0, 0), (0, 0, parameters.turn_deg)
-    for (name, polished), placed in poses.items():
+    # Mirrors are a hard case only where they are looked at: nearest to the line of sight.
+    tins = sorted(poses.pop("bare tins", []), key=lambda pose: _off_axis(pose, parameters))
+    mirrors, bare = tins[: parameters.mirrors], tins[parameters.mirrors :]
+    if mirrors:
+        goods = _posed(_tin(TIN_RADIUS_M, TIN_HEIGHT_M), np.array(mirrors))
+        draft.mesh("polished tins", "polished tin", goods, shelf, turned)
+    if bare:
+        poses["bare tins"] = bare
+    for name, placed in poses.items():
         for material, mesh in KINDS[name].parts().items():
             goods = _posed(mesh, np.array(placed))
-            if polished:
-                draft.mesh("polished tins", "polished tin", goods, shelf, turned)
-            else:
-                draft.mesh(f"{name}, {material}", material, goods, shelf, turned)
+            draft.mesh(f"{name}, {material}", material, goods, shelf, turned)
 
 
 def _pick(parameters: ShelfParameters, rng: np.random.Generator) -> str:
@@ -142,6 +147,12 @@ def _pick(parameters: ShelfParameters, rng: np.random.Generator) -> str:
     others = ("bottles", "boxes", "flat tins", "packets")
     low = [name for name in others if KINDS[name].high < parameters.spacing_m - BOARD_M - 0.01]
     return str(rng.choice(low))
+
+
+def _off_axis(pose: Vector, parameters: ShelfParameters) -> float:
+    """How far a tin is from where the line of sight meets the shelf."""
+    axis_z = parameters.height_m - DOWN * parameters.distance_m
+    return float(np.hypot(pose[1, 3], pose[2, 3] + TIN_HEIGHT_M / 2 - axis_z))
 
 
 def _pose(angle: float, at: Vector) -> Vector:
@@ -191,11 +202,14 @@ def _label(radius: float, height: float) -> Mesh:
 
 
 def _bare_tin() -> dict[str, Mesh]:
-    return {"bare tin": _tin(0.0425, 0.115)}
+    return {"bare tin": _tin(TIN_RADIUS_M, TIN_HEIGHT_M)}
 
 
 def _labelled_tin() -> dict[str, Mesh]:
-    return {"bare tin": _tin(0.0425, 0.115), "paper-white": _label(0.0425, 0.115)}
+    return {
+        "bare tin": _tin(TIN_RADIUS_M, TIN_HEIGHT_M),
+        "paper-white": _label(TIN_RADIUS_M, TIN_HEIGHT_M),
+    }
 
 
 def _flat_tin() -> dict[str, Mesh]:
@@ -231,8 +245,8 @@ def _packet() -> dict[str, Mesh]:
 
 
 KINDS = {
-    "bare tins": Kind(0.0876, 0.115, _bare_tin),
-    "labelled tins": Kind(0.0876, 0.115, _labelled_tin),
+    "bare tins": Kind(0.0876, TIN_HEIGHT_M, _bare_tin),
+    "labelled tins": Kind(0.0876, TIN_HEIGHT_M, _labelled_tin),
     "flat tins": Kind(0.103, 0.04, _flat_tin),
     "jars": Kind(0.092, 0.163, _jar),
     "bottles": Kind(0.074, 0.22, _bottle),

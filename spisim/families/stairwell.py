@@ -50,7 +50,7 @@ def build(parameters: StairwellParameters, rng: np.random.Generator) -> Draft:
             rng.uniform(0.4, 0.65) * right,
             top + parameters.drone_height_m - 0.1,
         )
-        target = (LOBBY_M, rng.uniform(-0.8, 0.2) * left, rng.uniform(0.5, 0.9))
+        target = (LOBBY_M, rng.uniform(-0.8, 0.2) * left, rng.uniform(0.8, 1.4))
     draft = Draft(position, target, sky_klx=rng.uniform(5.0, 18.0))
     _shell(draft, parameters, top, far)
     _flights(draft, parameters, top)
@@ -200,7 +200,7 @@ def _clutter(draft: Draft, parameters: StairwellParameters, rng: np.random.Gener
     if parameters.person == "person":
         x = LOBBY_M + (taken + 0.5) * parameters.tread_m
         at = (x, y + rng.uniform(-0.2, 0.2), (taken + 1) * parameters.rise_m)
-        turn = (0, 0, 180 if parameters.looking == "up" else rng.uniform(-20, 20))
+        turn = (0, 0, 180 + rng.uniform(-20, 20))
         draft.mesh("person's clothes", "cotton-white", worker_clothes(), at, turn)
         draft.mesh("person's skin", "skin", worker_skin(), at, turn)
         draft.mesh("person's cap", "polyester-fabric", worker_hat(), at, turn)

@@ -61,7 +61,7 @@ def _front(parameters: StreetParameters, rng: np.random.Generator) -> Front:
     bays = int(np.ceil(26 / parameters.bay_m))
     start = -8 - parameters.bay_m * rng.random()
     window = (parameters.window_m, rng.uniform(1.2, 1.6))
-    first = int((_in_view(parameters, 0.0, rng.uniform(-6, 2)) - start) / parameters.bay_m)
+    first = int((_in_view(parameters, 0.0, rng.uniform(-14, 10)) - start) / parameters.bay_m)
     return Front(
         start, bays, parameters.storeys, parameters.bay_m, window, 0.85, (first, first + 4)
     )

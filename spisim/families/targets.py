@@ -84,9 +84,9 @@ def _resolution_bars(
     """Groups of three bars, upright and level, each group of bars 1/√2 as wide as the last."""
     _board(draft, parameters, at)
     size = SIZE_PER_M * parameters.distance_m
-    width, top = 0.06 * size, 0.42 * size
+    width, top = 0.04 * size, 0.44 * size
     bars = []
-    while width > 0.01 * size:
+    while width > 0.005 * size:
         for i in range(3):
             offset = (2 * i + 0.5) * width
             upright = (0.0, 0.42 * size - offset, top - 2.5 * width)

@@ -23,7 +23,7 @@ class TunnelParameters(Parameters):
 
     profile: str = one_of("round", "horseshoe", text="of the tunnel")
     radius_m: float = drawn(1.5, 2.3, "of the vault")
-    length_m: float = drawn(9.0, 12.0, "from the drone to what closes the tunnel")
+    length_m: float = drawn(7.5, 9.5, "from the drone to what closes the tunnel")
     end: str = one_of("bulkhead", "rubble", text="what closes it")
     lining: str = one_of("concrete", "concrete-weathered", "brick", text="of the vault")
     rib_spacing_m: float = drawn(1.0, 2.5, "of the ribs of the lining")

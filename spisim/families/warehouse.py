@@ -23,7 +23,7 @@ class WarehouseParameters(Parameters):
 
     drone_height_m: float = drawn(1.4, 2.0, "above the floor")
     target_m: float = drawn(0.4, 1.1, "height looked at on the end wall")
-    length_m: float = drawn(8.5, 10.5, "to the end wall")
+    length_m: float = drawn(7.5, 9.3, "to the end wall")
     aisle_m: float = drawn(1.7, 2.8, "width between the racks")
     first_rack_m: float = drawn(3.0, 5.0, "to the first racks")
     goods: float = drawn(0.3, 0.95, "share of the places on the racks that are taken")

@@ -17,12 +17,13 @@ from spisim.importing.files import Folders
 from spisim.importing.materials import Match, check_map, match, read_map
 from spisim.importing.meshes import READERS
 from spisim.importing.mitsuba_xml import read_mitsuba
-from spisim.importing.model import MAX_TRIANGLES, Content, Floats
+from spisim.importing.model import Content, Floats, check_triangles
 from spisim.importing.sdf import read_sdf
 from spisim.importing.shapes import as_mesh
 from spisim.importing.units import choose_unit, choose_up, odd_sizes, to_metres
-from spisim.importing.write import Written, check_free, write_scene
+from spisim.importing.write import scene_fields
 from spisim.scene.model import Vector3
+from spisim.scene.write import Written, check_free, write_scene
 
 FORMATS: dict[str, Callable[[Path, Folders], Content]] = {
     **READERS,
@@ -30,6 +31,7 @@ FORMATS: dict[str, Callable[[Path, Folders], Content]] = {
     ".sdf": read_sdf,
     ".world": read_sdf,
 }
+HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
 
@@ -97,7 +99,8 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
         ]
     )
     drone = _drone(placed, content, options)
-    written = write_scene(output, content.parts, matches, drone, file.name)
+    fields, meshes = scene_fields(output.stem, content.parts, matches, drone, file.name)
+    written = write_scene(output, fields, meshes, HEADER)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_M
     if not near <= drone.nearest_m <= far:
@@ -143,10 +146,7 @@ def _placed(content: Content) -> list[trimesh.Trimesh]:
     """The meshes of all parts in world coordinates."""
     meshes = {id(part.geometry): as_mesh(part.geometry) for part in content.parts}
     count = sum(len(meshes[id(part.geometry)].faces) for part in content.parts)
-    if count > MAX_TRIANGLES:
-        raise InputError(
-            f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not imported"
-        )
+    check_triangles(count)
     return [
         meshes[id(part.geometry)].copy().apply_transform(part.to_world) for part in content.parts
     ]

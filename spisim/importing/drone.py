@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,9 @@ ELEVATIONS_DEG = (10.0, 25.0, 45.0)
 #: Height over the lowest surface that the drone should keep.
 CLEARANCE_M = 0.3
 SAMPLES = 20_000
+#: Points of the bulk to be seen, and rays times triangles to be tested in search of the best view.
+LOOKED_FOR = 32
+MOST_TESTS = 1e7
 
 
 @dataclass(frozen=True)
@@ -38,24 +42,27 @@ class DronePose:
 
 
 def propose(meshes: Sequence[trimesh.Trimesh]) -> DronePose:
-    """A pose outside of all meshes (world coordinates) that sees their bulk from 1 to 10 m.
+    """A pose outside of all meshes (world coordinates) that sees much of their bulk from 1 to 10 m.
 
     Where no such place is found, one in front of the scene, at whatever distance.
     """
     points = _samples(meshes)
-    tree = KDTree(points)
     bulk = _samples(_upright(meshes))
     target = np.median(bulk, axis=0)
-    floor_m = points[:, 2].min()
-    for position in _places(target):
-        # Samples overestimate the distance to the surfaces: this only sorts places out.
-        rough_m = float(tree.query(position)[0])
-        if position[2] < floor_m + CLEARANCE_M or not NEAREST_M[0] <= rough_m <= NEAREST_M[1]:
-            continue
-        pose = pose_at(meshes, position, target, "proposed")
-        near, far = NEAREST_M
-        if pose.nearest_m >= near and near <= pose.ahead_m <= far and is_open(meshes, position):
-            return pose
+    seen = np.random.default_rng(0).permutation(bulk)[:LOOKED_FOR]
+    triangles = sum(len(mesh.faces) for mesh in meshes)
+    tries = int(np.clip(MOST_TESTS / (LOOKED_FOR * triangles), 1, 30))
+    fitting = (
+        pose
+        for position in _roomy(_places(target), points)
+        if is_open(meshes, position)
+        and (pose := pose_at(meshes, position, target, "proposed")).nearest_m >= NEAREST_M[0]
+        and NEAREST_M[0] <= pose.ahead_m <= NEAREST_M[1]
+    )
+    if found := list(itertools.islice(fitting, tries)):
+        if len(found) == 1:
+            return found[0]
+        return max(found, key=lambda pose: _visible(meshes, pose.position_m, seen))
     low, high = points.min(axis=0), points.max(axis=0)
     before = np.array([low[0] - max(3.0, 0.2 * float((high - low).max())), target[1], target[2]])
     why = "proposed in front of everything: no open place sees the bulk from 1 to 10 m"
@@ -113,6 +120,25 @@ def _from_segments(point: Floats, start: Floats, stop: Floats) -> Floats:
     where = np.einsum("tk,tk->t", point - start, along) / np.where(length2 > 0, length2, 1.0)
     closest = start + np.clip(where, 0, 1)[:, None] * along
     return np.asarray(np.linalg.norm(point - closest, axis=1))
+
+
+def _roomy(places: Iterable[Floats], points: Floats) -> Iterator[Floats]:
+    """Places over the lowest of points on the surfaces, and neither too near to them nor too far.
+
+    Points overestimate the distance to the surfaces: this only sorts places out.
+    """
+    tree = KDTree(points)
+    lowest_m = points[:, 2].min() + CLEARANCE_M
+    for place in places:
+        if place[2] >= lowest_m and NEAREST_M[0] <= float(tree.query(place)[0]) <= NEAREST_M[1]:
+            yield place
+
+
+def _visible(meshes: Sequence[trimesh.Trimesh], position: Floats, points: Floats) -> float:
+    """Fraction of points (n, 3) on the surfaces that a position sees from at most 10 m."""
+    rays = points - position
+    first = np.min([first_hits(position, rays, mesh.triangles) for mesh in meshes], axis=0)
+    return float(np.mean((first > 0.99) & (np.linalg.norm(rays, axis=1) <= NEAREST_M[1])))
 
 
 def _places(target: Floats) -> Iterator[Floats]:

@@ -11,6 +11,7 @@ import json
 import struct
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 import trimesh
@@ -19,8 +20,16 @@ from trimesh.exchange.gltf import load_glb, load_gltf
 
 from reconstruction.errors import InputError
 from spisim.importing.files import MAX_FILE_BYTES, Folders, read_bytes
-from spisim.importing.model import MAX_TRIANGLES, Content, Floats, Part, Surface, readable, scaling
-from spisim.importing.model import translation as moved
+from spisim.importing.model import (
+    MAX_TRIANGLES,
+    Content,
+    Floats,
+    Part,
+    Surface,
+    readable,
+    scaling,
+    translation,
+)
 from spisim.scene.shapes import check_mesh
 
 MAGIC = b"glTF"
@@ -45,7 +54,7 @@ def read_glb(path: Path, folders: Folders) -> Content:
     data = read_bytes(path)
     with readable(str(path), "a GLB file"):
         header = _glb_header(data)
-        buffers = _check(header, path, folders, len(data))
+        buffers = _check(header, path, folders)
         roots = _roots(header)
         loaded = load_glb(io.BytesIO(data), resolver=buffers, skip_materials=True)
         return _content(header, roots, loaded["geometry"], path, folders)
@@ -56,7 +65,7 @@ def read_gltf(path: Path, folders: Folders) -> Content:
     data = read_bytes(path)
     with readable(str(path), "a glTF file"):
         header = json.loads(data)
-        buffers = _check(header, path, folders, 0)
+        buffers = _check(header, path, folders)
         roots = _roots(header)
         loaded = load_gltf(io.BytesIO(data), resolver=buffers, skip_materials=True)
         return _content(header, roots, loaded["geometry"], path, folders)
@@ -75,20 +84,14 @@ def _glb_header(data: bytes) -> Any:
     return json.loads(data[20 : 20 + chunk_length])
 
 
-def _check(header: Any, path: Path, folders: Folders, glb_bytes: int) -> dict[str, bytes]:
+def _check(header: Any, path: Path, folders: Folders) -> dict[str, bytes]:
     """External buffers by their URI; InputError for a header that cannot be trusted."""
     if not isinstance(header, dict) or "asset" not in header:
         raise InputError("its JSON is no glTF: `asset` is missing")
     for name in header.get("extensionsRequired", []):
         if not str(name).startswith(HARMLESS):
             raise InputError(f"needs the extension {name}, which is not supported; export without")
-    if len(header.get("buffers", [])) > 1000:
-        raise InputError("more than 1000 buffers")
-    buffers = {
-        uri: _buffer(uri, path, folders)
-        for buffer in header.get("buffers", [])
-        if (uri := buffer.get("uri")) is not None and not uri.startswith("data:")
-    }
+    buffers = _external_buffers(header, path, folders)
     for row in header.get("bufferViews", []):
         _whole(row, "byteOffset", 0)
         _whole(row, "byteLength")
@@ -107,13 +110,19 @@ def _check(header: Any, path: Path, folders: Folders, glb_bytes: int) -> dict[st
     return buffers
 
 
-def _buffer(uri: str, path: Path, folders: Folders) -> bytes:
-    return read_bytes(folders.find(_unquoted(uri), path.parent, "buffer"))
+def _external_buffers(header: dict[str, Any], path: Path, folders: Folders) -> dict[str, bytes]:
+    buffers: dict[str, bytes] = {}
+    for buffer in header.get("buffers", []):
+        uri = buffer.get("uri")
+        if uri is None or uri.startswith("data:") or uri in buffers:
+            continue
+        buffers[uri] = read_bytes(folders.find(_unquoted(uri), path.parent, "buffer"))
+        if sum(map(len, buffers.values())) > MAX_FILE_BYTES:
+            raise InputError("its buffers hold more than 2 GB together, which are not read")
+    return buffers
 
 
 def _unquoted(uri: str) -> str:
-    from urllib.parse import unquote
-
     return uri if "://" in uri else unquote(uri)
 
 
@@ -248,7 +257,7 @@ def _matrix(node: dict[str, Any], number: int) -> Floats:
         turn[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
     return np.asarray(
         matrix
-        @ moved(node.get("translation", [0, 0, 0]))
+        @ translation(node.get("translation", [0, 0, 0]))
         @ turn
         @ scaling(node.get("scale", [1, 1, 1]))
     )

@@ -36,12 +36,6 @@ class _Map(RootModel[dict[str, str]]):
     """A file of {name in the source: material of spisim}."""
 
 
-def own_materials() -> dict[str, dict[str, Any]]:
-    """Materials that an import may use beside the table, in the terms of a scene file."""
-    own: dict[str, dict[str, Any]] = _keywords()["own"]
-    return own
-
-
 def read_map(path: Path) -> dict[str, str]:
     """The user's {name in the source: material}; InputError unless every material is known."""
     try:
@@ -50,7 +44,7 @@ def read_map(path: Path) -> dict[str, str]:
         raise InputError(
             f"{path}: expected lines of `name in the source: material of spisim`"
         ) from None
-    known = sorted({*material_table(), *own_materials()})
+    known = sorted(material_table())
     for source, material in rows.items():
         if material not in known:
             raise InputError(
@@ -92,7 +86,7 @@ def _clues(part: Part) -> list[tuple[str, str]]:
 
 def _exact(name: str) -> str | None:
     plain = "-".join(_words(name))
-    return plain if plain in material_table() or plain in own_materials() else None
+    return plain if plain in material_table() else None
 
 
 def _by_color(surface: Surface) -> Match:

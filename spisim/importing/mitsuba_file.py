@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -70,12 +70,6 @@ class Item:
             else missing
             for axis in "xyz"
         ]
-
-    def all(self) -> Iterator[Item]:
-        """The item and everything in it."""
-        yield self
-        for child in self.children:
-            yield from child.all()
 
 
 @dataclass

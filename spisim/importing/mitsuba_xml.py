@@ -19,7 +19,16 @@ from spisim.importing import shapes
 from spisim.importing.files import Folders
 from spisim.importing.meshes import read_obj, read_ply
 from spisim.importing.mitsuba_file import Item, SceneFile, read_scene_file
-from spisim.importing.model import Content, Floats, Part, Shape, Surface, scaling, translation
+from spisim.importing.model import (
+    Content,
+    Floats,
+    Part,
+    Shape,
+    Surface,
+    check_triangles,
+    scaling,
+    translation,
+)
 from spisim.importing.xml import numbers
 
 MESHES = {"obj": read_obj, "ply": read_ply}
@@ -30,6 +39,7 @@ LEFT_OUT = ("instance", "shapegroup", "bsplinecurve", "linearcurve", "sdfgrid", 
             "ellipsoidsmesh", "merge")  # fmt: skip
 
 
+@np.errstate(all="ignore")  # poses are checked to be finite in the end
 def read_mitsuba(path: Path, folders: Folders) -> Content:
     """Parts of a Mitsuba scene; up is that of the sensor's `lookat`, else z.
 
@@ -37,9 +47,10 @@ def read_mitsuba(path: Path, folders: Folders) -> Content:
     """
     content = Content(unit_why="Mitsuba has no unit: metres", up_why="Mitsuba has no up: z")
     scene = read_scene_file(path, folders)
+    reader = _Shapes(scene, folders, content)
     for item in scene.items:
         if item.tag == "shape":
-            _Shapes(scene, folders, content).add(item)
+            reader.add(item)
         elif item.tag == "sensor" and content.camera is None:
             _take_sensor(item, content)
         elif item.tag == "emitter":
@@ -56,6 +67,7 @@ class _Shapes:
         self._scene = scene
         self._folders = folders
         self._content = content
+        self._files: dict[Path, list[Part]] = {}
 
     def add(self, item: Item) -> None:
         kind = item.attributes.get("type", "")
@@ -86,11 +98,15 @@ class _Shapes:
     def _mesh(self, item: Item, kind: str) -> list[Part]:
         what = item.what
         path = self._folders.find(item.value("filename") or "", item.path.parent, what)
-        with naming(what):
-            content = MESHES[kind](path, self._folders)
-        for note in content.notes:
-            self._content.note(note)
-        return content.parts
+        if path not in self._files:
+            with naming(what):
+                content = MESHES[kind](path, self._folders)
+            for note in content.notes:
+                self._content.note(note)
+            self._files[path] = content.parts
+            loaded = (part for parts in self._files.values() for part in parts)
+            check_triangles(sum(len(shapes.as_mesh(part.geometry).faces) for part in loaded))
+        return self._files[path]
 
     def _surface(self, shape: Item) -> Surface:
         """What the bsdf of a shape says: its id, its colour, its type and those within it."""

@@ -81,6 +81,14 @@ class Content:
             self.notes.append(text)
 
 
+def check_triangles(count: int) -> None:
+    """InputError for more triangles than are read."""
+    if count > MAX_TRIANGLES:
+        raise InputError(
+            f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not read"
+        )
+
+
 def check_pose(matrix: Floats, what: str) -> None:
     """InputError unless a (4, 4) matrix places things: finite, affine, and flattens nothing."""
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
@@ -107,8 +115,11 @@ def scaling(factors: ArrayLike) -> Floats:
 def readable(what: str, kind: str) -> Iterator[None]:
     """Turn whatever a parser runs into within into an InputError that names the file.
 
-    Numbers that are not finite raise no warnings within; they are looked for afterwards.
+    Numbers that are not finite raise no warnings within; they are looked for afterwards. What
+    trimesh logs of damaged files is not for users.
     """
+    logged = trimesh.util.log.disabled
+    trimesh.util.log.disabled = True
     try:
         with np.errstate(all="ignore"):
             yield
@@ -119,3 +130,5 @@ def readable(what: str, kind: str) -> Iterator[None]:
         if isinstance(error, RecursionError):
             reason = "nested too deeply"
         raise InputError(f"{what}: cannot be read as {kind}: {reason[:200]}") from None
+    finally:
+        trimesh.util.log.disabled = logged

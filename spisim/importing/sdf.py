@@ -30,6 +30,7 @@ LEFT_OUT = {
 }
 
 
+@np.errstate(all="ignore")  # poses are checked to be finite in the end
 def read_sdf(path: Path, folders: Folders) -> Content:
     """Parts of the visuals of a world or model, metres, z up, moving joints as they stand.
 

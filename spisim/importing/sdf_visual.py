@@ -13,7 +13,15 @@ from reconstruction.errors import InputError, naming, nearest
 from spisim.importing import shapes
 from spisim.importing.files import Folders
 from spisim.importing.meshes import READERS
-from spisim.importing.model import Content, Part, Shape, Surface, check_pose, scaling
+from spisim.importing.model import (
+    Content,
+    Part,
+    Shape,
+    Surface,
+    check_pose,
+    check_triangles,
+    scaling,
+)
 from spisim.importing.units import to_metres
 from spisim.importing.xml import numbers
 
@@ -79,6 +87,8 @@ class Visuals:
                 content = READERS[suffix](path, self._folders)
             content.up = "z"
             self._files[path] = to_metres(content, 1.0).parts
+            loaded = (part for parts in self._files.values() for part in parts)
+            check_triangles(sum(len(shapes.as_mesh(part.geometry).faces) for part in loaded))
             for note in content.notes:
                 self.content.note(note)
         return self._files[path]

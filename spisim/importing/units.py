@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -77,13 +76,12 @@ def to_metres(content: Content, scale: float) -> Content:
     return replace(content, parts=parts, camera=camera)
 
 
-def odd_sizes(bounds_m: Floats, scale_options: Sequence[str] = ("--units", "--scale")) -> list[str]:
+def odd_sizes(bounds_m: Floats) -> list[str]:
     """What is doubtful about the size and place of a scene with these bounds (2, 3)."""
-    options = " or ".join(scale_options)
     size_m = float((bounds_m[1] - bounds_m[0]).max())
     odd = []
     if not PLAUSIBLE_M[0] <= size_m <= PLAUSIBLE_M[1]:
-        odd.append(f"the scene is {size_m:.3g} m wide; if that is wrong, give {options}")
+        odd.append(f"the scene is {size_m:.3g} m wide; if that is wrong, give --units or --scale")
     if np.abs(bounds_m).max() > FAR_M:
         far_km = np.abs(bounds_m).max() / 1000
         odd.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -61,11 +62,12 @@ def refuse_doctype(data: bytes, path: Path) -> None:
 
 
 def numbers(text: str | None, count: int, what: str) -> list[float]:
-    """Numbers in a text, separated by spaces or commas; InputError unless there are `count`."""
+    """Finite numbers in a text, split at spaces or commas; InputError unless there are `count`."""
     try:
         values = [float(word) for word in (text or "").replace(",", " ").split()]
     except ValueError:
         values = []
-    if len(values) != count:
-        raise InputError(f"{what}: expected {count} numbers; found {(text or '').strip()!r:.80}")
+    if len(values) != count or not all(map(math.isfinite, values)):
+        found = (text or "").strip()
+        raise InputError(f"{what}: expected {count} finite numbers; found {found!r:.80}")
     return values

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
+
+import trimesh
 
 from reconstruction.errors import InputError
 from spisim import families
@@ -19,7 +22,16 @@ DRAWING = ("family", "seed", "parameters")
 ATTEMPTS = 40
 
 
-def draw(fields: Mapping[str, Any], setting: Setting) -> Scene:
+@dataclass(frozen=True)
+class Drawn:
+    """A scene of a family, and the whole scene file that says the same, with its meshes."""
+
+    scene: Scene
+    fields: Mapping[str, Any]
+    meshes: Mapping[str, trimesh.Trimesh]
+
+
+def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
     """The first scene of a family that has a sound layout, from the fields of a scene file.
 
     Raises InputError, naming the source, for fields that do not fit, an unknown family, unknown
@@ -36,11 +48,11 @@ def draw(fields: Mapping[str, Any], setting: Setting) -> Scene:
             attempt=attempt,
             source=f"{source}: parameters",
         )
-        full = check_fields(whole_file(fields, draft), SceneDescription, source)
-        scene = assemble(full, setting, draft.meshes)
+        whole = whole_file(fields, draft)
+        scene = assemble(check_fields(whole, SceneDescription, source), setting, draft.meshes)
         problem = layout_problem(scene)
         if problem is None:
-            return scene
+            return Drawn(scene, whole, draft.meshes)
     raise InputError(
         f"{source}: family {described.family}, seed {described.seed}: none of {ATTEMPTS} draws is "
         f"a scene to fly in; in the last, {problem}; change parameters or drone"
@@ -54,6 +66,7 @@ def whole_file(fields: Mapping[str, Any], draft: families.Draft) -> dict[str, An
     whole = {"name": name, **own}
     drawn = draft.sections()
     for section in ("drone", "ambient", "materials"):
-        whole[section] = {**drawn.get(section, {}), **own.get(section, {})}
+        both = {**drawn.get(section, {}), **own.get(section, {})}
+        whole |= {section: both} if both else {}
     whole["objects"] = [*drawn["objects"], *own.get("objects", ())]
     return whole

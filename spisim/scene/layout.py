@@ -7,14 +7,19 @@ import trimesh
 from numpy.typing import NDArray
 
 from spisim.scene.model import Floats, Scene
-from spisim.scene.rays import enclosing_object, first_hits
+from spisim.scene.rays import enclosing_object, first_hits, hits
 
 #: Free space around the drone, its own size and a bit.
 CLEARANCE_M = 0.4
 #: Nearest thing in view.
 NEAREST_M = (0.9, 10.0)
-#: What the four laser beams end on; the instrument's range.
-FARTHEST_SPOT_M = 15.0
+#: What the four laser beams end on: within the range that its phase tells without doubt.
+FARTHEST_SPOT_M = 9.8
+#: What a spot must return for its range: reflectance times cosine over squared range, 1/m². Black
+#: rubber, head-on, at 7.5 m.
+FAINTEST_SPOT_PER_M2 = 1.1e-3
+#: Where the spots' detectors are, right and down or left and up of the projector: in the diagonals.
+DETECTOR_OFFSET_M = 0.007
 #: Half the field of view looked at, and angle of the spots off both axes: the paper's instrument.
 HALF_FIELD_DEG = 10.0
 SPOT_DEG = 5.0
@@ -31,16 +36,39 @@ def layout_problem(scene: Scene) -> str | None:
     clearance = _distance_to(triangles)
     if clearance < CLEARANCE_M:
         return f"something is {clearance:.2f} m from the drone, less than {CLEARANCE_M} m"
-    seen = triangles[_may_be_in_view(triangles)]
-    spots = first_hits(np.zeros(3), _rays([-SPOT_DEG, SPOT_DEG]), seen)
+    in_view = _may_be_in_view(triangles)
+    seen = triangles[in_view]
+    beams = _rays([-SPOT_DEG, SPOT_DEG])
+    spots = first_hits(np.zeros(3), beams, seen)
     if spots.max() > FARTHEST_SPOT_M:
         return f"a laser spot meets nothing within {FARTHEST_SPOT_M:g} m"
+    sizes = [len(thing.mesh.faces) for thing in scene.objects]
+    reflectance = np.repeat([thing.material.reflectance for thing in scene.objects], sizes)[in_view]
+    if min(_returned(beam, seen, reflectance) for beam in beams) < FAINTEST_SPOT_PER_M2:
+        return "a laser spot is too faint, or hidden from its detector"
     field = np.linspace(-HALF_FIELD_DEG, HALF_FIELD_DEG, RAYS)
     nearest = min(first_hits(np.zeros(3), _rays(field), seen).min(), spots.min())
     low, high = NEAREST_M
     if not low <= nearest <= high:
         return f"the nearest surface in view is at {nearest:.2f} m, not {low:g} to {high:g} m"
     return None
+
+
+def _returned(beam: Floats, triangles: Floats, reflectance: Floats) -> float:
+    """Reflectance times cosine over squared range, 1/m², of what a beam ends on.
+
+    0 where its detector does not see it. `triangles` (t, 3, 3) in the optical frame.
+    """
+    distances = hits(np.zeros(3), beam, triangles)
+    place = int(distances.argmin())
+    spot = distances[place] * beam
+    detector = DETECTOR_OFFSET_M * np.array([*np.sign(beam[:2]), 0.0])
+    if first_hits(detector, (spot - detector)[None], triangles)[0] < 1 - 1e-3:
+        return 0.0
+    one, two, three = triangles[place]
+    normal = np.cross(two - one, three - one)
+    cosine = abs(normal @ beam) / np.linalg.norm(normal)
+    return float(reflectance[place] * cosine / distances[place] ** 2)
 
 
 def clearance_m(scene: Scene) -> float:

@@ -89,7 +89,7 @@ def make_scene(
     setting = Setting(folder, text, source, wavelength_nm)
     fields = read_mapping(text, SceneDescription, source)
     if "family" in fields:
-        scene = draw(fields, setting)
+        scene = draw(fields, setting).scene
     else:
         scene = assemble(check_fields(fields, SceneDescription, source), setting)
         check_drone(scene, source)

@@ -25,26 +25,27 @@ def spot_ranges(scene: Scene, directions: ArrayLike) -> Floats:
 
 
 def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
-    """First hit (n,) of each ray (n, 3) among triangles (t, 3, 3), in ray lengths, else inf.
+    """First hit (n,) of each ray (n, 3) among triangles (t, 3, 3), in ray lengths, else inf."""
+    return np.array([hits(origin, ray, triangles).min(initial=np.inf) for ray in rays])
+
+
+def hits(origin: Floats, ray: Floats, triangles: Floats) -> Floats:
+    """Where a ray (3,) meets each of triangles (t, 3, 3), in ray lengths; inf where it does not.
 
     Möller & Trumbore (1997).
     """
     corner = triangles[:, 0]
     edge1, edge2 = triangles[:, 1] - corner, triangles[:, 2] - corner
-    nearest = np.full(len(rays), np.inf)
-    for i, ray in enumerate(rays):
-        across = np.cross(ray, edge2)
-        determinant = np.einsum("tk,tk->t", edge1, across)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            offset = origin - corner
-            u = np.einsum("tk,tk->t", offset, across) / determinant
-            normal = np.cross(offset, edge1)
-            v = normal @ ray / determinant
-            distance = np.einsum("tk,tk->t", edge2, normal) / determinant
-            hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0) & np.isfinite(distance)
-        if hit.any():
-            nearest[i] = distance[hit].min()
-    return nearest
+    across = np.cross(ray, edge2)
+    determinant = np.einsum("tk,tk->t", edge1, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        offset = origin - corner
+        u = np.einsum("tk,tk->t", offset, across) / determinant
+        normal = np.cross(offset, edge1)
+        v = normal @ ray / determinant
+        distance = np.einsum("tk,tk->t", edge2, normal) / determinant
+        met = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0) & np.isfinite(distance)
+    return np.where(met, distance, np.inf)
 
 
 def winding_number(point: ArrayLike, triangles: Floats) -> float:

@@ -77,6 +77,8 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
     """InputError unless a mesh has triangles with an area, and finite vertices for all."""
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"mesh {name!r} is empty: it has no triangles")
+    if mesh.faces.shape[1:] != (3,) or mesh.vertices.shape[1:] != (3,):
+        raise InputError(f"mesh {name!r} is damaged: its triangles are not of three corners in 3-D")
     if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
         raise InputError(f"mesh {name!r} is damaged: a triangle refers to a vertex not in the file")
     if not np.isfinite(mesh.vertices).all():

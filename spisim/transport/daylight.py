@@ -96,4 +96,4 @@ def _received(
         run(world, ends, source, seeds[0], MAX_VERTICES, "Radiance", alone, deposit, sky)
         return {"power": accumulator.read() * detectors.area_m2}
 
-    return repeat(launch, Paths(paths), count, seed, None).mean["power"]
+    return repeat(launch, Paths(paths, launches=1), count, seed, None).mean["power"]

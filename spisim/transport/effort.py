@@ -23,9 +23,13 @@ MAX_LAUNCHES = 2**16
 
 @dataclass(frozen=True)
 class Paths:
-    """A fixed number of paths per cell (virtual pixel, beam) and strategy."""
+    """A fixed number of paths per cell (virtual pixel, beam) and strategy.
+
+    One launch costs less than several, but gives no standard error.
+    """
 
     per_cell: int
+    launches: int = MIN_LAUNCHES  # at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +96,7 @@ def repeat(
     """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `effort` says."""
     most = max(1, MAX_LANES // cells)
     if isinstance(effort, Paths):
-        launches = max(MIN_LAUNCHES, -(-effort.per_cell // most))
+        launches = max(effort.launches, -(-effort.per_cell // most))
         first = later = max(1, round(effort.per_cell / launches))
     else:
         launches, first, later = MAX_LAUNCHES, min(FIRST_PATHS, most), min(PATHS_PER_LAUNCH, most)

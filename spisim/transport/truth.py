@@ -13,8 +13,9 @@ from reconstruction.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.meshes import object_ids, shapes
+from spisim.transport.meshes import object_ids
 from spisim.transport.views import Floats, InstrumentView
+from spisim.transport.world import surfaces
 
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
@@ -50,7 +51,7 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
         If a laser beam hits nothing, or the scene was made for another wavelength.
     """
     placed = InstrumentView.placed(scene, instrument)
-    geometry = mi.load_dict({"type": "scene", **shapes(scene.objects)})
+    geometry = surfaces(scene)
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     shape = placed.projector.shape
 

@@ -44,14 +44,16 @@ def build_world(scene: Scene) -> World:
     """Hand a scene to Mitsuba."""
     centre, radius = fog_ball(scene)
     return World(
-        geometry=Geometry(
-            scene=mi.load_dict({"type": "scene", **shapes(scene.objects)}),
-            see_through=see_through(scene),
-        ),
+        geometry=Geometry(scene=surfaces(scene), see_through=see_through(scene)),
         media=_media(scene, centre, radius),
         centre_m=centre,
         radius_m=radius,
     )
+
+
+def surfaces(scene: Scene) -> Any:
+    """Mitsuba scene of the objects alone."""
+    return mi.load_dict({"type": "scene", **shapes(scene.objects)})
 
 
 def _media(scene: Scene, centre: NDArray[np.float64], radius_m: float) -> Media:

@@ -7,21 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from foreign import collada, tetrahedron
-from spisim.cli import Commands, scenes_import
+from spisim.cli import app
 from spisim.scene import load_scene
 
 
 def run(*arguments: str | Path, **environment: str) -> Any:
-    """Run the command in an application of its own, with the messages of `spisim`."""
-    app = typer.Typer(cls=Commands, pretty_exceptions_enable=False)
-    app.command("import")(scenes_import.command)
-    app.command("other")(lambda: None)
     env = {"COLUMNS": "120", "GZ_SIM_RESOURCE_PATH": "", "GAZEBO_MODEL_PATH": "", **environment}
-    return CliRunner().invoke(app, ["import", *map(str, arguments)], env=env)
+    return CliRunner().invoke(app, ["scenes", "import", *map(str, arguments)], env=env)
 
 
 @pytest.fixture
@@ -120,7 +115,7 @@ def test_nothing_slow_and_no_renderer_is_imported(tmp_path: Path) -> None:
     code = f"""
 import sys
 from pathlib import Path
-import spisim.cli.scenes_import
+import spisim.cli.scenes.importing
 assert not {{"trimesh", "collada", "numpy"}} & set(sys.modules)
 from spisim.importing import import_scene
 import_scene(Path({str(tmp_path / "a.xml")!r}), Path({str(tmp_path / "a.yaml")!r}))

@@ -100,6 +100,38 @@ def test_a_pose_with_nothing_to_see_is_refused() -> None:
         draw_scene("targets", 0, {"target": "plane"}, {"drone": drone})
 
 
+@pytest.mark.parametrize(
+    ("pane", "told"),
+    [
+        ("material: rubber-black, rotate_deg: [0, 0, 60], translate_m: [5, 0, 1.5]", "too faint"),
+        ("material: concrete, translate_m: [5, 0, 1.5]", None),
+    ],
+)
+def test_spots_must_return(pane: str, told: str | None) -> None:
+    text = f"""
+name: board
+drone: {{position_m: [0, 0, 1.5], look_at_m: [5, 0, 1.5]}}
+objects: [{{name: board, shape: box, size_m: [0.01, 8, 8], {pane}}}]
+"""
+    problem = layout_problem(make_scene(text, Path(), "text"))
+    assert problem is None if told is None else problem is not None and told in problem
+
+
+def test_spots_must_be_seen_from_their_detectors() -> None:
+    """A post beside the beam hides the spot from a detector 7 mm away; further off it does not."""
+    text = """
+name: post
+drone: {position_m: [0, 0, 0], look_at_m: [5, 0, 0]}
+objects:
+  - {name: board, shape: box, size_m: [0.01, 8, 8], material: concrete, translate_m: [5, 0, 0]}
+  - {name: post, shape: box, size_m: [0.01, 0.006, 9], material: pvc, translate_m: [1, PLACE, 0]}
+"""
+    beside = np.tan(np.radians(5)) + 0.005  # left of the left beams, by 5 mm
+    for place, told in ((beside, "hidden"), (beside + 0.1, None)):
+        problem = layout_problem(make_scene(text.replace("PLACE", str(place)), Path(), "text"))
+        assert problem is None if told is None else problem is not None and told in problem
+
+
 def test_a_tube_is_closed_and_as_thick_as_told() -> None:
     straight = tube([(0, 0, 0), (0, 0, 1), (0, 0, 3)], 0.1, sections=256)
     assert straight.is_watertight

@@ -1,189 +1,156 @@
-"""What families are put together from: ropes, nets, stones, people; and the scenes shipped."""
+"""What families are put together from: as thin, as slack and as closed as told."""
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from spisim.families import FAMILIES, Draft, figure
-from spisim.families.daylight import outdoors
-from spisim.families.figure import Arm, Leg, Side
-from spisim.families.natural import blob, bush, grid_mesh, scattered_rocks
-from spisim.families.person import STANCES
-from spisim.families.ropes import hanging, lying, net
-from spisim.families.shapes import alike, block, loft
-from spisim.scene import Scene, draw_scene, list_scenes, load_scene
+from spisim.families import draft
+from spisim.families.placing import Ground, aside, rolling
+from spisim.families.plants import TWIG_RADIUS_M, grow, leaves, tree, wood
+from spisim.families.power_line import span
+from spisim.families.shapes import prism
+from spisim.scene import draw_scene, list_scenes, load_scene, make_scene
+from spisim.scene.bsdf import ThinPane
 from spisim.scene.layout import layout_problem
 from spisim.scene.soundness import fault
 
 
-def test_a_hanging_rope_is_a_parabola_between_its_ends() -> None:
-    path = hanging((0, 0, 2), (4, 2, 3), sag=0.3, points=9)
-    np.testing.assert_allclose(path[[0, -1]], [(0, 0, 2), (4, 2, 3)])
-    np.testing.assert_allclose(path[4], (2, 1, 2.5 - 0.3))
-    np.testing.assert_allclose(np.diff(path[:, 2], 3), 0, atol=1e-12)  # of second degree
-
-
-def test_a_lying_cable_starts_and_ends_where_told_at_one_height() -> None:
-    corners = [(0, 0), (1, 2), (3, 2), (4, 0)]
-    path = lying(corners, 0.1, 0.01, np.random.default_rng(1))
-    np.testing.assert_allclose(path[[0, -1], :2], [(0, 0), (4, 0)], atol=1e-12)
-    assert (path[:, 2] == 0.01).all()
-
-
-def test_a_net_has_cords_as_thick_as_told_and_one_mesh_apart() -> None:
-    flat = net([(0, 0, 0), (0, 0, 1), (0, 2, 1), (0, 2, 0)], 0.1, 0.004, sag=0.0)
-    cords = flat.split()
-    assert len(cords) == 11 + 21
-    assert all(cord.is_watertight for cord in cords)
-    np.testing.assert_allclose(flat.bounds[:, 0], (-0.002, 0.002), atol=2e-4)
-    level = sorted(cord.centroid[2] for cord in cords if np.ptp(cord.bounds[:, 1]) > 1)
-    np.testing.assert_allclose(np.diff(level), 0.1)
-
-
-def test_alike_solids_have_the_volume_of_all() -> None:
-    one = block((1, 2, 3), (0, 0, 0))
-    many = alike(one.vertices + np.array([(0, 0, 0), (5, 0, 0), (10, 0, 0)])[:, None], one.faces)
-    assert many.is_watertight
-    assert many.volume == pytest.approx(18)
-
-
-def test_a_loft_through_squares_is_a_prism() -> None:
-    square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
-    rings = np.stack([np.column_stack([square, np.full(4, z)]) for z in (0.0, 1.0, 2.5)])
-    prism = loft(rings)
-    assert prism.is_watertight
-    assert prism.volume == pytest.approx(2.5)
-
-
-def test_a_grid_becomes_a_sheet_of_its_size() -> None:
-    x, y = np.meshgrid(np.linspace(0, 2, 4), np.linspace(0, 3, 5), indexing="ij")
-    sheet = grid_mesh(np.stack([x, y, 0 * x], axis=-1))
-    assert sheet.area == pytest.approx(6)
-    np.testing.assert_allclose(sheet.face_normals, np.tile((0, 0, 1.0), (len(sheet.faces), 1)))
-
-
-def test_stones_and_bushes_are_closed_and_face_out() -> None:
-    rng = np.random.default_rng(2)
-    stones = scattered_rocks(rng, np.zeros((4, 3)), np.full(4, 0.1))
-    body, foliage = bush(rng, (1, 1, 2), 0.1, 20)
-    assert all(fault(mesh) is None for mesh in (stones, blob(rng, (1, 2, 1), 0.2), body, foliage))
-    assert 0.05 < np.ptp(stones.bounds, axis=0).max() < 0.2
-    assert body.volume > 0
-
-
-def test_daylight_comes_from_above_and_within_what_is_plausible() -> None:
-    rng = np.random.default_rng(3)
-    days = [outdoors(rng) for _ in range(40)]
-    sunny = [day for day in days if "sun_klx" in day]
-    assert 10 < len(sunny) < 30
-    for day in sunny:
-        assert np.linalg.norm(day["sun_direction"]) == pytest.approx(1)
-        assert -np.sin(np.radians(60)) <= day["sun_direction"][2] <= -np.sin(np.radians(15))
-    assert all(day["sky_klx"] <= 20 for day in days)
-
-
-def lengths(side: Side, *joints: str) -> list[float]:
-    points = np.array([getattr(side, joint) for joint in joints])
-    return np.linalg.norm(np.diff(points, axis=0), axis=1).tolist()
-
-
-def test_limbs_keep_their_lengths_in_every_posture() -> None:
-    rng = np.random.default_rng(4)
-    for side in (-1, 1):
-        arm, leg = Arm(*rng.uniform(0, 90, 3)), Leg(*rng.uniform(0, 90, 3))
-        joints = figure.posed(side, arm, leg)
-        arms = [figure.UPPER_ARM_M, figure.FOREARM_M]
-        assert lengths(joints, "shoulder", "elbow", "wrist") == pytest.approx(arms)
-        legs = [figure.THIGH_M, figure.SHIN_M]
-        assert lengths(joints, "hip", "knee", "ankle") == pytest.approx(legs)
-
-
-def test_angles_of_limbs() -> None:
-    up = figure.posed(1, Arm(180), Leg())
-    assert up.fingers == pytest.approx([0, 0.2, 1.4 + 0.28 + 0.24 + 0.09])
-    sideways = figure.posed(-1, Arm(90), Leg())
-    assert sideways.wrist == pytest.approx([0, -0.2 - 0.52, 1.4])
-    ahead = figure.posed(1, Arm(90, 90), Leg(90, 0, 0))
-    assert ahead.wrist == pytest.approx([-0.52, 0.2, 1.4])
-    assert ahead.ankle == pytest.approx([-0.78, 0.09, 0.86])
-    bent = figure.posed(1, Arm(0), Leg(0, 90, 0))
-    assert bent.ankle == pytest.approx([0.4, 0.09, 0.48])
-
-
-@pytest.mark.parametrize("stance", STANCES)
-def test_people_stand_on_the_ground(stance: str) -> None:
-    scene = draw_scene("person", 1, {"stance": stance, "person_m": 1.77})
-    parts = {thing.name: thing.mesh.bounds for thing in scene.objects}
-    assert parts["trousers"][0, 2] == pytest.approx(0, abs=1e-6)
-    head = parts["skin"][1, 2] - parts["trousers"][0, 2]
-    assert head > 1.0
-
-
-@pytest.mark.parametrize(
-    ("family", "parameters", "name", "across"),
-    [
-        ("hovering-drone", {"load": "parcel", "rope_mm": 4}, "rope", 0.004),
-        ("reflective-shelf", {"wire_mm": 3}, "wire", 0.003),
-        ("landing-pad", {"cable_mm": 10}, "cable", 0.010),
-    ],
-)
-def test_thin_things_are_as_thin_as_told(
-    family: str, parameters: dict, name: str, across: float
-) -> None:
-    scene = draw_scene(family, 6, parameters)
-    mesh = next(thing.mesh for thing in scene.objects if thing.name == name)
-    if name == "cable":  # lies on the ground, so that its height is its diameter there
-        low = mesh.vertices[mesh.vertices[:, 2] < across + 1e-6]
-        assert np.ptp(low[:, 2]) == pytest.approx(across, rel=1e-3)
-    else:
-        np.testing.assert_allclose(np.ptp(mesh.bounds, axis=0)[:2], across, rtol=1e-3)
-
-
-def test_marker_has_a_dark_border_and_cells_inside() -> None:
-    scene = draw_scene("landing-pad", 6, {"marker_cells": 4, "turn_deg": 0, "pad_m": 1.0})
-    objects = {thing.name: thing.mesh for thing in scene.objects}
-    cells = objects["dark cells of the marker"].split()
-    assert 20 <= len(cells) < 36  # the border of 20, and some of the 16 inside
-    cell = 0.36 / 8
-    np.testing.assert_allclose([np.ptp(c.bounds, axis=0)[:2] for c in cells], cell)
-    assert np.ptp(objects["marker"].bounds, axis=0)[0] == pytest.approx(0.36)
-
-
-def test_steps_of_a_wedge_are_as_deep_as_told_about_its_distance() -> None:
-    given = {"target": "step-wedge", "distance_m": 4, "steps": 5, "step_m": 0.2}
-    scene = draw_scene("targets", 0, given)
-    fronts = [t.mesh.bounds[0, 0] for t in scene.objects if t.name.startswith("step")]
-    assert fronts == pytest.approx([3.6, 3.8, 4.0, 4.2, 4.4])
-
-
-def test_a_draft_says_materials_only_if_it_has_some() -> None:
-    draft = Draft(position_m=(0, 0, 1), look_at_m=(1, 0, 1))
-    assert "materials" not in draft.sections()
-    draft.materials["soot"] = {"reflectance": 0.03, "source": "made up"}
-    assert draft.sections()["materials"] == draft.materials
-
-
-def test_a_turning_rotor_lets_most_light_through() -> None:
-    scene = draw_scene("hovering-drone", 2, {"rotors": "blurred"})
-    rotors = next(thing for thing in scene.objects if thing.name == "rotors")
-    assert rotors.material.opacity == pytest.approx(0.12)
-
-
 @pytest.mark.parametrize("name", list_scenes())
-def test_shipped_scenes_are_sound_and_to_fly_in(name: str) -> None:
+def test_scenes_of_the_library_are_sound_and_can_be_flown_in(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         scene = load_scene(name)
-    assert scene.name == name
     assert layout_problem(scene) is None
-    assert triangles(scene) < 60_000
+    assert scene.name == name
+    assert sum(len(thing.mesh.faces) for thing in scene.objects) < 60_000
 
 
-def test_every_family_is_in_the_library() -> None:
-    texts = [load_scene(name).text for name in list_scenes()]
-    assert all(any(f"family: {family}" in text for text in texts) for family in FAMILIES)
+def test_a_wire_ends_where_told_and_sags_as_told() -> None:
+    wire = span((0, 0, 9), (40, 30, 11), 1.5, points=41)
+    assert wire[0].tolist() == [0, 0, 9]
+    assert wire[-1].tolist() == [40, 30, 11]
+    assert wire[20].tolist() == pytest.approx([20, 15, 10 - 1.5])
+    # A parabola: the same curvature everywhere.
+    bends = np.diff(wire[:, 2], 2)
+    assert bends == pytest.approx(np.full(39, 8 * 1.5 / 40**2), rel=1e-9)
 
 
-def triangles(scene: Scene) -> int:
-    return sum(len(thing.mesh.faces) for thing in scene.objects)
+@pytest.mark.parametrize("diameter_mm", [8.0, 30.0])
+def test_conductors_are_as_thin_as_told(diameter_mm: float) -> None:
+    mesh = draft("power-line", 3, {"conductor_mm": diameter_mm}).meshes["conductors.ply"]
+    # Volume over area of a long prism of six sides is √3/4 of its outer radius.
+    radius_m = mesh.volume / mesh.area * 4 / np.sqrt(3)
+    assert 2000 * radius_m == pytest.approx(diameter_mm, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("family", "parameter", "mesh", "sides"),
+    [
+        ("stairwell", "baluster_mm", "balusters", 6),
+        ("street-canyon", "cable_mm", "cable", 6),
+        ("warehouse", "cable_mm", "hanging-cable", 6),
+        ("racing-gates", "bunting_mm", "cord", 6),
+        ("racing-gates", "net_mm", "net", 4),
+        ("power-line", "cable_mm", "service-cable", 6),
+    ],
+)
+def test_thin_things_are_as_thin_as_told(
+    family: str, parameter: str, mesh: str, sides: int
+) -> None:
+    thin = draft(family, 1, {parameter: 5.0 if sides == 4 else 10.0}).meshes[f"{mesh}.ply"]
+    # As above, for any number of sides: cos(π/n)/2; ends and bends add a little area.
+    radius_m = thin.volume / thin.area * 2 / np.cos(np.pi / sides)
+    assert 2000 * radius_m == pytest.approx(5.0 if sides == 4 else 10.0, rel=0.015)
+
+
+def test_branches_taper_from_what_is_told_to_twigs() -> None:
+    limbs = grow(np.random.default_rng(1), (1, 2, 3), (1, 0, 0), 2.0, 0.01, 2, 4)
+    assert len(limbs) == 1 + 4 + 16
+    assert limbs[0].path[0].tolist() == [1, 2, 3]
+    assert limbs[0].radii[0] == 0.01
+    assert all(np.all(np.diff(limb.radii) <= 0) for limb in limbs)
+    assert min(limb.radii.min() for limb in limbs) == pytest.approx(TWIG_RADIUS_M)
+    steps = np.linalg.norm(np.diff(limbs[0].path, axis=0), axis=1)
+    assert steps.sum() == pytest.approx(2.0)
+
+
+def test_trees_are_closed_and_leaves_are_of_their_size() -> None:
+    rng = np.random.default_rng(2)
+    grown = tree(rng, 6.0, 0.15, 6, 1.0, 1.5)
+    assert wood(grown).is_watertight
+    foliage = leaves(rng, grown, 0.06, 5)
+    lengths = np.linalg.norm(foliage.vertices[2::4] - foliage.vertices[::4], axis=1)
+    assert 0.06 * 0.6 <= lengths.min() < lengths.max() <= 0.06 * 1.3
+    assert foliage.area_faces.min() > 0
+
+
+def test_things_stand_on_the_ground_that_is_drawn() -> None:
+    ground = rolling(np.random.default_rng(3), 0.2, bank_start_m=8.0)
+    mesh = ground.mesh((-2, 12), (-4, 4), 0.5)
+    corner = mesh.vertices[37]
+    assert ground.on(corner[0], corner[1]) == pytest.approx(tuple(corner))
+    before = mesh.vertices[mesh.vertices[:, 0] < 8]
+    assert np.abs(before[:, 2]).max() <= 0.2
+    assert ground.on(corner[0], corner[1], 0.3)[2] == pytest.approx(corner[2] - 0.3)
+    assert (mesh.face_normals[:, 2] > 0).all()
+
+
+def test_a_bank_rises_by_its_slope_to_its_height() -> None:
+    still = Ground(0.0, np.array([[1e-9, 0.0]]), np.array([np.pi / 2]), 8.0, 1.5, 5.0)
+    assert still.height([7, 8, 10, 40], 0).tolist() == pytest.approx([0, 0, 3, 5], abs=1e-6)
+
+
+def test_a_prism_is_closed_and_as_large_as_told() -> None:
+    wedge = prism([(0, 0), (2, 0), (2, 1)], 0.5)
+    assert wedge.is_watertight
+    assert fault(wedge) is None
+    assert wedge.volume == pytest.approx(0.5)
+    assert wedge.bounds.tolist() == [[0, -0.25, 0], [2, 0.25, 1]]
+
+
+def test_angles_are_seen_at_their_distance() -> None:
+    assert aside(3.0, 45.0) == pytest.approx(3.0)
+    assert aside(3.0, -10.0) == pytest.approx(-3 * np.tan(np.pi / 18))
+
+
+def test_windows_are_thin_panes_of_glass() -> None:
+    scene = draw_scene("street-canyon", 1, {"vehicle": "car"})
+    panes = [t for t in scene.objects if t.name.startswith(("pane", "car windows"))]
+    assert len(panes) > 10
+    assert all(isinstance(pane.material.bsdf, ThinPane) for pane in panes)
+
+
+def test_materials_of_the_file_join_those_drawn() -> None:
+    text = """
+family: street-canyon
+seed: 1
+parameters: {vehicle: none}
+materials:
+  chalk: {reflectance: 0.8, source: test}
+objects:
+  - {name: ball, shape: sphere, radius_m: 0.1, material: chalk, translate_m: [2, 2, 1.5]}
+"""
+    things = {thing.name: thing for thing in make_scene(text, Path(), "text").objects}
+    assert things["ball"].material.reflectance == 0.8
+    assert isinstance(things["pane-1"].material.bsdf, ThinPane)
+
+
+@pytest.mark.parametrize("profile", ["round", "horseshoe"])
+def test_a_niche_opens_the_lining_and_is_as_deep_as_told(profile: str) -> None:
+    given = {"profile": profile, "radius_m": 1.8}
+    plain = draft("tunnel", 2, {**given, "niches": 0}).meshes["lining.ply"]
+    niched = draft("tunnel", 2, {**given, "niches": 1}).meshes["lining.ply"]
+    assert niched.bounds[1, 1] - plain.bounds[1, 1] == pytest.approx(0.6)
+    assert plain.bounds[1, 1] == pytest.approx(1.8, rel=0.005)
+
+
+def test_stairs_end_on_the_landing() -> None:
+    made = draft("stairwell", 4, {"steps": 9, "rise_m": 0.18})
+    things = {thing["name"]: thing for thing in made.objects}
+    landing = things["landing"]
+    top = landing["translate_m"][2] + landing["size_m"][2] / 2
+    assert top == pytest.approx(10 * 0.18)
+    # One more rise than steps: the last one is onto the landing.
+    assert made.meshes["flight.ply"].bounds[1, 2] == pytest.approx(9 * 0.18)

@@ -252,11 +252,28 @@ def test_obj_objects_and_materials(tmp_path: Path, library: str | None) -> None:
     assert any(missing in note for note in report.notes)
 
 
-def test_pieces_of_a_room_keep_the_drone_out_of_its_walls(tmp_path: Path) -> None:
-    """A closed room is entered: from outside, its contents are not to be seen."""
-    room = trimesh.creation.box((8, 6, 4))
+def test_a_room_is_entered(tmp_path: Path) -> None:
+    """From outside of its walls, what is in it is not to be seen."""
+    room, crate = trimesh.creation.box((20, 4, 3)), trimesh.creation.box((0.5, 0.5, 0.5))
     room.invert()
-    room.export(tmp_path / "room.ply")
-    report = taken(tmp_path / "room.ply")
-    assert (np.abs(report.drone.position_m) < [4, 3, 2]).all()
+    scene = trimesh.Scene()
+    scene.geometry.update({"room": room, "crate": crate})
+    scene.graph.update("room", geometry="room", matrix=np.eye(4))
+    places = np.random.default_rng(0).uniform([-9, -1.2, -1.7], [9, -0.5, 1.7], (20, 3))
+    for i, place in enumerate(places):
+        matrix = trimesh.transformations.translation_matrix(place)
+        scene.graph.update(f"crate {i}", geometry="crate", matrix=matrix)
+    scene.export(tmp_path / "room.glb")
+    report = taken(tmp_path / "room.glb")
+    assert (np.abs(report.drone.position_m) < [10, 2, 1.5]).all()
     assert report.drone.nearest_m >= 1
+    assert not report.warnings
+
+
+def test_a_scene_too_tight_for_the_drone_is_seen_from_before_it(tmp_path: Path) -> None:
+    trimesh.creation.box((400, 400, 300)).export(tmp_path / "a.ply")
+    report = taken(tmp_path / "a.ply")
+    assert "in front of everything" in report.drone.why
+    assert report.drone.position_m[0] < -200
+    assert any("400 m wide" in text for text in report.warnings)
+    assert any("nearest to the drone" in text for text in report.warnings)

@@ -9,10 +9,9 @@ import yaml
 
 from foreign import TRIANGLE, glb, taken, tetrahedron, triangle_header
 from reconstruction.errors import InputError
-from spisim.importing.materials import match, own_materials
+from spisim.importing.materials import match
 from spisim.importing.model import Part, Surface
-from spisim.scene.description import MaterialDescription
-from spisim.scene.materials import make_material, material_table
+from spisim.scene.materials import material_table
 
 KEYWORDS = yaml.safe_load(
     (Path(__file__).parents[2] / "spisim" / "importing" / "keywords.yaml").read_text()
@@ -24,16 +23,9 @@ def part(name: str | None, color=None, words=(), called: str = "Cube") -> Part:
 
 
 def test_every_entry_names_a_material_that_there_is() -> None:
-    known = {*material_table(), *own_materials()}
+    known = set(material_table())
     assert set(KEYWORDS["words"].values()) <= known
     assert {KEYWORDS[kind] for kind in ("white", "black", "colored", "nothing")} <= known
-
-
-def test_own_materials_can_be_made_and_say_where_they_are_from() -> None:
-    for name, row in own_materials().items():
-        made = make_material(name, MaterialDescription(**row), Path())
-        assert 0 < made.reflectance < 1
-        assert any(digit in made.source for digit in "12")
 
 
 @pytest.mark.parametrize(
@@ -84,7 +76,6 @@ def test_map_of_materials(tmp_path: Path) -> None:
     )
     rows = yaml.safe_load(report.written.scene_file.read_text())
     assert sorted(row["material"] for row in rows["objects"]) == ["glass-pane", "snow"]
-    assert list(rows["materials"]) == ["glass-pane"]
 
 
 @pytest.mark.parametrize(

@@ -103,6 +103,15 @@ def test_shapes(tmp_path: Path, body: str, bounds: list, area: float) -> None:
     assert mesh.area == pytest.approx(area, rel=2e-3)
 
 
+def test_a_mesh_file_is_written_once(tmp_path: Path) -> None:
+    tetrahedron().export(tmp_path / "w.ply")
+    name = '<string name="filename" value="w.ply"/>'
+    body = shape("ply", name) + shape("ply", name, '<translate x="3"/>')
+    report = taken(scene(tmp_path / "a.xml", body))
+    assert len(report.written.mesh_files) == 1
+    assert len(report.written.scene.objects) == 2
+
+
 def test_cylinders_are_open_and_face_out(tmp_path: Path) -> None:
     mesh = written(taken(scene(tmp_path / "a.xml", shape("cylinder"))))
     assert not mesh.is_watertight
@@ -142,7 +151,7 @@ def test_parameters_includes_and_references(tmp_path: Path) -> None:
          "aluminium-rough"),
         ('<bsdf type="thindielectric"/>', "glass-pane"),
         ('<bsdf type="diffuse" id="red brick"/>', "brick"),
-        ('<bsdf type="mask"><bsdf type="diffuse" id="grass"/></bsdf>', "leaves-green"),
+        ('<bsdf type="mask"><bsdf type="diffuse" id="grass"/></bsdf>', "grass"),
         ('<bsdf type="diffuse"><rgb name="reflectance" value="0.01"/></bsdf>', "paint-black"),
         ('<bsdf type="diffuse"><rgb name="reflectance" value="0.9 0.9 0.85"/></bsdf>',
          "paint-white"),
@@ -187,9 +196,9 @@ def test_a_sensor_inside_an_object_is_no_place_for_the_drone(tmp_path: Path) -> 
         (shape("ply"), "the reference to a file is empty"),
         (shape("cube", "", '<skew x="1"/>'), "transform 'skew': .*allowed: translate"),
         (shape("cube", "", '<scale value="0"/>'), "a scale is zero"),
-        (shape("cube", "", '<scale x="one"/>'), "expected 1 numbers; found 'one'"),
+        (shape("cube", "", '<scale x="one"/>'), "expected 1 finite numbers; found 'one'"),
         (shape("cube", "", '<rotate angle="3"/>'), "its axis is zero"),
-        (shape("cube", "", '<matrix value="1 2"/>'), "expected 16 numbers"),
+        (shape("cube", "", '<matrix value="1 2"/>'), "expected 16 finite numbers"),
         (shape("sphere", '<float name="radius" value="-1"/>'), "radius should be a positive"),
         (shape("cube", "", '<scale value="$x"/>'), r"\$x has no <default>"),
         (shape("cube", '<ref id="wal"/>') + '<bsdf type="diffuse" id="wall"/>', "did you mean 'wa"),

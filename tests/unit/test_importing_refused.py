@@ -1,6 +1,7 @@
 """What an import refuses: damaged, hostile and huge files, in a sentence, nothing written."""
 
 import itertools
+import json
 import os
 import struct
 import time
@@ -209,6 +210,7 @@ PLY = (
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x\n", "cannot be read as OBJ"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 5 5 5\n", "negative indices"),
         ("a.obj", "v 0 0 0\n", "holds no triangles"),
+        ("a.obj", "v 0\nv 1\nv 2\nf 1 2 3\n", "not of three corners in 3-D"),
         ("a.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 z\n"
                   "vertex 0 1 0\nendloop\nendfacet\nendsolid\n", "cannot be read as STL"),
     ],
@@ -227,6 +229,33 @@ def test_stl_that_is_cut_off(tmp_path: Path) -> None:
     tetrahedron().export(tmp_path / "a.stl")
     (tmp_path / "a.stl").write_bytes((tmp_path / "a.stl").read_bytes()[:-10])
     refused(tmp_path / "a.stl", "4 triangles need 284 bytes; the file has 274")
+
+
+def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
+    """One file under many names, as `./a` and `././a`, would fill the memory."""
+    monkeypatch.setattr("spisim.importing.gltf.MAX_FILE_BYTES", 100)
+    (tmp_path / "a.bin").write_bytes(TRIANGLE)
+    buffers = [{"byteLength": 36, "uri": "./" * i + "a.bin"} for i in range(3)]
+    (tmp_path / "a.gltf").write_text(json.dumps(triangle_header(buffers=buffers)))
+    refused(tmp_path / "a.gltf", "its buffers hold more than 2 GB together")
+
+
+@pytest.mark.parametrize("name", ["a.sdf", "a.xml"])
+def test_mesh_files_count_together(tmp_path: Path, name: str, monkeypatch) -> None:
+    monkeypatch.setattr("spisim.importing.model.MAX_TRIANGLES", 10)
+    shapes, visuals = "", ""
+    for i in range(3):
+        tetrahedron().export(tmp_path / f"{i}.ply")
+        shapes += f'<shape type="ply"><string name="filename" value="{i}.ply"/></shape>'
+        geometry = f"<geometry><mesh><uri>{i}.ply</uri></mesh></geometry>"
+        visuals += f'<visual name="{i}">{geometry}</visual>'
+    text = {
+        "a.xml": f'<scene version="3.0.0">{shapes}</scene>',
+        "a.sdf": '<sdf version="1.9"><model name="m"><link name="l">'
+        f"{visuals}</link></model></sdf>",
+    }
+    (tmp_path / name).write_text(text[name])
+    refused(tmp_path / name, "12 triangles, instances counted; more than 10")
 
 
 def test_instances_count_as_triangles(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`spisim dataset`: a plan becomes many captures."""
+"""`spisim dataset run`: a plan becomes many captures."""
 
 from __future__ import annotations
 

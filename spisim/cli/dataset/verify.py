@@ -2,7 +2,7 @@
 
 import typer
 
-from ..console import messages, print_json, progress_bar, results
+from ..console import messages, print_json, progress_bar, results, warn
 from ..options import Bar, Json
 from ..tables import plain_table
 from .arguments import Folder
@@ -17,8 +17,12 @@ def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
     """
     from dataclasses import asdict
 
+    from spisim.dataset.status import runner_of
     from spisim.dataset.verify import verify
 
+    runner = runner_of(folder)
+    if runner:
+        warn([f"process {runner} is making samples: its latest may be named extra or unfinished"])
     with progress_bar("Reading", progress) as advance:
         findings = verify(folder, advance)
     if json:

@@ -2,18 +2,18 @@
 
 import typer
 
-from . import listing, show
+from . import draw, importing, listing, show
 
 EXAMPLE = "spisim scenes list"
 
 app = typer.Typer(
     name="scenes",
-    help="What there is to look at.",
+    help="Scenes to fly in: list, show, draw and import them.",
     no_args_is_help=True,
     epilog=f"Example: {EXAMPLE}",
 )
 
-COMMANDS = {"list": listing, "show": show}
+COMMANDS = {"list": listing, "show": show, "draw": draw, "import": importing}
 
 for name, module in COMMANDS.items():
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import messages, print_json, results, warn
-from .options import Json
+from ..console import messages, print_json, results, warn
+from ..options import Json
 
 if TYPE_CHECKING:
     from spisim.importing import Import
@@ -130,6 +130,7 @@ def _summary(report: Import) -> dict[str, Any]:
 
 
 def _print(report: Import) -> None:
+    from rich.markup import escape
     from rich.table import Table
 
     size = report.bounds_m[1] - report.bounds_m[0]
@@ -148,7 +149,7 @@ def _print(report: Import) -> None:
     table = Table("in the file", "material", "how", "why", "parts", box=None, header_style="dim")
     for match, parts in report.materials:
         table.add_row(
-            *map(_plain, (match.source, match.material, match.how, match.why)), str(parts)
+            *map(escape, (match.source, match.material, match.how, match.why)), str(parts)
         )
     results.print()
     results.print(table)
@@ -158,7 +159,7 @@ def _print(report: Import) -> None:
     written = report.written
     messages.print(
         f"Wrote {written.scene_file} and {len(written.mesh_files)} meshes. "
-        f"Look at it: spisim picture {written.scene_file} -o picture.exr --clear",
+        f"Look at it: spisim scenes show {written.scene_file}",
         markup=False,
         soft_wrap=True,
     )
@@ -166,9 +167,3 @@ def _print(report: Import) -> None:
 
 def _metres(values: Any) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
-
-
-def _plain(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)

@@ -1,0 +1,147 @@
+"""Data sets on two cores: samples per minute, what a second worker brings, memory over time.
+
+    python benchmarks/dataset.py [--quick] [--json] [--markdown]
+
+Half of the samples are of the warehouse, half are calibration targets: 64 × 64 pixels, 128
+patterns and four spots, fog of 50 m visibility, 1 % noise of the readings from the light transport.
+`--markdown` pastes the tables into docs/datasets.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from spisim.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.dataset.manifest import Outcome
+from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.sample import Maker
+from spisim.dataset.workers import LocalExecutor
+
+DOCS = Path(__file__).parents[1] / "docs" / "datasets.md"
+PLAN = """
+name: benchmark
+samples: 1000
+scenes: [{scene: warehouse}, {family: targets}]
+vary: {scene.fog: {kind: moderate-radiation, visibility_m: 50}}
+noise: 0.01
+"""
+
+
+@dataclass(frozen=True)
+class Amounts:
+    """How much work each part does."""
+
+    alone: int  # samples of one worker
+    settled: int  # after so many of them its memory should grow no more
+    together: int  # samples of two workers
+
+
+FULL = Amounts(alone=500, settled=50, together=200)
+QUICK = Amounts(alone=12, settled=6, together=16)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What so many workers made, after a first sample each that nobody counts."""
+
+    workers: int
+    seconds: float
+    outcomes: list[Outcome]
+
+    @property
+    def per_minute(self) -> float:
+        """Samples per minute."""
+        return 60 * len(self.outcomes) / self.seconds
+
+    def row(self) -> tuple[str, ...]:
+        """For the table."""
+        each = [outcome.seconds or 0 for outcome in self.outcomes]
+        peak = max(outcome.peak_memory_mb or 0 for outcome in self.outcomes)
+        return (
+            str(self.workers),
+            str(len(self.outcomes)),
+            f"{self.per_minute:.0f}",
+            f"{np.median(each):.2f}",
+            f"{max(each):.2f}",
+            f"{peak:.0f}",
+        )
+
+
+def main() -> int:
+    """Measure, print, and tell by the exit status whether every promise is kept."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="rougher, in under a minute")
+    parser.add_argument("--json", action="store_true", help="end with one JSON object")
+    parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{DOCS.name}")
+    options = parser.parse_args()
+    amounts = QUICK if options.quick else FULL
+
+    around = surroundings(("spisim", "mitsuba", "drjit", "numpy"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plan.yaml"
+        path.write_text(PLAN)
+        planned = load_plan(path)
+        alone = measure(planned, amounts.alone, 1)
+        together = measure(planned, amounts.together, 2)
+    table = Table(
+        "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, 1 % noise:",
+        ("workers", "samples", "per minute", "median, s", "slowest, s", "peak memory, MB"),
+        [alone.row(), together.row()],
+    )
+    checks = [
+        Check("samples per minute, two workers", together.per_minute, 60, at_least=True),
+        Check("efficiency of two workers", efficiency(alone, together), 0.85, at_least=True),
+        Check("growth of a worker's memory, %", growth_percent(alone, amounts.settled), 5),
+    ]
+    tables = [table, checks_table(checks)]
+    report(around, tables, checks, as_json=options.json)
+    if options.markdown:
+        paste(DOCS, "benchmark", around, tables)
+    return 0 if all(check.holds for check in checks) else 1
+
+
+def measure(planned: PlannedSet, samples: int, workers: int) -> Pace:
+    """Make the first samples of the plan, in a folder that is removed again."""
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        LocalExecutor(Maker(planned, Path(folder)), workers) as executor,
+    ):
+        list(executor.run(range(samples, samples + workers)))  # start and compile
+        began = time.perf_counter()
+        outcomes = list(executor.run(range(samples)))
+        seconds = time.perf_counter() - began
+    failed = [outcome for outcome in outcomes if not outcome.done]
+    if failed:
+        raise RuntimeError(f"sample {failed[0].index} failed: {failed[0].error}")
+    print(f"{workers} workers: {seconds:.0f} s", file=sys.stderr)
+    return Pace(workers, seconds, outcomes)
+
+
+def efficiency(alone: Pace, together: Pace) -> float:
+    """Time of one worker over twice that of two, for the samples that both made."""
+    both = {outcome.index for outcome in alone.outcomes} & {
+        outcome.index for outcome in together.outcomes
+    }
+    one, two = (
+        sum(outcome.seconds or 0 for outcome in pace.outcomes if outcome.index in both)
+        for pace in (alone, together)
+    )
+    busy = sum(outcome.seconds or 0 for outcome in together.outcomes) / (2 * together.seconds)
+    return busy * one / two
+
+
+def growth_percent(alone: Pace, settled: int) -> float:
+    """Of the peak memory of one worker after its first samples."""
+    peaks = [outcome.peak_memory_mb or 0 for outcome in alone.outcomes]
+    return 100 * (peaks[-1] / peaks[settled - 1] - 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

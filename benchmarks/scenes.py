@@ -1,0 +1,131 @@
+"""Scenes of a million triangles, and the ground truth of the shipped ones against trimesh.
+
+    python benchmarks/scenes.py [--quick] [--json] [--markdown]
+
+`--quick` looks at the truth of three scenes only. `--markdown` pastes the tables into
+docs/scenes.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from large import in_a_process, write_scenes
+from raycast import compare
+
+import spisim
+from spisim.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.scene import list_scenes
+
+DOCS = Path(__file__).parents[1] / "docs" / "scenes.md"
+SPP = 64
+
+Section = tuple[Table, list[Check]]
+
+
+def main() -> int:
+    """Measure, print, and tell by the exit status whether every promise is kept."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="truth of three scenes only")
+    parser.add_argument("--json", action="store_true", help="end with one JSON object")
+    parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{DOCS.name}")
+    options = parser.parse_args()
+    around = surroundings(("spisim", "mitsuba", "drjit", "trimesh", "embreex", "numpy"))
+    # Memory comes first: a process starts with the peak of the one that starts it.
+    names = list_scenes()
+    sections = (large(), truths(names[:: max(1, len(names) // 3)] if options.quick else names))
+    tables = [table for table, _ in sections]
+    checks = [check for _, promises in sections for check in promises]
+    tables.append(checks_table(checks))
+    report(around, tables, checks, as_json=options.json)
+    if options.markdown:
+        paste(DOCS, "benchmark", around, tables)
+    return 0 if all(check.holds for check in checks) else 1
+
+
+def large() -> Section:
+    """Time and memory of a million triangles."""
+    rows: list[tuple[str, ...]] = []
+    checks: list[Check] = []
+    spawn = multiprocessing.get_context("spawn")
+    with TemporaryDirectory() as name:
+        with ProcessPoolExecutor(1, mp_context=spawn) as pool:
+            files = pool.submit(write_scenes, Path(name)).result()
+        for kind, path in files.items():
+            found = in_a_process(path, SPP)
+            together = found.load_s + found.simulate_s
+            rows.append(
+                (
+                    kind,
+                    f"{found.triangles:,}",
+                    f"{found.load_s:.1f}",
+                    f"{found.simulate_s:.1f}",
+                    f"{found.processor_s:.1f}",
+                    f"{found.peak_gb:.2f}",
+                )
+            )
+            word = kind.replace(" ", "_")
+            checks.append(Check(f"seconds_{word}", together, 30))
+            checks.append(Check(f"peak_gb_{word}", found.peak_gb, 3))
+    title = (
+        f"Loading, and simulating a capture of the paper's instrument with {SPP} paths per pixel, "
+        "in a process of its own, in fog of 100 m."
+    )
+    columns = (
+        "triangles as",
+        "triangles",
+        "load (s)",
+        "simulate (s)",
+        "all cores (s)",
+        "peak (GB)",
+    )
+    return Table(title, columns, rows), checks
+
+
+def truths(names: list[str]) -> Section:
+    """Range of every pixel's centre, ours and trimesh's."""
+    instrument = spisim.load_instrument("paper")
+    rows: list[tuple[str, ...]] = []
+    median, inside = 0.0, 0.0
+    for name in names:
+        found = compare(spisim.load_scene(name), instrument)
+        difference = found.difference_m
+        median = max(median, float(np.median(difference)))
+        inside = max(inside, float(np.max(found.inside_m, initial=0)))
+        rows.append(
+            (
+                name,
+                f"{difference.size:,}",
+                f"{1e6 * np.median(difference):.2g}",
+                f"{1e6 * np.max(found.inside_m, initial=0):.2g}",
+                f"{1e3 * difference.max():.2g}",
+                str(int((difference > 1e-3).sum())),
+                f"{1e6 * np.abs(found.spots_m).max():.2g}",
+            )
+        )
+    title = (
+        "Range of the truth against trimesh's ray casting, along the rays through the pixels' "
+        "centres; moving scenes in the middle of the first frame. Pixels beside which the range "
+        "steps by more than 2 % are edges: there, rays of single and double precision may pass on "
+        "either side of a thing."
+    )
+    columns = (
+        "scene",
+        "pixels",
+        "median (µm)",
+        "largest inside (µm)",
+        "largest (mm)",
+        "off by 1 mm",
+        "spots (µm)",
+    )
+    checks = [Check("median_m", median, 1e-3), Check("largest_inside_m", inside, 1e-3)]
+    return Table(title, columns, rows), checks
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

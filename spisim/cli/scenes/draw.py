@@ -1,0 +1,59 @@
+"""`spisim scenes draw`: a scene of a family, as files to change."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..console import messages, print_json, warn
+from ..options import Json, Seed
+
+EXAMPLE = "spisim scenes draw targets --seed 7 --set target=siemens-star -o star.yaml"
+
+
+def command(
+    family: Annotated[str, typer.Argument(metavar="FAMILY", help="See `spisim scenes list`.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="YAML", help="Scene file.")],
+    seed: Seed = 0,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the family; repeatable."),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace older files.")] = False,
+    json: Json = False,
+) -> None:
+    """Draw a scene: writes its file, and its meshes into a folder beside it.
+
+    To simulate a drawn scene, no files are needed: a scene file of two lines, "family: targets" and
+    "seed: 7", is drawn when it is loaded.
+    """
+    from spisim.scene.assemble import Setting
+    from spisim.scene.drawn import draw
+    from spisim.scene.write import check_free, write_scene
+
+    check_free(output, overwrite)
+    fields = {"family": family, "seed": seed, "parameters": _parameters(settings or [])}
+    drawn = draw(fields, Setting(Path(), "", f"family {family}"))
+    header = f"# Drawn by `spisim scenes draw {family} --seed {seed}`.\n"
+    written = write_scene(output, drawn.fields, drawn.meshes, header)
+    warn(written.warnings)
+    files = [written.scene_file, *written.mesh_files]
+    if json:
+        print_json({"written": files, "warnings": written.warnings})
+    else:
+        messages.print(f"Wrote {output} and {len(files) - 1} meshes.", soft_wrap=True)
+        messages.print(f"Look at it: spisim scenes show {output}", soft_wrap=True)
+
+
+def _parameters(settings: list[str]) -> dict[str, object]:
+    import yaml
+
+    from reconstruction.errors import InputError
+
+    found = {}
+    for setting in settings:
+        name, sign, value = setting.partition("=")
+        if not sign:
+            raise InputError(f"--set {setting}: should be NAME=VALUE")
+        found[name] = yaml.safe_load(value)
+    return found

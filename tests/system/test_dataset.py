@@ -1,0 +1,397 @@
+"""Data sets from outside: processes are killed and disks run full, and the bytes stay the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+import spisim
+from reconstruction import read_capture
+from spisim.cli import app
+
+SAMPLES = 6
+PLAN = {
+    "name": "tiny",
+    "samples": SAMPLES,
+    "scenes": [{"family": "targets", "parameters": {"target": "plane"}}],
+    "vary": {
+        "instrument.projector.shape": [16, 16],
+        "instrument.plan.patterns": 32,
+        "scene.fog.visibility_m": {"log_uniform": [20, 200]},
+    },
+    "spp": 8,
+    "keep": {"transport": True, "histograms": True},
+}
+
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+
+def write_plan(folder: Path, **changes: Any) -> Path:
+    path = folder / "tiny.yaml"
+    path.write_text(yaml.safe_dump(PLAN | changes, sort_keys=False))
+    return path
+
+
+def program(*arguments: str | Path) -> list[str]:
+    code = "from spisim.cli import main; main()"
+    return [sys.executable, "-c", code, "dataset", *map(str, arguments)]
+
+
+def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(program(*arguments), capture_output=True, text=True, check=False)
+
+
+@contextmanager
+def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
+    """A run under way, in a group of its own as under a terminal; none of it is left behind."""
+    process = subprocess.Popen(
+        program(*arguments), stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def files(folder: Path) -> dict[str, str]:
+    """SHA-256 of everything that a run leaves in the samples' folder, hidden files too."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted((folder / "samples").rglob("*"))
+        if path.is_file()
+    }
+
+
+def rows(folder: Path, columns: str = '"index", status, error, attempts') -> list[Any]:
+    with closing(sqlite3.connect(folder / "manifest.sqlite")) as connection:
+        return connection.execute(f'SELECT {columns} FROM samples ORDER BY "index"').fetchall()
+
+
+def captures(folder: Path) -> int:
+    return len(list(folder.glob("samples/*/*.h5")))
+
+
+def until(condition: Callable[[], Any], seconds: float = 120) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def children(pid: int) -> list[int]:
+    """Worker processes of a run; its resource tracker is none."""
+    found = []
+    for number in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        if b"spawn_main" in Path(f"/proc/{number}/cmdline").read_bytes():
+            found.append(int(number))
+    return found
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A plan, and its data set as it comes out of an undisturbed run."""
+    folder = tmp_path_factory.mktemp("whole")
+    plan = write_plan(folder)
+    done = run(plan, "-o", folder / "set", "--workers", "2", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["samples"], told["done"], told["failed"]) == (SAMPLES, SAMPLES, 0)
+    return plan, folder / "set"
+
+
+def test_the_captures_tell_where_they_belong(whole: tuple[Path, Path]) -> None:
+    plan, folder = whole
+    assert captures(folder) == SAMPLES
+    assert len(files(folder)) == 3 * SAMPLES
+    capture = read_capture(folder / "samples" / "000" / "000004.h5")
+    told = yaml.safe_load(capture.provenance.settings)["data_set"]
+    with closing(sqlite3.connect(folder / "manifest.sqlite")) as connection:
+        meta = dict(connection.execute("SELECT key, value FROM meta"))
+    assert told == {"plan": meta["plan_digest"], "index": 4}
+    assert capture.provenance.created == ""
+    assert capture.plan.shape == (16, 16)
+    assert capture.truth is not None
+    assert (folder / "plan.yaml").read_text() == plan.read_text()
+    columns = "parameters, sha256, sidecars, seconds, stage_seconds, peak_memory_mb, bytes"
+    parameters, sha256, sidecars, seconds, stages, peak, size = rows(folder, columns)[4]
+    visibility = json.loads(parameters)["scene.fog.visibility_m"]
+    assert yaml.safe_load(capture.provenance.scene)["fog"]["visibility_m"] == visibility
+    found = files(folder)
+    assert found["samples/000/000004.h5"] == sha256
+    for name, beside in json.loads(sidecars).items():
+        assert found[name] == beside["sha256"]
+    assert seconds > sum(json.loads(stages).values()) * 0.99 > 0
+    assert 50 < peak < 2000
+    assert size == (folder / "samples/000/000004.h5").stat().st_size
+
+
+@pytest.mark.slow
+def test_one_worker_and_another_order_make_the_same(
+    whole: tuple[Path, Path], tmp_path: Path
+) -> None:
+    plan, folder = whole
+    assert run(plan, "-o", tmp_path / "set", "--workers", "1", "--samples", "3").returncode == 0
+    same = files(tmp_path / "set")
+    assert len(same) == 9
+    assert same.items() <= files(folder).items()
+
+
+@linux
+def test_a_main_process_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    with started(plan, "-o", tmp_path / "set", "--workers", "2") as process:
+        until(lambda: captures(tmp_path / "set") >= 1)
+        workers = children(process.pid)
+        process.kill()  # its workers have to end by themselves
+        process.wait()
+        until(lambda: not any(Path(f"/proc/{pid}/exe").exists() for pid in workers))
+    left = captures(tmp_path / "set")
+    assert 1 <= left < SAMPLES
+    assert run(plan, "-o", tmp_path / "set", "--workers", "2").returncode == 0
+    assert files(tmp_path / "set") == files(folder)
+    assert [row[1] for row in rows(tmp_path / "set")] == ["done"] * SAMPLES
+
+
+@linux
+def test_a_worker_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    with started(plan, "-o", tmp_path / "set", "--workers", "2") as process:
+        until(lambda: captures(tmp_path / "set") >= 1)
+        os.kill(children(process.pid)[0], signal.SIGKILL)
+        assert process.wait(120) == 0
+    assert files(tmp_path / "set") == files(folder)
+    told = rows(tmp_path / "set")
+    assert [row[1] for row in told] == ["done"] * SAMPLES
+    assert sorted(row[3] for row in told) == [1] * (SAMPLES - 1) + [2]  # one twice
+
+
+@linux
+@pytest.mark.slow
+def test_ctrl_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
+    plan, folder = whole
+    with started(plan, "-o", tmp_path / "set", "--workers", "2") as process:
+        until(lambda: captures(tmp_path / "set") >= 1)
+        workers = children(process.pid)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
+        message = process.communicate(timeout=60)[1]
+        assert process.returncode == 130
+        assert "Run the same command again to go on" in message
+        assert "Traceback" not in message
+        assert not any(Path(f"/proc/{pid}/exe").exists() for pid in workers)
+    assert not [name for name in files(tmp_path / "set") if name.endswith(".tmp")]
+    assert run(plan, "-o", tmp_path / "set").returncode == 0
+    assert files(tmp_path / "set") == files(folder)
+
+
+def test_one_sample_that_cannot_be_made(tmp_path: Path) -> None:
+    # Looking back, the drone sees no target; so does sample 1 of this seed.
+    turns = {"choice": [[0, 0, 0], [0, 0, 180]], "weights": [2, 1]}
+    plan = write_plan(tmp_path, samples=3, seed=0, vary={"scene.drone.turn_deg": turns})
+    done = run(plan, "-o", tmp_path / "set", "--workers", "1", "--json")
+    assert done.returncode == 1, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["done"], told["failed"]) == (2, 1)
+    reason = told["failures"]["1"]
+    assert "a laser spot meets nothing" in reason
+    assert "\n" not in reason
+    assert "Traceback" in (tmp_path / "set/errors/000001.txt").read_text()
+    again = run(plan, "-o", tmp_path / "set", "--workers", "1", "--retry-failed")
+    assert again.returncode == 1
+    assert rows(tmp_path / "set")[1] == (1, "failed", reason, 2)
+    assert f"sample 1 failed: {reason}" in again.stderr
+
+
+FULL = """
+    set -e
+    mount -t tmpfs -o size=12m none {disk}
+    head -c 11700000 /dev/zero > {disk}/ballast
+    {command} &
+    run=$!
+    while ! grep -q 'no space left' {log}; do sleep 0.1; done
+    cp -r {disk}/set {before}
+    {relief}
+    status=0
+    wait $run || status=$?
+    cp -r {disk}/set {after}
+    exit $status
+"""
+
+
+def on_a_full_disk(plan: Path, folder: Path, relief: str, *options: str) -> tuple[int, str]:
+    """Exit status and messages of a run on a disk of its own that is full but for 0.8 MB."""
+    disk, log = folder / "disk", folder / "log"
+    disk.mkdir()
+    log.touch()
+    if (
+        shutil.which("unshare") is None
+        or subprocess.run(
+            ["unshare", "--map-root-user", "--mount", "mount", "-t", "tmpfs", "none", disk],
+            capture_output=True,
+            check=False,
+        ).returncode
+    ):
+        pytest.skip("no disk of one's own can be mounted here")
+    command = program(plan, "-o", disk / "set", "--workers", "2", *options)
+    script = textwrap.dedent(FULL).format(
+        disk=disk,
+        command=" ".join(f"'{word}'" for word in command) + f" 2> {log}",
+        log=log,
+        before=folder / "before",
+        after=folder / "after",
+        relief=relief.format(disk=disk),
+    )
+    done = subprocess.run(
+        ["unshare", "--map-root-user", "--mount", "sh", "-c", script],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    return done.returncode, log.read_text() + done.stderr
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_waited_for(tmp_path: Path) -> None:
+    keep = {"histograms": True}
+    plan = write_plan(tmp_path, samples=10, keep=keep)
+    assert run(plan, "-o", tmp_path / "whole", "--workers", "2").returncode == 0
+    status, said = on_a_full_disk(plan, tmp_path, "rm {disk}/ballast")
+    assert status == 0, said
+    assert "There is space again; going on" in said
+    assert 0 < captures(tmp_path / "before") < 10
+    assert not list((tmp_path / "after").rglob("*.tmp"))
+    assert files(tmp_path / "after") == files(tmp_path / "whole")
+    assert [row[1] for row in rows(tmp_path / "after")] == ["done"] * 10
+
+
+@pytest.mark.slow
+def test_a_disk_that_stays_full_ends_the_run(tmp_path: Path) -> None:
+    plan = write_plan(tmp_path, samples=10, keep={"histograms": True})
+    status, said = on_a_full_disk(plan, tmp_path, ":", "--space-timeout", "1")
+    assert status == 3
+    assert "no space left for 1 s; make some and run the same command again" in said
+    assert "Traceback" not in said
+    assert not list((tmp_path / "after").rglob("*.tmp"))
+    done = rows(tmp_path / "after", "file, sha256")
+    assert 0 < len(done) < 10
+    assert run(plan, "-o", tmp_path / "after", "--workers", "2").returncode == 0
+    found = files(tmp_path / "after")
+    assert all(found[name] == sha256 for name, sha256 in done)
+
+
+CLUSTER = """
+    import sys
+    from distributed import LocalCluster
+    if __name__ == "__main__":
+        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+            print(cluster.scheduler_address, flush=True)
+            print(*(nanny.pid for nanny in cluster.workers.values()), flush=True)
+            sys.stdin.read()
+"""
+
+
+@contextmanager
+def cluster(folder: Path) -> Iterator[tuple[str, list[int]]]:
+    """Address of a Dask cluster of two workers on this machine, and their processes."""
+    script = folder / "cluster.py"
+    script.write_text(textwrap.dedent(CLUSTER))
+    process = subprocess.Popen(
+        [sys.executable, script],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"PYTHONPATH": str(Path(spisim.__file__).parents[1])},
+    )
+    assert process.stdout is not None
+    try:
+        address = process.stdout.readline().strip()
+        yield address, [int(pid) for pid in process.stdout.readline().split()]
+        process.communicate("", timeout=60)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+
+
+def test_a_cluster_that_loses_a_worker(whole: tuple[Path, Path], tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    plan, folder = whole
+    with (
+        cluster(tmp_path) as (address, pids),
+        started(plan, "-o", tmp_path / "set", "--dask", address) as process,
+    ):
+        until(lambda: captures(tmp_path / "set") >= 1)
+        os.kill(pids[0], signal.SIGKILL)
+        assert process.wait(180) == 0
+    assert files(tmp_path / "set") == files(folder)
+    assert [row[1] for row in rows(tmp_path / "set")] == ["done"] * SAMPLES
+
+
+def test_a_scheduler_that_does_not_answer(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    began = time.monotonic()
+    done = run(write_plan(tmp_path), "-o", tmp_path / "set", "--dask", "tcp://127.0.0.1:9")
+    assert done.returncode == 2
+    assert "--dask tcp://127.0.0.1:9: no scheduler answers there" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert time.monotonic() - began < 60
+    assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.slow
+def test_the_dry_run_tells_what_it_would_cost(whole: tuple[Path, Path]) -> None:
+    plan, folder = whole
+    done = run(plan, "--dry-run", "--json", "--workers", "2", "--samples", "100")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["samples"] == 100
+    sizes = [path.stat().st_size for path in (folder / "samples").rglob("*.*")]
+    assert told["bytes"] / 100 == pytest.approx(sum(sizes) / SAMPLES, rel=0.1)
+    assert told["seconds"] == pytest.approx(told["seconds_per_sample"] * 100 / 2)
+    assert len(told["first"]) == 10
+    first = json.loads(rows(folder, "parameters")[0][0])
+    assert told["first"][0]["parameters"] == first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["-o", "/proc/set"], "/proc/set"),
+        (["-o", "tiny.yaml"], "tiny.yaml is not a folder"),
+        ([], "--output DIR is missing"),
+        (["-o", "set", "--workers", "0"], "0 is not a whole number from 1"),
+        (["-o", "set", "--workers", "2", "--dask", "tcp://127.0.0.1:1"], "exclude each other"),
+    ],
+)
+def test_mistakes_on_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    plan = write_plan(tmp_path)
+    done = CliRunner().invoke(app, ["dataset", str(plan), *arguments])
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["tiny.yaml"]

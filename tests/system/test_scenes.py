@@ -1,0 +1,44 @@
+"""Every shipped scene, and draws of every family, from light to errors without a warning."""
+
+import warnings
+
+import pytest
+
+import spisim
+from reconstruction import capture_warnings, evaluate, reconstruct
+from spisim.families import FAMILIES
+from spisim.measurement import simulation_warnings
+from spisim.scene import Scene, draw_scene, list_scenes, load_scene
+
+INSTRUMENT = spisim.load_instrument("paper")
+
+
+def go_through(scene: Scene) -> None:
+    """Render, reconstruct and evaluate; nothing warns, and everything has a value."""
+    simulation = spisim.simulate(scene, INSTRUMENT, spp=8, seed=1)
+    assert simulation_warnings(INSTRUMENT, simulation.transport) == []
+    assert capture_warnings(simulation.capture) == []
+    assert simulation.capture.truth is not None
+    metrics = evaluate(reconstruct(simulation.capture), simulation.capture.truth)
+    assert metrics["image"]["nrmse"] is not None
+    assert metrics["depth"]["anchored"]["mae_m"] is not None
+    assert [spot["status"] for spot in metrics["spots"]] == ["ok"] * 4
+
+
+@pytest.mark.parametrize("name", list_scenes())
+def test_library_scene(name: str) -> None:
+    go_through(load_scene(name))
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_first_draw_of_a_family(family: str) -> None:
+    go_through(draw_scene(family, 0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 20))
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_draws_of_a_family(family: str, seed: int) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        go_through(draw_scene(family, seed))

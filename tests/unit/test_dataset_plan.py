@@ -1,0 +1,293 @@
+"""Plans of data sets: what a sample depends on, and what is wrong with a plan."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from reconstruction.errors import InputError
+from spisim.dataset.plan import PlannedSet, Sample, load_plan
+from spisim.dataset.preview import check
+
+PLAN = """
+name: some
+samples: 40
+scenes:
+  - {family: targets, parameters: {distance_m: {uniform: [2.0, 4.0]}}, weight: 3}
+  - {scene: warehouse}
+vary:
+  scene.fog.visibility_m: {log_uniform: [20, 200]}
+  scene.drone.offset_m: [{normal: [0, 0.1]}, 0, 0]
+  instrument.lasers.power_w: {choice: [0.001, 0.005]}
+materials:
+  concrete: {choice: [cardboard, wood-dry]}
+"""
+
+
+def planned(folder: Path, text: str = PLAN, **changes: Any) -> PlannedSet:
+    path = folder / "plan.yaml"
+    path.write_text(yaml.safe_dump({**yaml.safe_load(text), **changes}, sort_keys=False))
+    return load_plan(path)
+
+
+def mistake(folder: Path, text: str = PLAN, **changes: Any) -> str:
+    """What is said about a plan, whether it is read or checked."""
+    with pytest.raises(InputError) as caught:
+        check(planned(folder, text, **changes))
+    assert str(folder / "plan.yaml") in str(caught.value)
+    return str(caught.value)
+
+
+def told(plan: PlannedSet, name: str) -> list[Any]:
+    return [plan.sample(index).parameters.get(name) for index in range(plan.plan.size)]
+
+
+def test_a_sample_is_the_same_whatever_came_before(tmp_path: Path) -> None:
+    plan = planned(tmp_path)
+    samples = [plan.sample(index) for index in range(12)]
+    again = planned(tmp_path)
+    assert [again.sample(index) for index in reversed(range(12))] == samples[::-1]
+    assert len({sample.seed for sample in samples}) == 12
+    assert len({sample.parameters["scene.fog.visibility_m"] for sample in samples}) == 12
+
+
+def test_the_texts_say_what_the_parameters_say(tmp_path: Path) -> None:
+    plan = planned(tmp_path)
+    for index in range(10):
+        sample = plan.sample(index)
+        scene, instrument = (
+            yaml.safe_load(sample.scene_text),
+            yaml.safe_load(sample.instrument_text),
+        )
+        parameters = sample.parameters
+        assert scene["fog"]["visibility_m"] == parameters["scene.fog.visibility_m"]
+        assert scene["drone"]["offset_m"] == parameters["scene.drone.offset_m"]
+        assert scene["material_swaps"]["concrete"] == parameters["materials.concrete"]
+        assert instrument["lasers"]["power_w"] == parameters["instrument.lasers.power_w"]
+        if parameters["scene"] == "targets":
+            assert scene["parameters"]["distance_m"] == parameters["parameters.distance_m"]
+            assert scene["seed"] == parameters["family_seed"]
+
+
+def test_weights_say_how_often_a_scene_comes(tmp_path: Path) -> None:
+    scenes = told(planned(tmp_path), "scene")
+    assert 24 <= scenes.count("targets") <= 36  # 30 expected, sigma 2.7
+    assert scenes.count("targets") + scenes.count("warehouse") == 40
+
+
+def test_another_open_field_leaves_the_others(tmp_path: Path) -> None:
+    before = [planned(tmp_path).sample(index) for index in range(8)]
+    vary = yaml.safe_load(PLAN)["vary"]
+    more = {"scene.ambient.sky_klx": {"uniform": [0.1, 1.0]}, **vary}
+    after = [planned(tmp_path, vary=more).sample(index) for index in range(8)]
+    for old, new in zip(before, after, strict=True):
+        added = dict(new.parameters)
+        assert 0.1 <= added.pop("scene.ambient.sky_klx") <= 1
+        assert added == old.parameters
+        assert new.seed == old.seed
+
+
+def test_another_seed_is_another_set(tmp_path: Path) -> None:
+    name = "scene.fog.visibility_m"
+    assert not set(told(planned(tmp_path), name)) & set(told(planned(tmp_path, seed=1), name))
+
+
+def test_grids_run_through_all_combinations(tmp_path: Path) -> None:
+    plan = planned(
+        tmp_path,
+        samples=18,
+        vary={
+            "scene.fog.visibility_m": {"grid": [20, 50, 100]},
+            "instrument.lasers.power_w": {"uniform": [0.001, 0.005]},
+        },
+        materials={"concrete": {"grid": ["cardboard", "wood-dry"]}},
+    )
+    assert plan.plan.combinations == 6
+    samples = [plan.sample(index) for index in range(18)]
+    pairs = [
+        (sample.parameters["scene.fog.visibility_m"], sample.parameters["materials.concrete"])
+        for sample in samples
+    ]
+    assert pairs[:3] == [(20, "cardboard"), (20, "wood-dry"), (50, "cardboard")]
+    assert len(set(pairs)) == 6
+    assert pairs[:6] == pairs[6:12] == pairs[12:]
+    for round_ in (samples[:6], samples[6:12], samples[12:]):
+        for name in ("instrument.lasers.power_w", "scene", "family_seed"):
+            assert len({sample.parameters.get(name) for sample in round_}) == 1
+        assert len({sample.scene_name for sample in round_}) == 1
+        assert len({sample.seed for sample in round_}) == 6
+    powers = {sample.parameters["instrument.lasers.power_w"] for sample in samples}
+    assert len(powers) == 3
+
+
+def test_every_scene_is_an_axis_and_the_size_follows(tmp_path: Path) -> None:
+    vary = {"scene.fog.visibility_m": {"grid": [20, 50]}}
+    plan = planned(tmp_path, samples=None, every_scene=True, vary=vary)
+    assert plan.plan.size == 4
+    assert told(plan, "scene") == ["targets", "targets", "warehouse", "warehouse"]
+
+
+def test_values_of_a_grid_may_be_drawn_themselves(tmp_path: Path) -> None:
+    vary = {"scene.fog": {"grid": [{"visibility_m": {"uniform": [20.0, 30.0]}}, None]}}
+    plan = planned(tmp_path, samples=4, vary=vary)
+    for index in (0, 2):
+        assert 20 <= plan.sample(index).parameters["scene.fog"]["visibility_m"] <= 30
+        assert "fog" not in yaml.safe_load(plan.sample(index + 1).scene_text)
+
+
+def test_distinct_scenes_come_again_as_they_were(tmp_path: Path) -> None:
+    family = {
+        "family": "targets",
+        "distinct": 3,
+        "parameters": {"distance_m": {"uniform": [2.0, 4.0]}},
+    }
+    plan = planned(tmp_path, scenes=[family])
+    samples = [plan.sample(index) for index in range(40)]
+    scenes: dict[str, Sample] = {}
+    for sample in samples:
+        first = scenes.setdefault(sample.scene_name, sample)
+        name = "parameters.distance_m"
+        assert sample.parameters[name] == first.parameters[name]
+    assert len(scenes) == 3
+    assert len({sample.parameters["scene.fog.visibility_m"] for sample in samples}) == 40
+
+
+def test_a_section_before_its_fields(tmp_path: Path) -> None:
+    fog = {"scene.fog": {"kind": "haze-l"}, "scene.fog.visibility_m": {"uniform": [20.0, 30.0]}}
+    plan = planned(tmp_path, vary=fog)
+    samples = [yaml.safe_load(plan.sample(index).scene_text)["fog"] for index in (0, 1)]
+    assert samples[0]["kind"] == samples[1]["kind"] == "haze-l"
+    assert samples[0]["visibility_m"] != samples[1]["visibility_m"]
+    message = mistake(tmp_path, vary=dict(reversed(fog.items())))
+    assert "vary: scene.fog should stand before scene.fog.visibility_m" in message
+
+
+def test_a_choice_of_sections_is_not_changed_by_the_samples(tmp_path: Path) -> None:
+    vary = {
+        "scene.fog": {"choice": [{"kind": "haze-l"}]},
+        "scene.fog.visibility_m": {"choice": [20, 30]},
+    }
+    plan = planned(tmp_path, vary=vary)
+    for index in range(4):
+        plan.sample(index)
+    assert plan.plan.vary["scene.fog"] == {"choice": [{"kind": "haze-l"}]}
+
+
+def test_the_digest_tells_everything_but_the_number_of_samples(tmp_path: Path) -> None:
+    digest = planned(tmp_path).digest
+    assert planned(tmp_path, samples=7).digest == digest
+    assert planned(tmp_path).with_samples(9).digest == digest
+    assert planned(tmp_path).with_samples(9).plan.size == 9
+    changes: list[dict[str, Any]] = [
+        {"seed": 1},
+        {"spp": 7},
+        {"frames": 2},
+        {"instrument": "fga015"},
+        {"scenes": [{"family": "targets"}]},
+        {"keep": {"truth": False}},
+        {"vary": {}},
+    ]
+    digests = {planned(tmp_path, **change).digest for change in changes}
+    assert len(digests | {digest}) == len(changes) + 1
+
+
+def test_files_beside_the_plan_come_first(tmp_path: Path) -> None:
+    own = tmp_path / "rooms" / "mine.yaml"
+    own.parent.mkdir()
+    own.write_text("name: mine\n")
+    (tmp_path / "rig.yaml").write_text("wavelength_nm: 1550\n")
+    plan = planned(tmp_path, scenes=[{"scene": "rooms/mine.yaml"}], instrument="rig.yaml", vary={})
+    sample = plan.sample(0)
+    assert sample.scene_name == "mine"
+    assert sample.scene_folder == own.parent
+    assert yaml.safe_load(sample.instrument_text) == {"wavelength_nm": 1550}
+    digest = plan.digest
+    own.write_text("name: other\n")
+    assert plan.sample(0).scene_name == "mine"  # as it was when the plan was first asked
+    assert planned(tmp_path, **plan.fields).digest != digest
+
+
+def targets(**parameters: Any) -> dict[str, Any]:
+    return {"family": "targets", "parameters": parameters}
+
+
+VISIBILITY = "scene.fog.visibility_m"
+MISTAKES: list[tuple[dict[str, Any], str]] = [
+    (
+        {"vary": {VISIBILITY: {"uniform": [50, 20]}}},
+        "vary.scene.fog.visibility_m: needs a lower",
+    ),
+    ({"vary": {VISIBILITY: {"uniform": []}}}, "vary.scene.fog.visibility_m: "),
+    ({"vary": {VISIBILITY: {"log_uniform": [0, 20]}}}, "greater than 0"),
+    ({"vary": {VISIBILITY: {"choice": []}}}, "at least 1 item"),
+    ({"vary": {VISIBILITY: {"grid": []}}}, "at least 1 item"),
+    (
+        {"vary": {VISIBILITY: {"grid": [1], "uniform": [1, 2]}}},
+        "unknown field 'uniform'",
+    ),
+    (
+        {"vary": {VISIBILITY: {"normal": [0, 1], "within": [10, 11]}}},
+        "three standard",
+    ),
+    (
+        {"vary": {"scene.drone.offset_m": [{"grid": [0, 1]}, 0, 0]}},
+        "a grid can only stand",
+    ),
+    ({"vary": {"scene.drone.offset_m": [{"uniform": [1, 0]}, 0, 0]}}, "needs a lower and"),
+    ({"vary": {"fog.visibility_m": 5}}, "fog.visibility_m should begin with scene. or instrument."),
+    ({"vary": {"scene": 5}}, "scene should begin with"),
+    ({"vary": {"scene.fog.visibilty_m": 50}}, "did you mean 'visibility_m'?"),
+    ({"vary": {"scene.fgo.visibility_m": 50}}, "did you mean 'fog'?"),
+    ({"vary": {"instrument.laser.power_w": 1}}, "did you mean 'lasers'?"),
+    ({"vary": {"instrument.wavelength_nm.a": 1}}, "wavelength_nm has no fields; it is 1550"),
+    ({"vary": {VISIBILITY: {"grid": [50, -1]}}}, "greater than 0; found -1"),
+    ({"materials": {"concrete": "woood"}}, "did you mean 'wood"),
+    ({"materials": {"concrete": {"uniform": [2, 1]}}}, "materials.concrete: needs a lower and"),
+    ({"scenes": []}, "scenes: should have at least 1 item"),
+    ({"scenes": [{"family": "target"}]}, "did you mean 'targets'?"),
+    ({"scenes": [{"scene": "warehose"}]}, "did you mean 'warehouse'?"),
+    ({"scenes": [{"scene": "missing.yaml"}]}, "missing.yaml: no such file"),
+    ({"scenes": [{}]}, "scenes[0]: needs either scene or family"),
+    ({"scenes": [{"scene": "warehouse", "family": "targets"}]}, "needs either scene or family"),
+    ({"scenes": [{"scene": "warehouse", "distinct": 2}]}, "go with a family"),
+    (
+        {"scenes": [{"family": "targets", "parameters": {"distance": 2}}]},
+        "did you mean 'distance_m'?",
+    ),
+    (
+        {"scenes": [targets(distance_m={"uniform": [3, 2]})]},
+        "needs a lower and",
+    ),
+    ({"scenes": [targets(distance_m=1e4)]}, "distance_m"),
+    ({"scenes": [{"family": "targets", "weight": 0}]}, "should not all have weight 0"),
+    ({"scenes": [{"family": "targets", "weight": -1}]}, "scenes[0].weight: should be greater"),
+    ({"instrument": "papier"}, "did you mean 'paper'?"),
+    ({"samples": 0}, "samples: should be greater than 0"),
+    ({"samples": "many"}, "samples: "),
+    ({"seed": -1}, "seed: should be greater"),
+    ({"spp": 8, "noise": 0.1}, "needs spp or noise, not both"),
+    ({"frame": 2}, "did you mean 'frames'?"),
+    ({"keep": {"truths": True}}, "did you mean 'truth'?"),
+    ({"name": ""}, "name: "),
+]
+
+
+@pytest.mark.parametrize(("changes", "said"), MISTAKES, ids=[said for _, said in MISTAKES])
+def test_mistakes_are_named(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
+    assert said in " ".join(mistake(tmp_path, **changes).split())
+
+
+def test_a_value_that_fails_late_in_a_grid_is_found_early(tmp_path: Path) -> None:
+    vary = {
+        "scene.fog.visibility_m": {"grid": [float(metres) for metres in range(10, 60)]},
+        "scene.ambient.sky_klx": {"grid": [0.1, 0.2, -5.0]},
+    }
+    message = mistake(tmp_path, samples=150, vary=vary)
+    assert re.search(r"sample 2: scene: ambient\.sky_klx", message)
+
+
+def test_no_such_plan(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.yaml: no such file"):
+        load_plan(tmp_path / "none.yaml")

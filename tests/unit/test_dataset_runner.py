@@ -1,0 +1,379 @@
+"""Running a data set: what is made, tried again, waited for and refused."""
+
+import fcntl
+import hashlib
+import json
+import os
+import re
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+
+from makers import Fake, InThisProcess
+from reconstruction import Capture, write_capture
+from reconstruction.errors import InputError
+from spisim.dataset import runner
+from spisim.dataset.folder import Layout
+from spisim.dataset.manifest import Manifest, Outcome
+from spisim.dataset.opening import opened
+from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.runner import OutOfSpace, State, run_dataset
+
+PLAN = """
+name: some
+samples: 5
+scenes: [{family: targets}]
+vary: {scene.fog.visibility_m: {uniform: [20.0, 90.0]}}
+"""
+
+
+@pytest.fixture
+def planned(tmp_path: Path) -> PlannedSet:
+    return write_plan(tmp_path, PLAN)
+
+
+def write_plan(folder: Path, text: str) -> PlannedSet:
+    path = folder / "plan.yaml"
+    path.write_text(text)
+    return load_plan(path)
+
+
+class Run:
+    """One run with stand-ins, and all that it said."""
+
+    def __init__(
+        self,
+        planned: PlannedSet,
+        folder: Path,
+        bad: dict[int, str] | None = None,
+        **options: object,
+    ) -> None:
+        self.executor = InThisProcess(Fake(folder, bad or {}))
+        self.said: list[str] = []
+        self.states: list[State] = []
+        self.state = run_dataset(
+            planned,
+            folder,
+            self.executor,
+            say=self.said.append,
+            progress=self.states.append,
+            **options,  # type: ignore[arg-type]
+        )
+
+
+def rows(folder: Path, columns: str) -> list[tuple[object, ...]]:
+    with closing(sqlite3.connect(folder / "manifest.sqlite")) as connection:
+        return connection.execute(f'SELECT {columns} FROM samples ORDER BY "index"').fetchall()
+
+
+def own_capture(planned: PlannedSet, folder: Path, index: int, capture: Capture) -> Path:
+    """A capture that says that it is a sample of the plan."""
+    settings = yaml.safe_dump({"data_set": {"plan": planned.digest, "index": index}})
+    path = Layout(folder).capture(index)
+    write_capture(replace(capture, provenance=replace(capture.provenance, settings=settings)), path)
+    return path
+
+
+def test_all_is_made_and_noted(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    run = Run(planned, folder)
+    assert (run.state.done, run.state.failed, run.state.missing) == (5, 0, 0)
+    assert [state.done for state in run.states] == [0, 1, 2, 3, 4, 5]
+    assert (folder / "plan.yaml").read_text() == PLAN
+    told = rows(folder, '"index", status, scene, parameters, file, bytes, attempts, error')
+    text = json.dumps({"x": 1})
+    assert told[1] == (1, "done", "scene 1", text, "samples/000/000001.h5", 8, 1, None)
+    assert rows(folder, "sha256")[1] == (hashlib.sha256(b"sample 1").hexdigest(),)
+    with Manifest.open(folder / "manifest.sqlite") as manifest:
+        assert manifest.meta["schema_version"] == "1"
+        assert manifest.meta["plan_digest"] == planned.digest
+        assert manifest.meta["name"] == "some"
+
+
+def test_a_second_run_makes_nothing(planned: PlannedSet, tmp_path: Path) -> None:
+    Run(planned, tmp_path / "set")
+    again = Run(planned, tmp_path / "set")
+    assert again.executor.asked == []
+    assert again.state.done == 5
+    assert again.said == []
+
+
+def test_failed_samples_stay_failed_unless_asked(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    assert Run(planned, folder, {3: "fail"}).state.failed == 1
+    assert rows(folder, '"index", error, attempts')[3] == (3, "no luck", 1)
+    assert Run(planned, folder).executor.asked == []
+    again = Run(planned, folder, {3: "fail"}, retry_failed=True)
+    assert again.executor.asked == [[3]]  # once, though it failed again
+    assert Run(planned, folder, retry_failed=True).state.done == 5
+    assert rows(folder, "error, attempts")[3] == (None, 3)
+
+
+def test_a_sample_that_took_its_worker_with_it_is_tried_once_more(
+    planned: PlannedSet, tmp_path: Path
+) -> None:
+    folder = tmp_path / "set"
+
+    class Deadly(InThisProcess):
+        def run(self, indices: object) -> Iterator[Outcome]:
+            for outcome in super().run(indices):  # type: ignore[arg-type]
+                if outcome.index == 2:
+                    yield Outcome(2, "failed", error="worker killed by SIGKILL")
+                else:
+                    yield outcome
+
+    executor = Deadly(Fake(folder))
+    state = run_dataset(planned, folder, executor)
+    assert executor.asked == [[0, 1, 2, 3, 4], [2]]
+    assert (state.done, state.failed) == (4, 1)
+    assert rows(folder, "error, attempts")[2] == ("worker killed by SIGKILL", 2)
+    executor.asked.clear()
+    run_dataset(planned, folder, executor)
+    assert executor.asked == []  # not for ever
+
+
+def test_lost_and_shortened_files_are_made_again(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    Run(planned, folder)
+    Layout(folder).capture(1).unlink()
+    Layout(folder).capture(4).write_text("short")
+    again = Run(planned, folder)
+    assert again.executor.asked == [[1, 4]]
+    assert "2 samples have lost a file and are made again: 1, 4" in again.said
+
+
+def test_leftovers_are_removed(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    Run(planned, folder)
+    left = [folder / "samples/000/.000003.h5.0a1b2c3d.tmp", folder / ".space.tmp"]
+    for path in left:
+        path.touch()
+    Run(planned, folder)
+    assert not any(path.exists() for path in left)
+
+
+def test_more_samples_extend_and_fewer_are_refused(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    Run(planned, folder)
+    more = planned.with_samples(7)
+    assert more.digest == planned.digest
+    assert Run(more, folder).executor.asked == [[5, 6]]
+    assert load_plan(folder / "plan.yaml").plan.size == 7
+    with pytest.raises(InputError, match=r"set holds samples up to number 6, and the plan has"):
+        Run(planned, folder)
+    assert len(rows(folder, "status")) == 7
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "shown"),
+    [
+        ("name: some", "name: some\nseed: 5", ["+seed: 5"]),
+        ("90.0", "80.0", ["-    - 90.0", "+    - 80.0"]),
+    ],
+)
+def test_another_plan_is_refused_and_what_changed_shown(
+    planned: PlannedSet, tmp_path: Path, old: str, new: str, shown: list[str]
+) -> None:
+    Run(planned, tmp_path / "set")
+    with pytest.raises(InputError, match="holds samples of another plan") as caught:
+        Run(write_plan(tmp_path, PLAN.replace(old, new)), tmp_path / "set")
+    for line in shown:
+        assert line in str(caught.value).splitlines()
+    assert (tmp_path / "set" / "plan.yaml").read_text() == PLAN
+
+
+def test_another_scene_file_is_refused(tmp_path: Path) -> None:
+    scene = tmp_path / "room.yaml"
+    scene.write_text("name: room\n")
+    text = PLAN.replace("{family: targets}", "{scene: room.yaml}")
+    Run(write_plan(tmp_path, text), tmp_path / "set")
+    scene.write_text("name: room  # another comment\n")
+    Run(write_plan(tmp_path, text), tmp_path / "set")
+    scene.write_text("name: hall\n")
+    with pytest.raises(InputError, match=r"other files: scene room\.yaml; use another folder"):
+        Run(write_plan(tmp_path, text), tmp_path / "set")
+
+
+def test_a_folder_with_something_else_called_plan(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    (folder / "plan.yaml").write_text("- a list")
+    with pytest.raises(InputError, match=r"plan\.yaml: not the plan of a data set"):
+        Run(planned, folder)
+
+
+def test_two_runs_at_once(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    with opened(planned, folder, print):
+        expected = rf"set: process {os.getpid()} on \S+ is running this data set"
+        with pytest.raises(InputError, match=expected):
+            Run(planned, folder)
+    assert (folder / ".lock").read_text() == ""
+
+
+def test_the_lock_of_a_dead_process_does_not_matter(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    (folder / ".lock").write_text(f"{os.getpid()} here\n")  # of a process that lives, but no run
+    assert Run(planned, folder).state.done == 5
+
+
+def test_a_lock_without_a_name_is_still_one(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    with (folder / ".lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(InputError, match="process unknown"):
+            Run(planned, folder)
+
+
+@pytest.mark.parametrize("content", ["nonsense" * 100, "", "schema"])
+def test_a_damaged_manifest_is_kept_and_rebuilt(
+    planned: PlannedSet, tmp_path: Path, capture: Capture, content: str
+) -> None:
+    folder = tmp_path / "set"
+    Run(planned, folder)
+    for index in range(4):
+        own_capture(planned, folder, index, capture)
+    Layout(folder).capture(4).unlink()
+    manifest = folder / "manifest.sqlite"
+    if content == "schema":
+        with closing(sqlite3.connect(manifest)) as connection, connection:
+            connection.execute("UPDATE meta SET value = '99' WHERE key = 'schema_version'")
+    else:
+        manifest.write_text(content)
+    before = manifest.read_bytes()
+    run = Run(planned, folder)
+    assert run.executor.asked == [[4]]
+    assert run.state.done == 5
+    assert (folder / "manifest.damaged-1.sqlite").read_bytes() == before
+    assert "kept as manifest.damaged-1.sqlite and rebuilt from the samples" in run.said[0]
+    assert "4 samples found that the manifest did not know" in run.said[1]
+    expected = json.dumps(planned.sample(2).parameters)
+    assert rows(folder, "status, scene, parameters")[2] == (
+        "done",
+        planned.sample(2).scene_name,
+        expected,
+    )
+    assert Run(planned, folder).said == []
+
+
+def test_a_capture_of_another_plan_is_named_and_kept(
+    planned: PlannedSet, tmp_path: Path, capture: Capture
+) -> None:
+    folder = tmp_path / "set"
+    other = write_plan(tmp_path, PLAN + "seed: 8\n")
+    path = own_capture(other, folder, 1, capture)
+    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: not of this data set"):
+        Run(planned, folder)
+    assert path.exists()
+    path.unlink()
+    write_capture(capture, path)  # of no data set at all
+    with pytest.raises(InputError, match="not of this data set"):
+        Run(planned, folder)
+
+
+def test_a_capture_under_another_number_is_foreign(
+    planned: PlannedSet, tmp_path: Path, capture: Capture
+) -> None:
+    folder = tmp_path / "set"
+    path = own_capture(planned, folder, 1, capture)
+    path.rename(path.with_name("000002.h5"))
+    with pytest.raises(InputError, match=r"000002\.h5: not of this data set"):
+        Run(planned, folder)
+
+
+def test_a_damaged_capture_without_a_row_is_made_again(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    path = Layout(folder).capture(3)
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"\x89HDF")
+    run = Run(planned, folder)
+    assert run.state.done == 5
+    assert "1 damaged captures removed, to be made again" in run.said[0]
+
+
+def test_no_space_is_waited_out(
+    planned: PlannedSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter([False, False, True])
+    monkeypatch.setattr(runner, "has_space", lambda folder: next(answers))
+    monkeypatch.setattr(runner, "LOOK_EVERY_S", 0.01)
+    folder = tmp_path / "set"
+    run = Run(planned, folder, {1: "no space once"})
+    assert run.executor.asked == [[0, 1, 2, 3, 4], [1]]
+    assert run.state.done == 5
+    assert run.said == [
+        f"{folder}: no space left; waiting for some",
+        "There is space again; going on",
+    ]
+    assert rows(folder, "attempts")[1] == (1,)  # waiting is no attempt
+
+
+def test_a_failed_sample_tried_again_is_not_lost_over_a_full_disk(
+    planned: PlannedSet, tmp_path: Path
+) -> None:
+    folder = tmp_path / "set"
+    Run(planned, folder, {1: "fail"})
+    run = Run(planned, folder, {1: "no space once"}, retry_failed=True)
+    assert run.executor.asked == [[1], [1]]
+    assert run.state.done == 5
+
+
+def test_no_space_for_too_long_ends_the_run(
+    planned: PlannedSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "has_space", lambda folder: False)
+    monkeypatch.setattr(runner, "LOOK_EVERY_S", 0.01)
+    with pytest.raises(OutOfSpace, match=r"no space left for 0\.05 s; make some and run"):
+        Run(planned, tmp_path / "set", {1: "no space"}, space_timeout_s=0.05)
+    assert Run(planned, tmp_path / "set").state.done == 5
+
+
+def test_samples_that_never_fit_end_the_run(planned: PlannedSet, tmp_path: Path) -> None:
+    with pytest.raises(OutOfSpace, match="no space for a sample"):
+        Run(planned, tmp_path / "set", {1: "no space"})
+
+
+def test_a_manifest_without_space_waits_too(
+    planned: PlannedSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter([False, True])
+    monkeypatch.setattr(runner, "has_space", lambda folder: next(answers))
+    monkeypatch.setattr(runner, "LOOK_EVERY_S", 0.01)
+    record, full = Manifest.record, iter([True])
+
+    def sometimes_full(manifest: Manifest, outcome: Outcome) -> None:
+        if next(full, False):
+            raise OSError(28, "database or disk is full")
+        record(manifest, outcome)
+
+    monkeypatch.setattr(Manifest, "record", sometimes_full)
+    assert Run(planned, tmp_path / "set").state.done == 5
+
+
+def test_a_full_database_is_an_error_of_the_disk(tmp_path: Path) -> None:
+    with Manifest.create(tmp_path / "m.sqlite", {}) as manifest:
+        manifest._connection.execute("PRAGMA max_page_count = 6")
+        with pytest.raises(OSError, match="full") as caught:
+            manifest.record(Outcome(0, "failed", error="long " * 10_000))
+        assert caught.value.errno == 28
+        manifest.record(Outcome(0, "failed", error="short"))
+        assert manifest.failures() == {0: "short"}
+
+
+def test_files_of_workers_that_write_elsewhere(planned: PlannedSet, tmp_path: Path) -> None:
+    executor = InThisProcess(Fake(tmp_path / "elsewhere"))
+    with pytest.raises(InputError, match="has to be one that all workers share"):
+        run_dataset(planned, tmp_path / "set", executor)
+
+
+def test_a_file_in_place_of_the_folder(planned: PlannedSet, tmp_path: Path) -> None:
+    (tmp_path / "set").write_text("")
+    with pytest.raises(InputError, match="set is not a folder"):
+        Run(planned, tmp_path / "set")

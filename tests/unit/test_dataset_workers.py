@@ -1,0 +1,133 @@
+"""Processes that make samples: what one that dies, hangs or grows costs."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from makers import Fake, Hoarder
+from spisim.dataset import workers
+from spisim.dataset.manifest import Outcome
+from spisim.dataset.workers import LocalExecutor, default_workers
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+
+
+def outcomes(make: Fake, indices: range, count: int = 2, timeout_s: float = 60) -> list[Outcome]:
+    with LocalExecutor(make, count, timeout_s) as executor:
+        return sorted(executor.run(indices), key=lambda outcome: outcome.index)
+
+
+def test_every_sample_once_by_so_many_processes(tmp_path: Path) -> None:
+    make = Fake(tmp_path, seconds=0.05)
+    made = outcomes(make, range(7))
+    assert [outcome.index for outcome in made] == list(range(7))
+    assert all(outcome.done for outcome in made)
+    assert len(make.pids()) == 2
+    assert os.getpid() not in make.pids()
+    for pid in make.pids():  # gone with the executor
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+@pytest.mark.parametrize(
+    ("trouble", "reason"),
+    [("kill", "worker killed by SIGKILL"), ("exit", "worker ended with exit status 7")],
+)
+def test_a_worker_that_dies_costs_its_sample_only(
+    tmp_path: Path, trouble: str, reason: str
+) -> None:
+    make = Fake(tmp_path, {2: trouble})
+    made = outcomes(make, range(4), count=1)
+    assert [outcome.index for outcome in made if outcome.done] == [0, 1, 3]
+    assert made[2].error == reason
+    assert len(make.pids()) == 2
+
+
+def test_one_that_hangs_is_ended(tmp_path: Path) -> None:
+    make = Fake(tmp_path, {4: "hang"}, seconds=0.1)
+    with LocalExecutor(make, 2) as executor:
+        assert len(list(executor.run(range(3)))) == 3  # now both have started
+        executor.timeout_s = 1.0
+        made = sorted(executor.run([3, 4]), key=lambda outcome: outcome.index)
+        assert [outcome.done for outcome in made] == [True, False]
+        assert made[1].error == "took longer than 1 s"
+        executor.timeout_s = 60.0
+        assert all(outcome.done for outcome in executor.run([5, 6]))
+
+
+@linux
+def test_one_that_grows_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "GROWTH_MB", 100)
+    make = Hoarder(tmp_path)
+    made = outcomes(make, range(6), count=1)
+    assert all(outcome.done for outcome in made)
+    # 60 MB a sample: 100 MB above the first are passed with the third.
+    assert len(make.pids()) == 2
+
+
+def test_one_is_replaced_after_many_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "MOST_SAMPLES", 2)
+    make = Fake(tmp_path)
+    outcomes(make, range(5), count=1)
+    assert len(make.pids()) == 3
+
+
+def test_one_that_died_while_idle_is_no_loss(tmp_path: Path) -> None:
+    make = Fake(tmp_path)
+    with LocalExecutor(make, 1) as executor:
+        assert len(list(executor.run(range(2)))) == 2
+        os.kill(make.pids()[0], signal.SIGKILL)
+        time.sleep(0.2)
+        assert [outcome.done for outcome in executor.run([2, 3])] == [True, True]
+
+
+@linux
+def test_they_end_with_the_process_that_started_them(tmp_path: Path) -> None:
+    code = f"""
+        from pathlib import Path
+        from makers import Fake
+        from spisim.dataset.workers import LocalExecutor
+        if __name__ == "__main__":
+            list(LocalExecutor(Fake(Path({str(tmp_path)!r}), seconds=30), 2).run(range(2)))
+    """
+    script = tmp_path / "script.py"
+    script.write_text(textwrap.dedent(code))
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    process = subprocess.Popen([sys.executable, script], env=environment)
+    make = Fake(tmp_path)
+    until(lambda: len(make.pids()) == 2)
+    process.kill()
+    process.wait()
+    until(lambda: not any(map(alive, make.pids())))
+
+
+def test_the_default_is_one_for_each_core_at_most() -> None:
+    assert 1 <= default_workers() <= (os.cpu_count() or 1)
+
+
+def test_it_is_fewer_where_there_is_little_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "WORKER_MEMORY_MB", 10**9)
+    assert default_workers() == 1
+
+
+def alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
+
+
+def until(condition: object, seconds: float = 30) -> None:
+    end = time.monotonic() + seconds
+    while not condition():  # type: ignore[operator]
+        assert time.monotonic() < end
+        time.sleep(0.05)
