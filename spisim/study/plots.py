@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from spisim.study.labels import axis_label, brief, condition_label, group_label
 from spisim.study.metrics import METRICS
@@ -27,6 +29,8 @@ METHODS = (("-", True), ("--", False), (":", False))
 DODGE, BESIDE = 0.012, 0.09
 #: Ratio of means from which an axis of errors is logarithmic.
 LOG_FROM = 30
+#: That a line of the legend has room for.
+LEGEND_CHARACTERS = 110
 STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -219,6 +223,7 @@ def _finish(axes: Axes, results: Results, metrics: Sequence[str], across: str = 
         (axes.axhline if across == "y" else axes.axvline)(0, color="0.3", lw=0.8)
     elif METRICS[metrics[0]].better == "low" and means and 0 < LOG_FROM * min(means) < max(means):
         (axes.set_yscale if across == "y" else axes.set_xscale)("log", nonpositive="clip")
+        plain_log(axes.yaxis if across == "y" else axes.xaxis)
 
 
 def _legend(axes: Axes, curves: Sequence[_Curve], metrics: Sequence[str]) -> None:
@@ -239,7 +244,19 @@ def _legend(axes: Axes, curves: Sequence[_Curve], metrics: Sequence[str]) -> Non
     if handles:
         figure = axes.get_figure(root=True)
         assert isinstance(figure, Figure)
-        figure.legend(
-            handles=handles, loc="outside upper left", ncols=min(len(handles), 4), frameon=False,
-            fontsize=8.5,
-        )  # fmt: skip
+        legend_above(figure, handles, [str(handle.get_label()) for handle in handles])
+
+
+def legend_above(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> None:
+    """A legend in as many columns as there is room for."""
+    columns = max(1, min(len(labels), LEGEND_CHARACTERS // (max(map(len, labels)) + 8)))
+    figure.legend(
+        handles, labels, loc="outside upper left", ncols=columns, frameon=False, fontsize=8.5
+    )
+
+
+def plain_log(axis: Axis) -> None:
+    """Numbers of a logarithmic axis as 0.05, not as powers of ten."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from spisim.study.labels import brief, group_label
-from spisim.study.plots import COLOURS, MARKERS, Plot, saved
-from spisim.study.profile import CENTRES_M, EDGES_M, MAPS
+from spisim.study.labels import group_label
+from spisim.study.plots import COLOURS, MARKERS, Plot, legend_above, plain_log, saved
+from spisim.study.profile import CENTRES_M, MAPS
 from spisim.study.results import Results, Row, over_units
 from spisim.study.statistics import Estimate
 
 NAME = "depth_profile"
-TICKS_M = (1, 2, 4, 8, 16)
 #: Bins of fewer independent scenes or rounds are left out.
 LEAST_UNITS = 3
 
@@ -31,17 +29,18 @@ def _figure(results: Results) -> Figure:
         for number, (group, rows) in enumerate(groups.items()):
             label = group_label(results.planned.study, group) or results.planned.study.reference
             _draw(axes, profile_of(rows, kind), COLOURS[number % len(COLOURS)], number, label)
-        axes.plot(EDGES_M[[0, -1]], EDGES_M[[0, -1]], color="0.3", lw=0.8, zorder=0)
+        axes.axline((1, 1), (2, 2), color="0.3", lw=0.8, zorder=0)
         axes.set(xscale="log", yscale="log", title=title, xlabel="true depth, m")
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_ticks(TICKS_M)
-            axis.set_major_formatter(FuncFormatter(lambda value, _: brief(value)))
-            axis.set_minor_formatter(NullFormatter())
+        plain_log(axes.xaxis)
+        plain_log(axes.yaxis)
         axes.set_aspect("equal")
+    limits = panels[0].dataLim.union([axes.dataLim for axes in panels])
+    reach = min(limits.min) / 1.2, max(limits.max) * 1.2
+    panels[0].set(xlim=reach, ylim=reach)
     panels[0].set_ylabel("mean estimated depth, m")
     if len(groups) > 1:
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=4, frameon=False)
+        legend_above(figure, handles, labels)
     return figure
 
 

@@ -62,7 +62,7 @@ def _cards(results: Results) -> str:
     rounds = {row.round for row in good}
     cards = (
         card(f"{len(good):,}", "samples", f"{len(rows) - len(good)} failed"),
-        card(str(len(results.conditions)), "combinations", "of the values compared"),
+        card(str(results.planned.plan.combinations), "combinations", "of all grids"),
         card(str(len(scenes)), "scenes", "different ones"),
         card(str(len(rounds)), "rounds", "of other seeds"),
     )
@@ -151,7 +151,8 @@ def _against_first(results: Results) -> str:
     alone = (None, *first[1:]) if study.x == "scene" else first
     return section(
         f"Less {condition_label(study, alone)}",
-        "Mean difference from the first combination, of samples of the same scene and round.",
+        "Mean difference from the first combination, of samples of the same scene and round; 95 % "
+        "interval, number of pairs.",
         table(("", *map(_head, results.metrics)), rows),
     )
 
@@ -178,7 +179,7 @@ def _methods(results: Results) -> str:
     )
     return section(
         "One method less another",
-        "Mean difference on the same captures.",
+        "Mean difference on the same captures; 95 % interval, number of pairs.",
         table(("", *heads), rows),
     )
 
