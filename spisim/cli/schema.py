@@ -1,7 +1,7 @@
 """`spisim schema`: JSON Schema of the configuration files."""
 
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,15 +15,33 @@ class Kind(StrEnum):
 
     scene = "scene"
     instrument = "instrument"
+    plan = "plan"
+    study = "study"
 
 
 def command(kind: Annotated[Kind, typer.Argument(help="Which file.", show_default=False)]) -> None:
-    """Print the JSON Schema of scene or instrument files, for editors that check as one types."""
-    if kind is Kind.scene:
-        from spisim.scene.description import SceneDescription
+    """Print the JSON Schema of a kind of YAML file, for editors that check as one types."""
+    from pydantic import TypeAdapter
 
-        print_json(SceneDescription.model_json_schema())
-    else:
-        from spisim.instrument import Instrument
+    print_json(TypeAdapter(_model(kind)).json_schema())
 
-        print_json(Instrument.model_json_schema())
+
+def _model(kind: Kind) -> Any:
+    """What pydantic reads such a file into."""
+    match kind:
+        case Kind.scene:
+            from spisim.scene.description import DrawnDescription, SceneDescription
+
+            return SceneDescription | DrawnDescription
+        case Kind.instrument:
+            from spisim.instrument import Instrument
+
+            return Instrument
+        case Kind.plan:
+            from spisim.dataset.plan import Plan
+
+            return Plan
+        case Kind.study:
+            from spisim.study.plan import StudyPlan
+
+            return StudyPlan

@@ -237,11 +237,17 @@ def test_scenes_are_listed() -> None:
     assert all(scene["description"] for scene in listing["scenes"])
 
 
-@pytest.mark.parametrize("kind", ["scene", "instrument"])
-def test_schemas_forbid_unknown_fields(kind: str) -> None:
+@pytest.mark.parametrize(
+    ("kind", "field"),
+    [("scene", "objects"), ("instrument", "lasers"), ("plan", "vary"), ("study", "study")],
+)
+def test_schemas_forbid_unknown_fields(kind: str, field: str) -> None:
     schema = json.loads(spisim("schema", kind).stdout)
-    assert schema["type"] == "object"
-    assert schema["additionalProperties"] is False
+    models = [schema["$defs"][one["$ref"].rpartition("/")[2]] for one in schema.get("anyOf", ())]
+    for model in models or [schema]:
+        assert model["type"] == "object"
+        assert model["additionalProperties"] is False
+        assert field in model["properties"]
 
 
 def test_doctor_finds_this_machine_ready() -> None:
