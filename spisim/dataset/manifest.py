@@ -129,7 +129,9 @@ class Manifest:
         version = self.meta.get("schema_version", "unknown")
         if version != str(SCHEMA_VERSION):
             return f"schema version {version}, not {SCHEMA_VERSION}"
-        self._connection.execute(f"SELECT {', '.join(map(_quoted, _COLUMNS))} FROM samples LIMIT 1")
+        # With their table, as SQLite takes an unknown quoted name alone for a string.
+        columns = ", ".join(f"samples.{_quoted(name)}" for name in _COLUMNS)
+        self._connection.execute(f"SELECT {columns} FROM samples LIMIT 1")
         return None
 
     @contextmanager

@@ -8,7 +8,6 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import yaml
 from reconstruction import read_capture
 from reconstruction.errors import InputError
 from reconstruction.files import require_folder, write_atomically
+from spisim import __version__
 from spisim.dataset.folder import Layout, belongs_to, fingerprint
 from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, Outcome
@@ -72,7 +72,7 @@ def _manifest(planned: PlannedSet, layout: Layout, say: Say) -> Manifest:
             "name": planned.plan.name,
             "samples": str(planned.plan.size),
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "software": f"spisim {version('spisim')}",
+            "software": f"spisim {__version__}",
             "files": json.dumps(_digests(planned.files)),
         },
     )

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 import yaml
 
 from reconstruction.capture import Capture, Optics, Provenance, Truth
+from spisim import __version__
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
 from spisim.measurement.drops import falling_drops
@@ -125,7 +125,7 @@ def record(
         ),
         provenance=Provenance(
             source="simulation",
-            software=f"spisim {version('spisim')}",
+            software=f"spisim {__version__}",
             created=datetime.now(UTC).isoformat(timespec="seconds"),
             instrument=instrument.text,
             scene=scene.text,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from html import escape
-from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 
 from reconstruction.files import write_atomically
+from spisim import __version__
 from spisim.report.markup import card, details, page, section, table
 from spisim.study.labels import axis_label, condition_label
 from spisim.study.metrics import METRICS
@@ -48,7 +48,7 @@ def write_report(path: Path, results: Results, plots: Sequence[Plot]) -> None:
         f"{''.join(_plot(plot) for plot in plots)}"
         f"{_means(results)}{_against_first(results)}{_methods(results)}{_failures(results)}"
         f"{details('The plan', results.planned.text)}"
-        f"<footer>spisim {version('spisim')}; results.csv has every sample, summary.csv and "
+        f"<footer>spisim {__version__}; results.csv has every sample, summary.csv and "
         "differences.csv what is on this page.</footer>"
     )
     style = files(__package__).joinpath("report.css").read_text(encoding="utf-8")

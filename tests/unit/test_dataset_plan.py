@@ -243,7 +243,7 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"vary": {"instrument.laser.power_w": 1}}, "did you mean 'lasers'?"),
     ({"vary": {"instrument.wavelength_nm.a": 1}}, "wavelength_nm has no fields; it is 1550"),
     ({"vary": {VISIBILITY: {"grid": [50, -1]}}}, "greater than 0; found -1"),
-    ({"materials": {"concrete": "woood"}}, "did you mean 'wood"),
+    ({"materials": {"concrete": "wood-dryy"}}, "did you mean 'wood-dry'"),
     ({"materials": {"concrete": {"uniform": [2, 1]}}}, "materials.concrete: needs a lower and"),
     ({"scenes": []}, "scenes: should have at least 1 item"),
     ({"scenes": [{"family": "target"}]}, "did you mean 'targets'?"),
