@@ -223,10 +223,10 @@ def test_one_sample_that_cannot_be_made(tmp_path: Path) -> None:
 FULL = """
     set -e
     mount -t tmpfs -o size=12m none {disk}
-    head -c 11700000 /dev/zero > {disk}/ballast
+    head -c 12200000 /dev/zero > {disk}/ballast
     {command} &
     run=$!
-    while ! grep -q 'no space left' {log}; do sleep 0.1; done
+    while kill -0 $run && ! grep -q "no space left" {log}; do sleep 0.1; done
     cp -r {disk}/set {before}
     {relief}
     status=0
@@ -237,7 +237,7 @@ FULL = """
 
 
 def on_a_full_disk(plan: Path, folder: Path, relief: str, *options: str) -> tuple[int, str]:
-    """Exit status and messages of a run on a disk of its own that is full but for 0.8 MB."""
+    """Exit status and messages of a run on a disk of its own that is full but for 0.4 MB."""
     disk, log = folder / "disk", folder / "log"
     disk.mkdir()
     log.touch()
