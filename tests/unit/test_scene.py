@@ -298,6 +298,19 @@ def test_room_is_sound_only_around_the_drone(load: Load) -> None:
         load(with_objects(elsewhere))
 
 
+@pytest.mark.parametrize(("scale", "told"), [(300, "300 m"), (1e-4, "0.0001 m"), (100, None)])
+def test_sizes_of_another_unit_are_told(load: Load, scale: float, told: str | None) -> None:
+    text = with_objects(
+        f"name: other drone, shape: box, size_m: [1, 1, 0.2], scale: {scale},"
+        " translate_m: [500, 0, 0], material: brick"
+    )
+    if told is None:
+        without_warning(load, text)
+        return
+    with pytest.warns(SceneWarning, match=rf"'other drone' \({told}\); meshes are read in metres"):
+        load(text)
+
+
 # Daylight
 
 
