@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from spisim.families.draft import Draft
-from spisim.families.natural import bush
+from spisim.families.natural import clipped_bush
 from spisim.families.shapes import block, rod, union
 
 
@@ -51,7 +51,7 @@ def _hedge(draft: Draft, x: float, axis_z: float, rng: np.random.Generator) -> N
     """Two staggered rows of bushes as high as needed, on trunks."""
     height = axis_z + 0.25 * x
     leaf = rng.uniform(0.07, 0.14)
-    shape, foliage = bush(rng, (1.7, 2.1, height), leaf, 1000)
+    shape, foliage = clipped_bush(rng, (1.7, 2.1, height), leaf, 1000)
     copies = [
         ((0, 0, rng.uniform(-25, 25) + 180 * (i % 2)), (x + 1 + row, y, 0.5 * height))
         for row in (0, 1)

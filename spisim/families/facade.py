@@ -10,16 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from spisim.families.draft import Draft, Placed
-from spisim.families.placing import grid_mesh
-from spisim.families.shapes import Mesh, block, rod, union
+from spisim.families.shapes import Mesh, block, grid_mesh, rod, union
 
-GLASS = "window glass"
-#: A pane seen at 1550 nm; the iron in float glass absorbs less than what its faces reflect.
-GLASS_MATERIAL = {
-    "bsdf": "thin-pane",
-    "ior": 1.507,
-    "source": "Rubin (1985), Solar Energy Materials 12, 275: soda-lime float glass at 1550 nm",
-}
 WALL_M, ROOM_M, STOREY_M = 0.3, 2.2, 3.0
 DOOR_M = (1.0, 2.15)
 
@@ -58,7 +50,6 @@ def add_front(
 ) -> None:
     """The front at `y`, in materials of wall and frames, some windows with curtains or open."""
     at = (0.0, y, 0.0)
-    draft.materials[GLASS] = GLASS_MATERIAL
     draft.mesh("front", wall, _wall(front), at)
     draft.mesh("rooms", "plasterboard", _rooms(front), at)
     windows = front.windows()
@@ -68,7 +59,7 @@ def add_front(
     draft.mesh("sill", "concrete", block((width + 0.16, 0.42, 0.05), (0, 0.02, -height / 2)),
                copies=places)  # fmt: skip
     panes: list[Placed] = [((90, 0, 0), (x, y + 0.14, z)) for x, z in windows]
-    draft.rectangle("pane", GLASS, front.window_m, copies=panes)
+    draft.rectangle("pane", "glass-pane", front.window_m, copies=panes)
     curtained = [place for place in places if rng.random() < 0.5]
     if curtained:
         curtain = _curtain(width * rng.uniform(0.3, 0.6), height, -width / 2)

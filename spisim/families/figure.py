@@ -9,12 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from trimesh.creation import icosphere
 
-from spisim.families.shapes import Mesh, Point, lathe, limb, moved, union
+from spisim.families.shapes import Floats, Mesh, Point, lathe, limb, moved, union
 
-Vector = NDArray[np.float64]
 UPPER_ARM_M, FOREARM_M, HAND_M = 0.28, 0.24, 0.09
 THIGH_M, SHIN_M = 0.38, 0.4
 TORSO = [
@@ -180,13 +178,13 @@ def _trouser_leg(side: Side) -> list[Mesh]:
     ]
 
 
-def _arm_direction(side: int, raised_deg: float, forward_deg: float) -> Vector:
+def _arm_direction(side: int, raised_deg: float, forward_deg: float) -> Floats:
     raised, forward = np.radians((raised_deg, forward_deg))
     out = np.array([-np.sin(forward), side * np.cos(forward), 0])
     return np.asarray(np.sin(raised) * out - np.cos(raised) * np.array([0, 0, 1]))
 
 
-def _leg_direction(side: int, forward_deg: float, apart_deg: float) -> Vector:
+def _leg_direction(side: int, forward_deg: float, apart_deg: float) -> Floats:
     forward, apart = np.radians((forward_deg, apart_deg))
     down = np.array([-np.sin(forward), 0, -np.cos(forward)])
     return np.asarray(np.cos(apart) * down + np.sin(apart) * np.array([0, side, 0]))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from trimesh.creation import icosphere
 
+from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family, Placed
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.placing import Ground, aside, daylight, rolling
+from spisim.families.placing import Ground, aside, rolling
 from spisim.families.plants import UP, Limb, bush, grow, leaves, tree, tuft, unit, wood
 from spisim.families.shapes import Mesh, limb, union
 
@@ -41,7 +42,7 @@ def build(parameters: ForestParameters, rng: np.random.Generator) -> Draft:
     ground = rolling(rng, parameters.relief_m, parameters.bank_m)
     eye = ground.on(0.0, 0.0, -parameters.drone_height_m)
     target = (10.0, 0.5 * parameters.bend_m, eye[2] - rng.uniform(-0.3, 0.6))
-    draft = Draft(eye, target, **daylight(rng))
+    draft = Draft(eye, target, **outdoors(rng))
     draft.mesh("ground", parameters.soil, ground.mesh((-3, parameters.bank_m + 5), (-7, 7), 0.3))
     x = np.linspace(-2, parameters.bank_m, 30)
     middle = np.column_stack([x, _bend(parameters, x)])

@@ -7,12 +7,13 @@ from collections.abc import Callable
 import numpy as np
 from trimesh.creation import torus
 
+from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family, Placed
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.placing import Floats, aside, daylight, grid_mesh, rolling
-from spisim.families.power_line import span
+from spisim.families.placing import aside, rolling
 from spisim.families.props import cone
-from spisim.families.shapes import Mesh, block, lathe, rod, tube, union
+from spisim.families.ropes import hanging
+from spisim.families.shapes import Floats, Mesh, block, grid_mesh, lathe, rod, tube, union
 
 KINDS = ("square", "round", "arch")
 
@@ -68,7 +69,7 @@ def _hall(draft: Draft, parameters: GatesParameters, rng: np.random.Generator) -
 
 def _field(draft: Draft, parameters: GatesParameters, rng: np.random.Generator) -> None:
     """Ground with a bank behind, in daylight."""
-    light = daylight(rng)
+    light = outdoors(rng)
     draft.sky_klx, draft.sun_klx = light["sky_klx"], light.get("sun_klx", 0.0)
     draft.sun_direction = light.get("sun_direction", draft.sun_direction)
     ground = rolling(rng, 0.03, parameters.backdrop_m - 1.0, 1.2, 6.0)
@@ -151,7 +152,7 @@ def _net(draft: Draft, parameters: GatesParameters) -> None:
     cords += [tube([(x, -half, z), (x, half, z)], thick, 4) for z in np.arange(0.05, high, step)]
     draft.mesh("net", "polyester-fabric", union(cords))
     poles = [rod((x, y, -0.1), (x, y, high + 0.1), 0.03, sections=10) for y in (-half, 0.9, half)]
-    top = tube(span((x, -half, high), (x, half, high), 0.03, 9), 0.004, 5)
+    top = tube(hanging((x, -half, high), (x, half, high), 0.03, 9), 0.004, 5)
     draft.mesh("net poles", "steel-galvanised", union([*poles, top]))
 
 
@@ -192,7 +193,7 @@ def _bunting(draft: Draft, parameters: GatesParameters, rng: np.random.Generator
     """A cord across the course, from pole to pole, with triangles of cloth."""
     x = parameters.first_m + 0.5 * parameters.spacing_m
     z = parameters.drone_height_m + aside(x, rng.uniform(0.0, 7.0))
-    line = span((x - 0.4, -3.0, z + 0.35), (x + 0.4, 3.0, z + 0.35), 0.35, 61)
+    line = hanging((x - 0.4, -3.0, z + 0.35), (x + 0.4, 3.0, z + 0.35), 0.35, 61)
     draft.mesh("cord", "cotton-white", tube(line, parameters.bunting_mm / 2000, 6))
     pennants = []
     for left, right in zip(line[:-2:3], line[2::3], strict=True):

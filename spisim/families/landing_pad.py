@@ -9,10 +9,11 @@ import numpy as np
 from spisim.families import props
 from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family
-from spisim.families.natural import Points, blob, leaves, scattered_rocks
+from spisim.families.natural import blob, scattered_rocks
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
+from spisim.families.plants import UP, blades
 from spisim.families.ropes import hanging, lying
-from spisim.families.shapes import Mesh, block, lathe, moved, rod, tube, union
+from spisim.families.shapes import Floats, Mesh, block, lathe, moved, rod, tube, union
 
 PAD_HEIGHT_M = 0.06
 #: Of painted and glued things, so that they stand out from the pad and leave it closed.
@@ -185,17 +186,11 @@ def _spanner() -> Mesh:
     return union([block((0.025, 0.28, 0.01), (0, 0, 0.006)), *jaws])
 
 
-def _bucket() -> Mesh:
-    outside = [(0, 0), (0.1, 0), (0.14, 0.27), (0.15, 0.27), (0.15, 0.28)]
-    inside = [(0.135, 0.28), (0.097, 0.012), (0, 0.012)]
-    return lathe(outside + inside, sections=24)
-
-
 _TOOLS: dict[str, tuple[str, Callable[[], Mesh]]] = {
     "toolbox": ("steel-painted", _toolbox),
     "hammer": ("wood-dry", _hammer),
     "spanner": ("aluminium-rough", _spanner),
-    "bucket": ("pvc", _bucket),
+    "bucket": ("pvc", props.bucket),
     "cone": ("polypropylene", props.cone),
 }
 
@@ -222,7 +217,7 @@ def _grass(draft: Draft, parameters: LandingPadParameters, rng: np.random.Genera
     tufts = _around(rng, parameters, parameters.clutter)
     places = np.repeat(tufts, 12, axis=0) + rng.normal(scale=0.035, size=(12 * len(tufts), 3))
     places[:, 2] = np.abs(places[:, 2])
-    draft.mesh("grass", "leaves-green", leaves(rng, places, 0.1))
+    draft.mesh("grass", "leaves-green", blades(rng, places, np.tile(UP, (len(places), 1)), 0.1))
 
 
 def _concrete(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
@@ -238,7 +233,7 @@ def _concrete(draft: Draft, parameters: LandingPadParameters, rng: np.random.Gen
     )
 
 
-def _around(rng: np.random.Generator, parameters: LandingPadParameters, count: int) -> Points:
+def _around(rng: np.random.Generator, parameters: LandingPadParameters, count: int) -> Floats:
     """Places (n, 3) on the ground beside the pad, the denser the nearer."""
     inner = parameters.pad_m * (0.56 if parameters.shape == "round" else 0.76)
     radius = inner + rng.exponential(0.4, count)

@@ -9,10 +9,10 @@ from spisim.families import figure, props
 from spisim.families.backdrops import BACKDROPS, add_backdrop
 from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family
-from spisim.families.figure import Arm, Leg, Side, Vector
+from spisim.families.figure import Arm, Leg, Side
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.families.ropes import hanging
-from spisim.families.shapes import Mesh, lathe, rod, tube, union
+from spisim.families.shapes import Floats, Mesh, lathe, rod, tube, union
 
 #: Of the figure before it is scaled.
 FIGURE_M = 1.77
@@ -86,7 +86,7 @@ def _add_person(draft: Draft, parameters: PersonParameters, at: tuple[float, flo
         parts["hard hat", "polypropylene"] = figure.hard_hat()
     if parameters.vest == "safety-vest":
         parts["safety vest", "polyester-fabric"] = figure.vest()
-        parts["bands of the vest", "paint-white"] = figure.vest_bands()
+        parts["bands of the vest", "retroreflective-tape"] = figure.vest_bands()
     if parameters.holds != "nothing":
         parts[parameters.holds, "paint-white"] = _HELD[parameters.holds](sides[0])
     lowest = parts["trousers", parameters.trousers].bounds[0, 2]
@@ -146,7 +146,7 @@ def _stick(side: Side) -> Mesh:
     return stick.apply_translation(grip)
 
 
-def _grip(side: Side) -> tuple[Vector, Vector]:
+def _grip(side: Side) -> tuple[Floats, Floats]:
     """Middle of the hand, and the direction in which it points."""
     axis = np.subtract(side.fingers, side.palm)
     return np.add(side.palm, 0.04 / np.linalg.norm(axis) * axis), axis / np.linalg.norm(axis)

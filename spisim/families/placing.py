@@ -1,4 +1,4 @@
-"""Where things go: angles seen by the drone, ground with relief, daylight.
+"""Where things go: angles seen by the drone, ground with relief.
 
 Angles are those of a drone that looks along x: to the left and up are positive.
 """
@@ -6,59 +6,18 @@ Angles are those of a drone that looks along x: to the left and up are positive.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from spisim.families.shapes import Mesh
+from spisim.families.shapes import Floats, Mesh, grid_mesh
 
-Floats = NDArray[np.float64]
 Range = tuple[float, float]
 
 
 def aside(ahead_m: float, angle_deg: float) -> float:
     """How far beside (or above) the line of sight something `ahead_m` is seen at an angle."""
     return float(ahead_m * np.tan(np.radians(angle_deg)))
-
-
-def daylight(rng: np.random.Generator) -> dict[str, Any]:
-    """Ambient fields of a draft: overcast half of the time, else sun from any side but ahead."""
-    if rng.random() < 0.5:
-        return {"sky_klx": rng.uniform(3.0, 18.0)}
-    azimuth, elevation = np.radians((rng.uniform(-140, 140), rng.uniform(20, 60)))
-    direction = (
-        np.cos(elevation) * np.cos(azimuth),
-        np.cos(elevation) * np.sin(azimuth),
-        -np.sin(elevation),
-    )
-    return {
-        "sun_klx": rng.uniform(20.0, 80.0),
-        "sun_direction": direction,
-        "sky_klx": rng.uniform(4.0, 15.0),
-    }
-
-
-def sheet(corners: ArrayLike) -> Mesh:
-    """Two triangles between four corners (4, 3), listed around."""
-    return Mesh(np.asarray(corners, float), [[0, 1, 2], [0, 2, 3]], process=False)
-
-
-def strip(one: ArrayLike, other: ArrayLike) -> Mesh:
-    """Sheet between two lines of as many points, (n, 3) each."""
-    grid = np.stack([np.asarray(one, float), np.asarray(other, float)], axis=1)
-    return grid_mesh(grid)
-
-
-def grid_mesh(points: Floats) -> Mesh:
-    """Sheet through a grid of points (n, m, 3)."""
-    rows, columns = points.shape[:2]
-    index = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    faces = [np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)]
-    return Mesh(
-        points.reshape(-1, 3), np.concatenate([f.reshape(-1, 3) for f in faces]), process=False
-    )
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from spisim.families.shapes import Mesh, tube, union
-
-Floats = NDArray[np.float64]
+from spisim.families.shapes import Floats, Mesh, tube, union
 
 #: Thinnest twig.
 TWIG_RADIUS_M = 0.0015

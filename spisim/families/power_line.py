@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family, Placed, Point
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.placing import Floats, Ground, aside, daylight, rolling
+from spisim.families.placing import Ground, aside, rolling
 from spisim.families.plants import leaves, tree, wood
-from spisim.families.shapes import Mesh, block, lathe, limb, moved, rod, tube, union
+from spisim.families.ropes import hanging
+from spisim.families.shapes import Floats, Mesh, block, lathe, limb, moved, rod, tube, union
 
 #: Height of the cross-arm, and how far the support goes on above it.
 ARM_M, PEAK_M = 9.0, 0.9
@@ -52,7 +53,7 @@ def build(parameters: PowerLineParameters, rng: np.random.Generator) -> Draft:
     ground = rolling(rng, 0.15, start, SLOPE, ARM_M + 6.0)
     x = parameters.distance_m
     target_z = eye_z + rng.uniform(0.3, 0.9) * parameters.drone_below_m
-    draft = Draft((0.0, 0.0, eye_z), (x, 0.0, target_z), **daylight(rng))
+    draft = Draft((0.0, 0.0, eye_z), (x, 0.0, target_z), **outdoors(rng))
     draft.mesh("ground", "soil-field", ground.mesh((-2, parameters.backdrop_m + 5), (-8, 8), 0.4))
     foot = ground.on(x, aside(x, parameters.support_angle_deg), 0.3)
     _SUPPORTS[parameters.support](draft, parameters, foot)
@@ -60,14 +61,6 @@ def build(parameters: PowerLineParameters, rng: np.random.Generator) -> Draft:
     _service_cable(draft, parameters, rng)
     _trees(draft, parameters, rng, ground)
     return draft
-
-
-def span(start: ArrayLike, end: ArrayLike, sag_m: float, points: int = 41) -> Floats:
-    """Points (points, 3) of a wire that hangs `sag_m` below its chord at mid-span, a parabola."""
-    t = np.linspace(0, 1, points)[:, None]
-    line = np.asarray(start, float) + t * np.subtract(end, start)
-    line[:, 2:] -= 4 * sag_m * t * (1 - t)
-    return line
 
 
 def _wooden_pole(draft: Draft, parameters: PowerLineParameters, foot: Point) -> None:
@@ -88,7 +81,7 @@ def _wooden_pole(draft: Draft, parameters: PowerLineParameters, foot: Point) -> 
     if parameters.equipment == "transformer":
         # On the side of the drone, whatever way the line runs.
         draft.mesh("transformer", "steel-painted", _transformer(), (*foot[:2], ARM_M - 1.3))
-    stay = span((*foot[:2], ARM_M - 0.3), (foot[0] + 0.5, foot[1] - 5.0, foot[2]), 0.0, 2)
+    stay = hanging((*foot[:2], ARM_M - 0.3), (foot[0] + 0.5, foot[1] - 5.0, foot[2]), 0.0, 2)
     draft.mesh("stay wire", "steel-galvanised", tube(stay, 0.006, 5))
 
 
@@ -195,7 +188,7 @@ def _line(draft: Draft, parameters: PowerLineParameters, foot: Point) -> None:
 def _both_ways(parameters: PowerLineParameters, at: Floats, along: Floats, sag_m: float) -> Floats:
     """Wire from the support before, through a point of this one, to the next."""
     reach = parameters.span_m * along
-    return np.vstack([span(at - reach, at, sag_m), span(at, at + reach, sag_m)[1:]])
+    return np.vstack([hanging(at - reach, at, sag_m, 41), hanging(at, at + reach, sag_m, 41)[1:]])
 
 
 def _service_cable(draft: Draft, parameters: PowerLineParameters, rng: np.random.Generator) -> None:
@@ -204,7 +197,7 @@ def _service_cable(draft: Draft, parameters: PowerLineParameters, rng: np.random
     rise = aside(x, rng.uniform(-6.0, 6.0))
     slope = rng.uniform(-0.3, 0.3)
     left, right = (x + 1.5, 8.0, z + rise + 8 * slope), (x - 0.5, -8.0, z + rise - 8 * slope)
-    sagging = span(left, right, 0.25)
+    sagging = hanging(left, right, 0.25, 41)
     sagging[:, 2] += 0.25
     draft.mesh("service cable", "rubber-black", tube(sagging, parameters.cable_mm / 2000, 6))
 

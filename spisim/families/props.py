@@ -11,7 +11,8 @@ from trimesh.creation import cylinder, icosphere, torus
 from trimesh.transformations import rotation_matrix
 
 from spisim.families import figure
-from spisim.families.shapes import Mesh, block, lathe, moved, rod, union
+from spisim.families.draft import Draft
+from spisim.families.shapes import Mesh, Point, block, lathe, moved, rod, union
 
 WORKER = (figure.resting(-1), figure.resting(1))
 
@@ -78,6 +79,13 @@ def drum() -> Mesh:
     return union([lathe(foot + hoops + top, sections=32), bung])
 
 
+def bucket() -> Mesh:
+    """Bucket, 0.3 m across and 0.28 m high, without its handle."""
+    outside = [(0, 0), (0.1, 0), (0.14, 0.27), (0.15, 0.27), (0.15, 0.28)]
+    inside = [(0.135, 0.28), (0.097, 0.012), (0, 0.012)]
+    return lathe(outside + inside, sections=24)
+
+
 def cone() -> Mesh:
     """Traffic cone, 0.75 m high on a square foot."""
     profile = [(0, 0.03), (0.17, 0.03), (0.16, 0.06), (0.035, 0.74), (0.025, 0.75), (0, 0.75)]
@@ -139,6 +147,19 @@ def worker_skin() -> Mesh:
 def worker_hat() -> Mesh:
     """Hard hat that goes with the head."""
     return figure.hard_hat()
+
+
+def add_worker(
+    draft: Draft,
+    at: Point,
+    turn: Point,
+    clothes: str = "polyester-fabric",
+    hat: str = "polypropylene",
+) -> None:
+    """Someone who stands there in a hard hat, in cloth and a hat of these materials."""
+    draft.mesh("overall", clothes, worker_clothes(), at, turn)
+    draft.mesh("skin", "skin", worker_skin(), at, turn)
+    draft.mesh("hard hat", hat, worker_hat(), at, turn)
 
 
 def lamp() -> Mesh:

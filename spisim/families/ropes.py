@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from spisim.families.shapes import Mesh, Point, tube, union
-
-Points = NDArray[np.float64]
+from spisim.families.shapes import Floats, Mesh, Point, tube, union
 
 
-def hanging(start: Point, end: Point, sag: float, points: int = 13) -> Points:
+def hanging(start: Point, end: Point, sag: float, points: int = 13) -> Floats:
     """Points (n, 3) along a rope between two ends: the parabola with `sag` below their middle."""
     along = np.linspace(0.0, 1.0, points)[:, None]
     path = np.asarray(start) + along * np.subtract(end, start)
@@ -22,7 +19,7 @@ def hanging(start: Point, end: Point, sag: float, points: int = 13) -> Points:
 
 def lying(
     corners: Sequence[Point], sway: float, height: float, rng: np.random.Generator, points: int = 40
-) -> Points:
+) -> Floats:
     """Points (n, 3) of a cable thrown down through corners (n, 2), at a constant height."""
     knots = np.asarray(corners, float)
     knots[1:-1] += rng.uniform(-sway, sway, (len(knots) - 2, 2))
@@ -52,6 +49,6 @@ def net(corners: Sequence[Point], mesh: float, diameter: float, sag: float) -> M
     return union([tube(cord, diameter / 2, sections=5) for cord in cords])
 
 
-def _steps(start: Points, end: Points, mesh: float) -> Points:
+def _steps(start: Floats, end: Floats, mesh: float) -> Floats:
     """Fractions of the way between two corners at which a cord crosses."""
     return np.linspace(0, 1, 1 + max(2, round(float(np.linalg.norm(end - start)) / mesh)))

@@ -12,10 +12,10 @@ from spisim.families import figure
 from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family
 from spisim.families.figure import Arm, Leg
-from spisim.families.natural import Points, grid_mesh, scattered_rocks
+from spisim.families.natural import scattered_rocks
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.families.ropes import hanging
-from spisim.families.shapes import Mesh, alike, block, limb, tube, union
+from spisim.families.shapes import Floats, Mesh, alike, block, grid_mesh, limb, tube, union
 
 BRICK_M = (0.215, 0.102, 0.065)
 
@@ -45,13 +45,13 @@ class Heap:
 
     x: float
     high: float
-    numbers: Points
-    phases: Points
+    numbers: Floats
+    phases: Floats
 
     #: Half its depth and width.
     REACH_M = (2.2, 4.0)
 
-    def height(self, x: Points | float, y: Points | float) -> Points:
+    def height(self, x: Floats | float, y: Floats | float) -> Floats:
         """Height at places."""
         u = (np.asarray(x) - self.x) / self.REACH_M[0]
         v = np.asarray(y) / self.REACH_M[1]
@@ -145,7 +145,7 @@ def _add_loose(
     draft.mesh("lumps of concrete", "concrete-weathered", lumps)
 
 
-def _strewn(count: int, heap: Heap, rng: np.random.Generator) -> Points:
+def _strewn(count: int, heap: Heap, rng: np.random.Generator) -> Floats:
     """Places (n, 3) on the near side of the heap and before it."""
     x = heap.x + rng.uniform(-1.15, 0.2, count) * heap.REACH_M[0]
     y = rng.normal(0, 0.9, count)

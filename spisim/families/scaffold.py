@@ -9,10 +9,9 @@ import numpy as np
 from spisim.families import props
 from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family, Placed
-from spisim.families.natural import grid_mesh
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.families.ropes import net
-from spisim.families.shapes import Mesh, alike, block, lathe, rod, tube, union
+from spisim.families.shapes import Mesh, alike, block, grid_mesh, rod, tube, union
 
 #: EN 39.
 TUBE_DIAMETER_M = 0.0483
@@ -215,10 +214,7 @@ def _rope(parameters: ScaffoldParameters, aim_z: float, top: float, offset: floa
 
 def _bucket(aim_z: float, offset: float, parameters: ScaffoldParameters) -> Mesh:
     x, y = _hook(parameters, offset)
-    outside = [(0, 0), (0.1, 0), (0.14, 0.27), (0.15, 0.27), (0.15, 0.28)]
-    inside = [(0.135, 0.28), (0.097, 0.012), (0, 0.012)]
-    pail = lathe(outside + inside, sections=20)
-    return pail.apply_translation((x, y, aim_z - 0.37))
+    return props.bucket().apply_translation((x, y, aim_z - 0.37))
 
 
 def _bricks(frame: Frame, aim_z: float, rng: np.random.Generator) -> Mesh:

@@ -10,7 +10,8 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 from trimesh.creation import box, capsule, cylinder, revolve
 
-Point: TypeAlias = Sequence[float] | NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.float64]
+Point: TypeAlias = Sequence[float] | Floats
 Mesh: TypeAlias = trimesh.Trimesh
 
 
@@ -56,6 +57,25 @@ def prism(profile: Sequence[Point], width: float) -> Mesh:
     return Mesh(np.vstack(sides), np.vstack([fan, fan[:, ::-1] + across, *skirt]), process=False)
 
 
+def sheet(corners: ArrayLike) -> Mesh:
+    """Two triangles between four corners (4, 3), listed around."""
+    return Mesh(np.asarray(corners, float), [[0, 1, 2], [0, 2, 3]], process=False)
+
+
+def strip(one: ArrayLike, other: ArrayLike) -> Mesh:
+    """Sheet between two lines of as many points, (n, 3) each."""
+    return grid_mesh(np.stack([np.asarray(one, float), np.asarray(other, float)], axis=1))
+
+
+def grid_mesh(points: Floats) -> Mesh:
+    """Sheet through a grid of points (n, m, 3)."""
+    rows, columns = points.shape[:2]
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], axis=None)
+    return Mesh(points.reshape(-1, 3), faces.reshape(-1, 3), process=False)
+
+
 def moved(mesh: Mesh, by: ArrayLike) -> Mesh:
     """The mesh itself, moved."""
     return mesh.apply_translation(by)
@@ -66,7 +86,7 @@ def union(parts: Sequence[Mesh]) -> Mesh:
     return trimesh.util.concatenate(parts)
 
 
-def alike(corners: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
+def alike(corners: Floats, faces: NDArray[np.int64]) -> Mesh:
     """Many solids with the same triangles as one mesh: corners (n, v, 3) of each, faces (f, 3)."""
     n, v, _ = corners.shape
     every = faces + v * np.arange(n)[:, None, None]
@@ -99,7 +119,7 @@ def tube(path: ArrayLike, radii: ArrayLike, sections: int = 8) -> Mesh:
     return loft(np.array(rings))
 
 
-def loft(rings: NDArray[np.float64]) -> Mesh:
+def loft(rings: Floats) -> Mesh:
     """Closed surface through rings of corners (n, k, 3), each counter-clockwise seen from its far
     side: from where the next one is.
     """

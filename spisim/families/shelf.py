@@ -6,17 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from trimesh.transformations import rotation_matrix
 
 from spisim.families.draft import Draft, Family
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.shapes import Mesh, alike, block, lathe, rod, union
+from spisim.families.shapes import Floats, Mesh, alike, block, lathe, rod, union
 
-Vector = NDArray[np.float64]
-
-#: Aluminium at 1550 nm: A. D. Rakić (1995), Applied Optics 34, 4755-4767.
-ALUMINIUM = {"eta": 1.44, "k": 16.0, "source": "Rakić (1995), aluminium at 1550 nm"}
+#: The metal of `aluminium-brushed`, whose roughness is here a parameter.
+ALUMINIUM = {
+    "eta": {850: 2.588, 905: 2.052, 940: 1.674, 1460: 1.48, 1550: 1.579},
+    "k": {850: 8.169, 905: 8.257, 940: 8.608, 1460: 14.68, 1550: 15.658},
+    "source": "Rakić (1995), Applied Optics 34, 4755",
+}
 BOARD_M = 0.02
 #: Slope of the line of sight.
 DOWN = 0.05
@@ -61,8 +62,6 @@ def build(parameters: ShelfParameters, rng: np.random.Generator) -> Draft:
     draft = Draft(position_m=eye, look_at_m=(x, 0, eye[2] - DOWN * x), sky_klx=rng.uniform(0.2, 2))
     draft.materials = {
         "bare tin": {"bsdf": "rough-conductor", "roughness": parameters.roughness, **ALUMINIUM},
-        "polished tin": {"bsdf": "conductor", **ALUMINIUM},
-        "glass": {"bsdf": "thin-pane", "ior": 1.5, "source": "soda-lime glass"},
         "gloss": {
             "bsdf": "rough-plastic",
             "reflectance": 0.55,
@@ -107,7 +106,7 @@ def _add_goods(
 ) -> None:
     """Rows of things on every board, and some behind or upon them."""
     half = 0.3 + 0.175 * parameters.distance_m - 0.06
-    poses: dict[str, list[Vector]] = {}
+    poses: dict[str, list[Floats]] = {}
     for top in tops:
         y = -half
         while y < half - 0.1:
@@ -129,7 +128,7 @@ def _add_goods(
     mirrors, bare = tins[: parameters.mirrors], tins[parameters.mirrors :]
     if mirrors:
         goods = _posed(_tin(TIN_RADIUS_M, TIN_HEIGHT_M), np.array(mirrors))
-        draft.mesh("polished tins", "polished tin", goods, shelf, turned)
+        draft.mesh("polished tins", "aluminium-polished", goods, shelf, turned)
     if bare:
         poses["bare tins"] = bare
     for name, placed in poses.items():
@@ -149,19 +148,19 @@ def _pick(parameters: ShelfParameters, rng: np.random.Generator) -> str:
     return str(rng.choice(low))
 
 
-def _off_axis(pose: Vector, parameters: ShelfParameters) -> float:
+def _off_axis(pose: Floats, parameters: ShelfParameters) -> float:
     """How far a tin is from where the line of sight meets the shelf."""
     axis_z = parameters.height_m - DOWN * parameters.distance_m
     return float(np.hypot(pose[1, 3], pose[2, 3] + TIN_HEIGHT_M / 2 - axis_z))
 
 
-def _pose(angle: float, at: Vector) -> Vector:
+def _pose(angle: float, at: Floats) -> Floats:
     pose = rotation_matrix(angle, (0, 0, 1))
     pose[:3, 3] = at
     return np.asarray(pose)
 
 
-def _posed(mesh: Mesh, poses: Vector) -> Mesh:
+def _posed(mesh: Mesh, poses: Floats) -> Mesh:
     """Copies of a mesh at poses (n, 4, 4)."""
     corners = np.einsum("nij,vj->nvi", poses[:, :3, :3], mesh.vertices) + poses[:, None, :3, 3]
     return alike(corners, mesh.faces)
@@ -222,7 +221,7 @@ def _jar() -> dict[str, Mesh]:
     inside = [(0, 0.006), (0.042, 0.006), (0.043, 0.012), (0.043, 0.085), (0, 0.09)]
     lid = [(0, 0.145), (0.039, 0.145), (0.039, 0.163), (0, 0.163)]
     return {
-        "glass": lathe(wall, sections=SECTIONS),
+        "glass-pane": lathe(wall, sections=SECTIONS),
         "leaves-dry": lathe(inside, sections=SECTIONS),
         "bare tin": lathe(lid, sections=SECTIONS),
     }

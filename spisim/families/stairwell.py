@@ -6,11 +6,9 @@ import numpy as np
 from trimesh.creation import torus
 
 from spisim.families.draft import Draft, Family, Placed
-from spisim.families.facade import GLASS, GLASS_MATERIAL
 from spisim.families.parameters import Parameters, drawn, one_of
-from spisim.families.placing import Floats
-from spisim.families.props import ladder, open_carton, worker_clothes, worker_hat, worker_skin
-from spisim.families.shapes import Mesh, block, lathe, limb, prism, rod, tube, union
+from spisim.families.props import add_worker, bucket, ladder, open_carton
+from spisim.families.shapes import Floats, Mesh, block, lathe, limb, prism, rod, tube, union
 
 #: Free floor before the first step, depth of the landing, and gap between the flights.
 LOBBY_M, LANDING_M, WELL_M = 3.6, 1.7, 0.25
@@ -99,9 +97,8 @@ def _shell(draft: Draft, parameters: StairwellParameters, top: float, far: float
             for y in np.linspace(-wide, wide, 4)]  # fmt: skip
     bars += [block((0.06, 2 * wide, 0.05), (end + 0.05, 0, z)) for z in (low, high)]
     draft.mesh("window frame", "paint-white", union(bars))
-    draft.materials[GLASS] = GLASS_MATERIAL
     centre = (end + 0.07, 0, (low + high) / 2)
-    draft.rectangle("window pane", GLASS, (high - low, 2 * wide), centre, (0, 90, 0))
+    draft.rectangle("window pane", "glass-pane", (high - low, 2 * wide), centre, (0, 90, 0))
     # What laser spots end on that leave by the window.
     draft.box("house opposite", "brick", (0.2, 12, 14), (end + 3.0, 0, 4))
 
@@ -201,9 +198,7 @@ def _clutter(draft: Draft, parameters: StairwellParameters, rng: np.random.Gener
         x = LOBBY_M + (taken + 0.5) * parameters.tread_m
         at = (x, y + rng.uniform(-0.2, 0.2), (taken + 1) * parameters.rise_m)
         turn = (0, 0, 180 + rng.uniform(-20, 20))
-        draft.mesh("person's clothes", "cotton-white", worker_clothes(), at, turn)
-        draft.mesh("person's skin", "skin", worker_skin(), at, turn)
-        draft.mesh("person's cap", "polyester-fabric", worker_hat(), at, turn)
+        add_worker(draft, at, turn, "cotton-white", "polyester-fabric")
 
 
 def _fittings(
@@ -238,12 +233,8 @@ def _extinguisher() -> Mesh:
 
 
 def _bucket() -> Mesh:
-    pail = lathe(
-        [(0, 0), (0.11, 0), (0.15, 0.28), (0.16, 0.28), (0.145, 0.285), (0.105, 0.01), (0, 0.01)],
-        sections=20,
-    )
     handle = tube([(0, -0.15, 0.28), (0, -0.12, 0.4), (0, 0.12, 0.4), (0, 0.15, 0.28)], 0.004, 5)
-    return union([pail, handle])
+    return union([bucket(), handle])
 
 
 def _broom() -> Mesh:

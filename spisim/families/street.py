@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family, Placed
 from spisim.families.facade import DOOR_M, Front, add_front
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.placing import aside, daylight, strip
-from spisim.families.power_line import span
-from spisim.families.props import lamp, worker_clothes, worker_hat, worker_skin
-from spisim.families.shapes import Mesh, block, lathe, rod, tube, union
+from spisim.families.placing import aside
+from spisim.families.props import add_worker, lamp
+from spisim.families.ropes import hanging
+from spisim.families.shapes import Mesh, block, lathe, rod, strip, tube, union
 from spisim.families.vehicles import add_car, add_van
 
 PAVEMENT_M, KERB_M = 1.5, 0.12
@@ -40,7 +41,7 @@ def build(parameters: StreetParameters, rng: np.random.Generator) -> Draft:
     """The street runs along x; the line of sight turns from it to the left."""
     y = parameters.front_m
     target = (y / np.tan(np.radians(parameters.heading_deg)), y, parameters.target_m)
-    draft = Draft((0.0, 0.0, parameters.drone_height_m), target, **daylight(rng))
+    draft = Draft((0.0, 0.0, parameters.drone_height_m), target, **outdoors(rng))
     front = _front(parameters, rng)
     add_front(draft, front, y, parameters.wall, parameters.frame, rng)
     _street(draft, parameters)
@@ -113,9 +114,7 @@ def _pavement(draft: Draft, parameters: StreetParameters, rng: np.random.Generat
     if parameters.passer_by == "walker":
         at = (_in_view(parameters, 0.85, rng.uniform(-7, 7)), y - 0.85, KERB_M)
         turn = (0, 0, rng.choice([0.0, 180.0]))
-        draft.mesh("walker clothes", "cotton-white", worker_clothes(), at, turn)
-        draft.mesh("walker skin", "skin", worker_skin(), at, turn)
-        draft.mesh("walker hat", "polyester-fabric", worker_hat(), at, turn)
+        add_worker(draft, at, turn, "cotton-white", "polyester-fabric")
 
 
 def _on_the_wall(
@@ -149,12 +148,12 @@ def _over_the_street(draft: Draft, parameters: StreetParameters, rng: np.random.
     rise = down + aside(1.0, rng.uniform(-5.0, 8.0))
     middle = eye + ahead * np.array([forward[0], forward[1], rise])
     ends = middle + 4.5 * np.outer((-1, 1), left) + ((0, 0, 0.5), (0, 0, 0.9))
-    cable = span(ends[0], ends[1], 0.7)
+    cable = hanging(ends[0], ends[1], 0.7, 41)
     draft.mesh("cable", "rubber-black", tube(cable, parameters.cable_mm / 2000, 6))
     x = _in_view(parameters, 1.9, rng.uniform(-6, 6))
     hung = (x, parameters.front_m - 1.9, rng.uniform(2.3, 3.0))
     draft.mesh("hanging lamp", "paint-white", lamp(), hung)
-    rope = span((x, -4.0, hung[2] + 2.3), (x, parameters.front_m, hung[2] + 1.8), 0.1)
+    rope = hanging((x, -4.0, hung[2] + 2.3), (x, parameters.front_m, hung[2] + 1.8), 0.1)
     draft.mesh("rope", "steel-galvanised", tube(rope, 0.004, 5))
 
 

@@ -9,9 +9,20 @@ from trimesh.creation import icosphere, torus
 
 from spisim.families.draft import Draft, Family, Placed
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.placing import Floats, grid_mesh, sheet
-from spisim.families.props import drum, tyre, worker_clothes, worker_hat, worker_skin
-from spisim.families.shapes import Mesh, block, lathe, moved, prism, rod, tube, union
+from spisim.families.props import add_worker, drum, tyre
+from spisim.families.shapes import (
+    Floats,
+    Mesh,
+    block,
+    grid_mesh,
+    lathe,
+    moved,
+    prism,
+    rod,
+    sheet,
+    tube,
+    union,
+)
 
 #: The tunnel starts this far behind the drone.
 START_M = -2.0
@@ -302,9 +313,7 @@ def _on_the_floor(draft: Draft, parameters: TunnelParameters, rng: np.random.Gen
     if parameters.worker == "worker":
         at = (rng.uniform(5.0, 7.5), rng.uniform(0.15, 0.35) * radius, 0.01)
         turn = (0, 0, rng.uniform(-60, 60))
-        draft.mesh("overall", "polyester-fabric", worker_clothes(), at, turn)
-        draft.mesh("skin", "skin", worker_skin(), at, turn)
-        draft.mesh("hard hat", "polypropylene", worker_hat(), at, turn)
+        add_worker(draft, at, turn)
 
 
 FAMILY = Family(

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from spisim.families.draft import Draft, Point
-from spisim.families.facade import GLASS, GLASS_MATERIAL
-from spisim.families.placing import sheet
-from spisim.families.shapes import Mesh, block, lathe, limb, prism, rod, union
+from spisim.families.shapes import Mesh, block, lathe, limb, prism, rod, sheet, union
 
 HALF_WIDTH_M = 0.86
 WHEELS_X_M = (-1.3, 1.32)
@@ -65,9 +63,8 @@ def _add_cabin(
     right = left * (1, -1, 1)
     front = sheet([left[0], right[0], right[1], left[1]])
     rear = sheet([left[2], right[2], right[3], left[3]])
-    draft.materials[GLASS] = GLASS_MATERIAL
     panes = union([sheet(left), sheet(right), front, rear])
-    draft.mesh(f"{name} windows", GLASS, panes, at, turn)
+    draft.mesh(f"{name} windows", "glass-pane", panes, at, turn)
     edges = [(0, 1), (1, 2), (2, 3)]
     pillars = [rod(side[a], side[b], 0.03, sections=6) for side in (left, right) for a, b in edges]
     pillars += [rod(left[k], right[k], 0.03, sections=6) for k in (1, 2)]

@@ -126,9 +126,7 @@ def _way(draft: Draft, parameters: WarehouseParameters, rng: np.random.Generator
         x = rng.uniform(4.5, 7.0)
         at = (x, min(aside(x, 6.0), widest) * rng.uniform(-1, 1), 0)
         turn = (0, 0, rng.uniform(-40, 40))
-        draft.mesh("overall", "polyester-fabric", props.worker_clothes(), at, turn)
-        draft.mesh("skin", "skin", props.worker_skin(), at, turn)
-        draft.mesh("hard hat", "polypropylene", props.worker_hat(), at, turn)
+        props.add_worker(draft, at, turn)
 
 
 def _above(draft: Draft, parameters: WarehouseParameters, rng: np.random.Generator) -> None:

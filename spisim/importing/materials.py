@@ -104,23 +104,29 @@ def _by_color(surface: Surface) -> Match:
 
 
 def _by_words(text: str) -> tuple[str, str] | None:
-    """The entry of the table with the most words in a text, and its material."""
+    """The entry of the table that fits a text best, and its material."""
     there = _words(text)
-    fitting = [
-        (phrase, material)
+    fitting = {
+        (phrase, material): whole
         for phrase, material in _keywords()["words"].items()
-        if all(_contains(there, word) for word in phrase.split())
+        if (whole := _whole_words(there, phrase.split())) is not None
+    }
+    if not fitting:
+        return None
+    return max(fitting, key=lambda entry: (len(entry[0].split()), fitting[entry]))
+
+
+def _whole_words(there: list[str], phrase: list[str]) -> int | None:
+    """How many words of a phrase stand alone; None unless all of them are there somehow."""
+    whole = [word in there or f"{word}s" in there for word in phrase]
+    inside = [
+        len(word) >= COMPOUND
+        and any(name.startswith(word) or name.endswith(word) for name in there)
+        for word in phrase
     ]
-    return max(fitting, key=lambda entry: len(entry[0].split()), default=None)
-
-
-def _contains(there: list[str], word: str) -> bool:
-    for name in there:
-        if name in (word, f"{word}s"):
-            return True
-        if len(word) >= COMPOUND and (name.startswith(word) or name.endswith(word)):
-            return True
-    return False
+    if not all(alone or part for alone, part in zip(whole, inside, strict=True)):
+        return None
+    return sum(whole)
 
 
 def _words(text: str) -> list[str]:

@@ -7,7 +7,7 @@ from spisim.scene.model import Ambient, Scene, SceneObject, Volume
 from spisim.scene.moment import at_moment
 from spisim.scene.motion import check_clear_of_sensor
 from spisim.scene.pose import look_at, pose_matrix
-from spisim.scene.rays import enclosing_object, spot_ranges
+from spisim.scene.rays import enclosing_object
 from spisim.scene.shapes import texture_coordinates
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 from spisim.scene.trajectory import Trajectory, check_clear_path, load_trajectory
@@ -39,6 +39,5 @@ __all__ = [
     "material_table",
     "pose_matrix",
     "scenes_folder",
-    "spot_ranges",
     "texture_coordinates",
 ]

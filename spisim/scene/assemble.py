@@ -34,7 +34,7 @@ from spisim.scene.model import Ambient, Scene, SceneObject, Vector3, Volume
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
 from spisim.scene.shapes import make_mesh, texture_coordinates
-from spisim.scene.soundness import warn_of_unsound_meshes
+from spisim.scene.soundness import warn_of_odd_sizes, warn_of_unsound_meshes
 from spisim.scene.volumes import warn_of_overlap
 
 #: Sections of a scene file that fill all of the air, in the order of their fields.
@@ -121,8 +121,9 @@ def check_drone(scene: Scene, source: Path | str) -> None:
 
 
 def warn_of_oddities(scene: Scene) -> None:
-    """SceneWarning of unsound meshes, volumes that overlap, and media that nature does not have."""
+    """SceneWarning of unsound meshes, odd sizes, volumes that overlap, and unnatural media."""
     warn_of_unsound_meshes(scene)
+    warn_of_odd_sizes(scene)
     warn_of_overlap(scene.volumes)
     parts = scene.atmosphere.parts or (scene.atmosphere,)
     warn_of_doubtful_media([*parts, *(volume.medium for volume in scene.volumes)])

@@ -69,7 +69,7 @@ class ObjectDescription(Pose):
 
 
 class MeshObject(ObjectDescription):
-    """A mesh file (PLY, OBJ, STL, …) in metres; its path is relative to the scene file."""
+    """A mesh file (PLY, OBJ, STL, OFF) in metres, z up; its path is relative to the scene file."""
 
     mesh: Name
 

@@ -20,7 +20,7 @@ FARTHEST_SPOT_M = 9.8
 FAINTEST_SPOT_PER_M2 = 1.1e-3
 #: Where the spots' detectors are, right and down or left and up of the projector: in the diagonals.
 DETECTOR_OFFSET_M = 0.007
-#: Half the field of view looked at, and angle of the spots off both axes: the paper's instrument.
+#: Half the field of view looked at, and azimuth and elevation of the spots: the paper's instrument.
 HALF_FIELD_DEG = 10.0
 SPOT_DEG = 5.0
 #: Rays across the field, each way; odd, so that one goes straight ahead.
@@ -38,7 +38,7 @@ def layout_problem(scene: Scene) -> str | None:
         return f"something is {clearance:.2f} m from the drone, less than {CLEARANCE_M} m"
     in_view = _may_be_in_view(triangles)
     seen = triangles[in_view]
-    beams = _rays([-SPOT_DEG, SPOT_DEG])
+    beams = _spot_rays()
     spots = first_hits(np.zeros(3), beams, seen)
     if spots.max() > FARTHEST_SPOT_M:
         return f"a laser spot meets nothing within {FARTHEST_SPOT_M:g} m"
@@ -94,7 +94,16 @@ def _may_be_in_view(triangles: Floats) -> NDArray[np.bool_]:
     return ~np.any([side.all(axis=1) for side in beside], axis=0)
 
 
-def _rays(angles_deg: Floats | list[float]) -> Floats:
+def _spot_rays() -> Floats:
+    """Unit rays (4, 3) in the optical frame, at the instrument's azimuths and elevations."""
+    azimuth, elevation = np.radians(
+        [[x, y] for y in (SPOT_DEG, -SPOT_DEG) for x in (-SPOT_DEG, SPOT_DEG)]
+    ).T
+    level = np.cos(elevation)
+    return np.stack([level * np.sin(azimuth), -np.sin(elevation), level * np.cos(azimuth)], axis=1)
+
+
+def _rays(angles_deg: Floats) -> Floats:
     """Unit rays (n², 3) in the optical frame, at all pairs of angles to the right and down."""
     tangents = np.tan(np.radians(angles_deg))
     x, y = np.meshgrid(tangents, tangents)

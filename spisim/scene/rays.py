@@ -8,22 +8,6 @@ from numpy.typing import ArrayLike
 from spisim.scene.model import Floats, Scene
 
 
-def spot_ranges(scene: Scene, directions: ArrayLike) -> Floats:
-    """Distance from the drone to the first surface along each direction.
-
-    `directions` (n, 3) in the instrument's optical frame. Returns (n,) metres, inf where nothing
-    is hit.
-    """
-    rays = np.atleast_2d(np.asarray(directions, float))
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    rays = rays @ scene.drone_pose[:3, :3].T
-    origin = scene.drone_pose[:3, 3]
-    ranges = [
-        first_hits(origin, rays, scene_object.mesh.triangles) for scene_object in scene.objects
-    ]
-    return np.min(ranges, axis=0)
-
-
 def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
     """First hit (n,) of each ray (n, 3) among triangles (t, 3, 3), in ray lengths, else inf."""
     return np.array([hits(origin, ray, triangles).min(initial=np.inf) for ray in rays])

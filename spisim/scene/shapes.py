@@ -22,6 +22,11 @@ from spisim.scene.files import check_is_there
 SPHERE_SUBDIVISIONS = 4  # 5120 triangles, radius true to 0.1 %
 CYLINDER_SECTIONS = 96  # radius true to 0.05 %
 
+#: Files that hold triangles and nothing else that places them.
+FORMATS = (".ply", ".obj", ".stl", ".off")
+#: Files with a unit, axes or nodes of their own.
+SCENE_FORMATS = (".dae", ".glb", ".gltf")
+
 
 def make_mesh(described: ObjectDescription, folder: Path) -> trimesh.Trimesh:
     """Mesh of an object in its own coordinates, metres; files are looked for in `folder`.
@@ -51,9 +56,15 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     triangles of missing vertices, or coordinates that are not finite.
     """
     check_is_there(path, "mesh")
-    if path.suffix.lstrip(".").lower() not in trimesh.available_formats():
-        formats = ", ".join(sorted(trimesh.available_formats()))
-        raise InputError(f"mesh {path.name!r} has an unknown format; known: {formats}")
+    suffix = path.suffix.lower()
+    if suffix in SCENE_FORMATS:
+        raise InputError(
+            f"mesh {path.name!r} has a unit, axes or nodes of its own, which a mesh should not; "
+            f"`spisim scenes import {path} -o {path.stem}.yaml` makes a scene file and PLY files "
+            "of it"
+        )
+    if suffix not in FORMATS:
+        raise InputError(f"mesh {path.name!r} has an unknown format; known: {' '.join(FORMATS)}")
     try:
         mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
     # trimesh's parsers raise whatever their parsing runs into.

@@ -1,7 +1,7 @@
-"""Meshes that should be closed surfaces and are not, or face the wrong way.
+"""Meshes that should be closed surfaces and are not, or face the wrong way, or are far too large.
 
-Every surface is lit and seen from both sides, so such a mesh still renders. But it has no inside:
-glass has no thickness there, and nobody can tell whether the drone is in it.
+Every surface is lit and seen from both sides, so an unclosed mesh still renders. But it has no
+inside: glass has no thickness there, and nobody can tell whether the drone is in it.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from spisim.scene.model import Scene
 from spisim.scene.rays import winding_number
 from spisim.scene.warning import SceneWarning
+
+#: Widths of what a drone meets.
+PLAUSIBLE_M = (0.001, 300.0)
 
 
 def warn_of_unsound_meshes(scene: Scene) -> None:
@@ -32,6 +35,21 @@ def warn_of_unsound_meshes(scene: Scene) -> None:
         warnings.warn(
             f"scene {scene.name!r}: these meshes are no sound closed surfaces: {', '.join(told)}; "
             "they are drawn from both sides, but have no inside",
+            SceneWarning,
+            stacklevel=2,
+        )
+
+
+def warn_of_odd_sizes(scene: Scene) -> None:
+    """One SceneWarning that names every object whose size tells of another unit than metres."""
+    sizes = {thing.name: float(thing.mesh.extents.max()) for thing in scene.objects}
+    low, high = PLAUSIBLE_M
+    told = [f"{name!r} ({size:.3g} m)" for name, size in sizes.items() if not low <= size < high]
+    if told:
+        warnings.warn(
+            f"scene {scene.name!r}: these objects are {high:g} m wide or more, or less than "
+            f"{low:g} m: {', '.join(told)}; meshes are read in metres, `scale: 0.001` makes "
+            "metres of millimetres",
             SceneWarning,
             stacklevel=2,
         )

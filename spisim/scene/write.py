@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import trimesh
 import yaml
 
@@ -122,8 +121,7 @@ def _put_in_place(stage: Path, output: Path, folder: Path) -> None:
 
 def _loaded(staged: Path, output: Path) -> tuple[Scene, tuple[str, ...]]:
     try:
-        # A flat closed mesh has no volume to divide by.
-        with warnings.catch_warnings(record=True) as odd, np.errstate(all="ignore"):
+        with warnings.catch_warnings(record=True) as odd:
             warnings.simplefilter("always", SceneWarning)
             scene = load_scene(staged)
     except InputError as error:

@@ -41,7 +41,15 @@ def test_every_entry_names_a_material_that_there_is() -> None:
         (part("weathered wood planks"), "wood-weathered", "guess"),
         (part("Window.001"), "glass-pane", "guess"),
         (part("Material.001", words=("leather_diffuse",)), "leather", "guess"),
-        (part("Material.001", called="grass patch"), "leaves-green", "guess"),
+        (part("Material.001", called="grass patch"), "grass", "guess"),
+        (part("BathroomMirror"), "aluminium-polished", "guess"),
+        (part("Carbon_Fiber"), "carbon-fibre", "guess"),
+        (part("charcoal_dark"), "charcoal", "guess"),
+        (part("plasterboard wall"), "plasterboard", "guess"),
+        (part("Textile_3"), "polyester-fabric", "guess"),  # no tile
+        (part("FiberglassHull"), "fibreglass", "guess"),  # no pane
+        (part("Surface.001"), "concrete", "default"),  # no face
+        (part("chair"), "concrete", "default"),  # no hair
         (part("Material.001", (0.9, 0.9, 0.9)), "paint-white", "guess"),
         (part("Material.001", (0.01, 0.0, 0.02)), "paint-black", "guess"),
         (part("Material.001", (0.9, 0.1, 0.1)), "steel-painted", "default"),

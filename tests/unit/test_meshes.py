@@ -49,7 +49,7 @@ def test_triangles_come_as_they_stand_in_the_file(tmp_path: Path) -> None:
     assert mesh.area == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("suffix", ["obj", "stl"])
+@pytest.mark.parametrize("suffix", ["obj", "stl", "off", "PLY"])
 def test_other_formats(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"box.{suffix}"
     trimesh.creation.box((1, 2, 3)).export(path)
@@ -100,8 +100,19 @@ def test_truncated_mesh(tmp_path: Path) -> None:
         load_mesh(path)
 
 
-def test_unknown_format(tmp_path: Path) -> None:
-    path = tmp_path / "mesh.docx"
+@pytest.mark.parametrize("suffix", ["dae", "glb", "gltf"])
+def test_files_with_units_and_axes_of_their_own_are_for_the_import(
+    tmp_path: Path, suffix: str
+) -> None:
+    path = tmp_path / f"hangar.{suffix}"
+    path.write_text("whatever")
+    with pytest.raises(InputError, match=rf"'hangar.{suffix}'.*spisim scenes import .*{path.name}"):
+        load_mesh(path)
+
+
+@pytest.mark.parametrize("name", ["mesh.docx", "mesh.zip", "mesh.zae", "mesh"])
+def test_unknown_format(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
     path.write_text("no mesh")
     with pytest.raises(InputError, match=r"unknown format.*ply"):
         load_mesh(path)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.errors import InputError
 from spisim.scene import (
@@ -19,9 +20,8 @@ from spisim.scene import (
     load_scene,
     look_at,
     pose_matrix,
-    spot_ranges,
 )
-from spisim.scene.rays import winding_number
+from spisim.scene.rays import first_hits, winding_number
 
 MINIMAL = """
 name: test
@@ -55,6 +55,14 @@ def load(tmp_path: Path) -> Load:
 
 def with_objects(*objects: str) -> str:
     return MINIMAL + "".join(f"  - {{{item}}}\n" for item in objects)
+
+
+def ranges_along(scene: Scene, directions: ArrayLike) -> NDArray[np.float64]:
+    """Distance (n,) from the drone along directions (n, 3) in its optical frame; inf for none."""
+    rays = np.atleast_2d(np.asarray(directions, float))
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True) @ scene.drone_pose[:3, :3].T
+    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
+    return first_hits(scene.drone_pose[:3, 3], rays, triangles)
 
 
 # What a scene says
@@ -164,7 +172,7 @@ def test_warehouse_spots_hit_four_ranges() -> None:
     directions = [
         [np.cos(el) * np.sin(az), -np.sin(el), np.cos(el) * np.cos(az)] for az, el in angles
     ]
-    ranges = spot_ranges(scene, directions)
+    ranges = ranges_along(scene, directions)
     np.testing.assert_allclose(ranges, [7.84, 5.01, 2.88, 4.02], atol=0.01)
     assert scene.atmosphere.visibility_m == 200
 
@@ -173,9 +181,9 @@ def test_warehouse_fills_the_field_and_is_lit_from_above() -> None:
     scene = load_scene("warehouse")
     grid = np.tan(np.radians(10)) * np.linspace(-1, 1, 8)
     field = [[x, y, 1] for x in grid for y in grid]
-    assert (spot_ranges(scene, field) < 10).all()
+    assert (ranges_along(scene, field) < 10).all()
     upwards = scene.drone_pose[:3, :3].T @ [4, 0, 2]  # through the skylight
-    assert np.isinf(spot_ranges(scene, upwards)).all()
+    assert np.isinf(ranges_along(scene, upwards)).all()
 
 
 # Geometry
@@ -184,7 +192,7 @@ def test_warehouse_fills_the_field_and_is_lit_from_above() -> None:
 def test_ranges_to_a_wall(load: Load) -> None:
     scene = load(MINIMAL)
     np.testing.assert_allclose(
-        spot_ranges(scene, [[0, 0, 2], [0.3, 0, 1], [0, 0, -1], [0, 1, 0]]),
+        ranges_along(scene, [[0, 0, 2], [0.3, 0, 1], [0, 0, -1], [0, 1, 0]]),
         [5, 5 * np.hypot(1, 0.3), np.inf, np.inf],
     )
 
@@ -197,8 +205,8 @@ def test_ranges_take_the_nearest_object_from_either_side(load: Load) -> None:
             " translate_m: [1.5, 0, 1], material: brick",
         )
     )
-    assert spot_ranges(scene, [0, 0, 1]) == pytest.approx(1.5)
-    assert spot_ranges(scene, [0, 0, -1]) == np.inf
+    assert ranges_along(scene, [0, 0, 1]) == pytest.approx(1.5)
+    assert ranges_along(scene, [0, 0, -1]) == np.inf
 
 
 def test_winding_number_of_closed_open_and_inverted_surfaces() -> None:
@@ -213,7 +221,7 @@ def test_winding_number_of_closed_open_and_inverted_surfaces() -> None:
 def test_drone_in_a_room_is_in_the_open(load: Load) -> None:
     scene = load(with_objects("name: room, mesh: room.ply, material: brick"))
     assert enclosing_object(scene, (0, 0, 1)) is None
-    assert spot_ranges(scene, [0, -1, 0]) == pytest.approx(9)
+    assert ranges_along(scene, [0, -1, 0]) == pytest.approx(9)
 
 
 @pytest.mark.parametrize("mesh", ["solid.ply", "gappy.ply"])
@@ -251,6 +259,7 @@ def odd_meshes(tmp_path: Path) -> None:
     solid(tmp_path / "soup.ply", vertices[faces].reshape(-1, 3), np.arange(36).reshape(-1, 3))
     away = np.vstack([vertices, vertices + np.array([1, 1, 0])])
     solid(tmp_path / "touching.ply", away, np.vstack([faces, faces + len(vertices)]))
+    solid(tmp_path / "flat.ply", vertices * (1, 1, 0), faces)
     hollow = np.vstack([vertices, vertices / 2])
     solid(tmp_path / "hollow.ply", hollow, np.vstack([faces, faces[:, ::-1] + len(vertices)]))
 
@@ -275,7 +284,7 @@ def test_unsound_meshes_are_named_in_one_warning(load: Load) -> None:
 
 
 @pytest.mark.usefixtures("odd_meshes")
-@pytest.mark.parametrize("name", ["open", "soup", "touching", "hollow"])
+@pytest.mark.parametrize("name", ["open", "soup", "touching", "hollow", "flat"])
 def test_sound_meshes_that_look_suspicious(load: Load, name: str) -> None:
     without_warning(
         load, with_objects(f"name: it, mesh: {name}.ply, translate_m: [3, 5, 0], material: brick")
@@ -287,6 +296,19 @@ def test_room_is_sound_only_around_the_drone(load: Load) -> None:
     elsewhere = "name: room, mesh: room.ply, translate_m: [50, 0, 0], material: brick"
     with pytest.warns(SceneWarning, match=r"'room' \(inside out\)"):
         load(with_objects(elsewhere))
+
+
+@pytest.mark.parametrize(("scale", "told"), [(300, "300 m"), (1e-4, "0.0001 m"), (100, None)])
+def test_sizes_of_another_unit_are_told(load: Load, scale: float, told: str | None) -> None:
+    text = with_objects(
+        f"name: other drone, shape: box, size_m: [1, 1, 0.2], scale: {scale},"
+        " translate_m: [500, 0, 0], material: brick"
+    )
+    if told is None:
+        without_warning(load, text)
+        return
+    with pytest.warns(SceneWarning, match=rf"'other drone' \({told}\); meshes are read in metres"):
+        load(text)
 
 
 # Daylight

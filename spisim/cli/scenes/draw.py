@@ -1,5 +1,6 @@
 """`spisim scenes draw`: a scene of a family, as files to change."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,11 @@ def command(
     seed: Seed = 0,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the family; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="A parameter of the family, see `spisim scenes list FAMILY`; repeatable.",
+        ),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace older files.")] = False,
     json: Json = False,
@@ -34,14 +39,15 @@ def command(
     check_free(output, overwrite)
     fields = {"family": family, "seed": seed, "parameters": _parameters(settings or [])}
     drawn = draw(fields, Setting(Path(), "", f"family {family}"))
-    header = f"# Drawn by `spisim scenes draw {family} --seed {seed}`.\n"
+    given = "".join(f" --set {shlex.quote(setting)}" for setting in settings or [])
+    header = f"# Drawn by `spisim scenes draw {family} --seed {seed}{given}`.\n"
     written = write_scene(output, drawn.fields, drawn.meshes, header)
     warn(written.warnings)
     files = [written.scene_file, *written.mesh_files]
     if json:
         print_json({"written": files, "warnings": written.warnings})
     else:
-        messages.print(f"Wrote {output} and {len(files) - 1} meshes.", soft_wrap=True)
+        messages.print(f"Wrote {output}; its meshes: {len(files) - 1}.", soft_wrap=True)
         messages.print(f"Look at it: spisim scenes show {output}", soft_wrap=True)
 
 
@@ -55,5 +61,8 @@ def _parameters(settings: list[str]) -> dict[str, object]:
         name, sign, value = setting.partition("=")
         if not sign:
             raise InputError(f"--set {setting}: should be NAME=VALUE")
-        found[name] = yaml.safe_load(value)
+        try:
+            found[name] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise InputError(f"--set {setting}: {value!r} is no number or word") from None
     return found

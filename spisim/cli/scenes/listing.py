@@ -1,37 +1,90 @@
 """`spisim scenes list`: what is shipped, and what can be drawn."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
 from ..console import print_json, results
 from ..options import Json
 
-EXAMPLE = "spisim scenes list"
+if TYPE_CHECKING:
+    from spisim.families import Family
+
+EXAMPLE = "spisim scenes list warehouse"
 
 
-def command(json: Json = False) -> None:
+def command(
+    family: Annotated[
+        str | None,
+        typer.Argument(metavar="FAMILY", help="Tell the parameters of this family instead."),
+    ] = None,
+    json: Json = False,
+) -> None:
     """List the shipped scenes, and the families that scenes are drawn from."""
-    from rich.table import Table
-
-    from spisim.families import FAMILIES, ranges
+    from spisim.families import FAMILIES, find_family
     from spisim.scene import catalogue, scenes_folder
 
+    if family is not None:
+        _tell(find_family(family), json)
+        return
     scenes = catalogue()
     if json:
-        families = {
-            name: {"description": family.description, "parameters": ranges(family.parameters)}
-            for name, family in FAMILIES.items()
-        }
+        families = {name: _summary(one) for name, one in FAMILIES.items()}
         rows = [vars(entry) for entry in scenes]
         print_json({"folder": scenes_folder(), "scenes": rows, "families": families})
         return
-    table = Table("scene", "what it is", "air", box=None, header_style="dim")
-    for entry in scenes:
-        table.add_row(entry.name, entry.description, ", ".join(entry.weather) or "clear")
-    results.print(table)
-    table = Table("family", "what it draws", box=None, header_style="dim")
-    for family in FAMILIES.values():
-        table.add_row(family.name, family.description)
+    _print_table(
+        ("scene", "what it is", "air"),
+        [(one.name, one.description, ", ".join(one.weather) or "clear") for one in scenes],
+    )
     results.print()
-    results.print(table)
+    _print_table(
+        ("family", "what it draws"), [(one.name, one.description) for one in FAMILIES.values()]
+    )
     results.print(
-        f"\nTo look at one: spisim scenes show NAME. Files to copy and change: {scenes_folder()}",
+        "\nTo look at one: spisim scenes show NAME. Parameters of a family: spisim scenes list "
+        f"FAMILY. Files to copy and change: {scenes_folder()}",
         soft_wrap=True,
     )
+
+
+def _tell(family: Family, json: bool) -> None:
+    from spisim.families import ranges
+
+    if json:
+        print_json(_summary(family))
+        return
+    texts = {name: field.description for name, field in family.parameters.model_fields.items()}
+    _print_table(
+        ("parameter", "drawn from", "what it is"),
+        [(name, _range(row), str(texts[name])) for name, row in ranges(family.parameters).items()],
+    )
+    results.print(
+        f"\n{family.description}. To set one: spisim scenes draw {family.name} --set NAME=VALUE",
+        soft_wrap=True,
+    )
+
+
+def _summary(family: Family) -> dict[str, Any]:
+    from spisim.families import ranges
+
+    return {"description": family.description, "parameters": ranges(family.parameters)}
+
+
+def _range(drawn: dict[str, Any]) -> str:
+    """A distribution in words."""
+    if "choice" in drawn:
+        return ", ".join(drawn["choice"])
+    (low, high) = drawn.get("uniform") or drawn["log_uniform"]
+    return f"{low:g} to {high:g}"
+
+
+def _print_table(columns: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+    from rich.table import Table
+
+    table = Table(*columns, box=None, header_style="dim")
+    for row in rows:
+        table.add_row(*row)
+    results.print(table)
