@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from spisim.checks import Check, Table, checks_table, paste, report, surroundings
-from spisim.dataset.manifest import Outcome
 from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.records import Outcome
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
 

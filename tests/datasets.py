@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from reconstruction import Capture, write_capture
-from spisim.dataset.manifest import SCHEMA
+from spisim.dataset.records import SCHEMA
 
 PLAN = "0123abcd"
 META = {

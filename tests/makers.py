@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Self
 
 from spisim.dataset.folder import Layout, fingerprint
-from spisim.dataset.manifest import NO_SPACE, Outcome, failure
+from spisim.dataset.records import NO_SPACE, Outcome, failure
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from itertools import count, islice
 from typing import Any, Self
 
 from reconstruction.errors import InputError
-from spisim.dataset.manifest import DIED, Outcome, failure
+from spisim.dataset.records import DIED, Outcome, failure
 from spisim.dataset.workers import Make
 
 #: How long a scheduler may take to answer.

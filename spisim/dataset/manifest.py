@@ -1,6 +1,6 @@
 """The manifest of a data set: one row for every sample that was tried, in an SQLite file.
 
-Only the process that runs the data set writes it.
+Only the process that runs the data set writes it; anyone may read it meanwhile.
 """
 
 from __future__ import annotations
@@ -9,78 +9,30 @@ import errno
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, fields
-from datetime import UTC, datetime
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from reconstruction.errors import InputError
+from spisim.dataset.folder import Layout
+from spisim.dataset.records import (
+    DIED,
+    INSERT,
+    SCHEMA,
+    SCHEMA_VERSION,
+    SELECT,
+    Outcome,
+    Record,
+    meta_of,
+    record_of,
+    row_of,
+)
 
-SCHEMA_VERSION = 1
 #: Seconds to wait for a reader that holds the file.
 PATIENCE_S = 60.0
-#: How the reason begins where a sample took its worker with it.
-DIED = "worker "
+DAMAGED = "not a manifest of this version, or damaged"
 #: Samples that took their worker with them are tried this often of their own accord.
 MOST_DEATHS = 2
-
-#: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
-NO_SPACE = "no space"
-
-SCHEMA = """
-CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE samples (
-    "index" INTEGER PRIMARY KEY,
-    status TEXT NOT NULL CHECK (status IN ('done', 'failed')),
-    scene TEXT,
-    parameters TEXT,
-    file TEXT,
-    bytes INTEGER,
-    sha256 TEXT,
-    sidecars TEXT,
-    seconds REAL,
-    stage_seconds TEXT,
-    peak_memory_mb REAL,
-    attempts INTEGER NOT NULL,
-    error TEXT,
-    finished TEXT,
-    warnings TEXT
-);
-"""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How it went with one sample; plain values only, as they stand in the manifest.
-
-    Paths are relative to the data set's folder. `sidecars` tells the size and SHA-256 of each file
-    beside the capture. `peak_memory_mb` is the most that the process held so far.
-    """
-
-    index: int
-    status: str  # done, failed or NO_SPACE
-    scene: str | None = None
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    file: str | None = None
-    bytes: int | None = None
-    sha256: str | None = None
-    sidecars: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    seconds: float | None = None
-    stage_seconds: Mapping[str, float] = field(default_factory=dict)
-    peak_memory_mb: float | None = None
-    error: str | None = None
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def done(self) -> bool:
-        """Whether its files are there."""
-        return self.status == "done"
-
-
-def failure(index: int, reason: str) -> Outcome:
-    """Outcome of a sample of which nothing but the reason is known."""
-    return Outcome(index, "failed", error=reason)
 
 
 class DamagedManifest(InputError):
@@ -111,28 +63,20 @@ class Manifest:
         """Manifest that is there. Raises DamagedManifest where it is none that can be used."""
         manifest = cls(path)
         try:
-            problem = manifest._problem()
-        except sqlite3.DatabaseError as error:
+            manifest._check()
+        except (sqlite3.DatabaseError, ValueError) as error:
             manifest._connection.close()
-            if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
+            if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
                 raise InputError(f"{path}: another program holds it for writing") from None
-            raise DamagedManifest(f"{path}: not a manifest, or damaged ({error})") from None
-        if problem:
-            manifest._connection.close()
-            raise DamagedManifest(f"{path}: not a manifest that this software knows ({problem})")
+            raise DamagedManifest(f"{path}: {DAMAGED} ({error})") from None
         return manifest
 
-    def _problem(self) -> str | None:
+    def _check(self) -> None:
         (state,) = self._connection.execute("PRAGMA quick_check(1)").fetchone()
         if state != "ok":
-            return str(state)
-        version = self.meta.get("schema_version", "unknown")
-        if version != str(SCHEMA_VERSION):
-            return f"schema version {version}, not {SCHEMA_VERSION}"
-        # With their table, as SQLite takes an unknown quoted name alone for a string.
-        columns = ", ".join(f"samples.{_quoted(name)}" for name in _COLUMNS)
-        self._connection.execute(f"SELECT {columns} FROM samples LIMIT 1")
-        return None
+            raise ValueError(state)
+        meta_of(self._connection)
+        self._connection.execute(f"{SELECT} LIMIT 1")
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
@@ -154,7 +98,7 @@ class Manifest:
     @property
     def meta(self) -> dict[str, str]:
         """What is known of the data set as a whole."""
-        return dict(self._connection.execute("SELECT key, value FROM meta"))
+        return meta_of(self._connection)
 
     def note(self, meta: Mapping[str, str]) -> None:
         """Replace some of what is known of the data set as a whole."""
@@ -163,15 +107,9 @@ class Manifest:
 
     def record(self, outcome: Outcome) -> None:
         """Put an outcome in place of the sample's last, and count the attempt."""
-        values = asdict(outcome)
-        row = {name: _stored(values[name]) for name in values}
-        row["finished"] = datetime.now(UTC).isoformat(timespec="seconds")
-        row["attempts"] = self.attempts(outcome.index) + 1
-        names, marks = ", ".join(map(_quoted, row)), ", ".join("?" * len(row))
+        row = row_of(outcome, self.attempts(outcome.index) + 1)
         with self._writing() as connection:
-            connection.execute(
-                f"INSERT OR REPLACE INTO samples ({names}) VALUES ({marks})", list(row.values())
-            )
+            connection.execute(INSERT, row)
 
     def forget(self, index: int) -> None:
         """Remove a sample's row."""
@@ -218,19 +156,30 @@ class Manifest:
         return dict(self._connection.execute(query))
 
 
-_COLUMNS = (*(column.name for column in fields(Outcome)), "attempts", "finished")
+def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
+    """What the manifest says of the data set, and of its samples in order of their index.
+
+    It is left as it is: a run may be under way. Raises InputError where there is none, where it is
+    damaged or of another version.
+    """
+    path = Layout(folder).manifest
+    if not path.is_file():
+        raise InputError(
+            f"{folder}: no data set there ({path.name} is missing); "
+            "spisim dataset PLAN -o DIR makes one"
+        )
+    try:
+        address = f"{path.resolve().as_uri()}?mode=ro"
+        with closing(sqlite3.connect(address, uri=True)) as database:
+            meta = meta_of(database)
+            rows = database.execute(f'{SELECT} ORDER BY "index"')
+            return meta, tuple(map(record_of, rows))
+    except (sqlite3.Error, ValueError, TypeError) as error:
+        raise InputError(
+            f"{path}: {DAMAGED} ({error}); run the plan again: it is then written anew from the "
+            "samples"
+        ) from None
 
 
 def _put_meta(connection: sqlite3.Connection, meta: Mapping[str, str]) -> None:
     connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", meta.items())
-
-
-def _quoted(name: str) -> str:
-    return f'"{name}"'
-
-
-def _stored(value: Any) -> Any:
-    """Mappings and lists are stored as JSON."""
-    if isinstance(value, Mapping | list | tuple):
-        return json.dumps(value, ensure_ascii=False)
-    return value

@@ -19,8 +19,9 @@ from reconstruction.files import require_folder, write_atomically
 from spisim import __version__
 from spisim.dataset.folder import Layout, belongs_to, fingerprint
 from spisim.dataset.lock import locked
-from spisim.dataset.manifest import DamagedManifest, Manifest, Outcome
+from spisim.dataset.manifest import DamagedManifest, Manifest
 from spisim.dataset.plan import PlannedSet
+from spisim.dataset.records import Outcome
 
 Say = Callable[[str], None]
 

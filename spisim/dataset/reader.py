@@ -15,7 +15,8 @@ from reconstruction import Capture, read_capture
 from reconstruction.errors import InputError, nearest
 from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS
-from spisim.dataset.records import Record, read_manifest
+from spisim.dataset.manifest import read_manifest
+from spisim.dataset.records import Record
 from spisim.dataset.split import Split, part_of
 
 if TYPE_CHECKING:

@@ -1,21 +1,68 @@
-"""What the manifest of a data set says, read without changing it: a run may be under way."""
+"""What a manifest holds: its tables, their version, and what a row of them is."""
 
 from __future__ import annotations
 
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import closing
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import asdict, dataclass, field, fields
+from datetime import UTC, datetime
 from typing import Any
 
-from reconstruction.errors import InputError, naming
-from spisim.dataset.folder import Layout
-from spisim.dataset.manifest import SCHEMA_VERSION, Outcome
+SCHEMA_VERSION = 1
+#: How the reason begins where a sample took its worker with it.
+DIED = "worker "
+#: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
+NO_SPACE = "no space"
 
-#: Columns that hold JSON.
-_JSON = {"parameters": "{}", "sidecars": "{}", "stage_seconds": "{}", "warnings": "[]"}
+SCHEMA = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE samples (
+    "index" INTEGER PRIMARY KEY,
+    status TEXT NOT NULL CHECK (status IN ('done', 'failed')),
+    scene TEXT,
+    parameters TEXT,
+    file TEXT,
+    bytes INTEGER,
+    sha256 TEXT,
+    sidecars TEXT,
+    seconds REAL,
+    stage_seconds TEXT,
+    peak_memory_mb REAL,
+    attempts INTEGER NOT NULL,
+    error TEXT,
+    finished TEXT,
+    warnings TEXT
+);
+"""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How it went with one sample; plain values only, as they stand in the manifest.
+
+    Paths are relative to the data set's folder. `sidecars` tells the size and SHA-256 of each file
+    beside the capture. `peak_memory_mb` is the most that the process held so far.
+    """
+
+    index: int
+    status: str  # done, failed or NO_SPACE
+    scene: str | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    file: str | None = None
+    bytes: int | None = None
+    sha256: str | None = None
+    sidecars: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    seconds: float | None = None
+    stage_seconds: Mapping[str, float] = field(default_factory=dict)
+    peak_memory_mb: float | None = None
+    error: str | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def done(self) -> bool:
+        """Whether its files are there."""
+        return self.status == "done"
 
 
 @dataclass(frozen=True)
@@ -29,45 +76,45 @@ class Record(Outcome):
     finished: str | None = None
 
 
-def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
-    """What the manifest says of the data set, and of its samples in order of their index.
-
-    Raises InputError where there is none, where it is damaged or of another version.
-    """
-    path = Layout(folder).manifest
-    if not path.is_file():
-        raise InputError(
-            f"{folder}: no data set there ({path.name} is missing); "
-            "spisim dataset PLAN -o DIR makes one"
-        )
-    # With their table, as SQLite takes an unknown quoted name alone for a string.
-    names = ", ".join(f'samples."{field.name}"' for field in fields(Record))
-    try:
-        with naming(path), closing(_opened(path)) as database:
-            meta = {str(key): str(value) for key, value in database.execute("SELECT * FROM meta")}
-            _check_version(meta.get("schema_version"))
-            rows = database.execute(f'SELECT {names} FROM samples ORDER BY "index"')
-            return meta, tuple(_record(row) for row in rows)
-    except (sqlite3.Error, ValueError, TypeError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"{path}: not a manifest, or damaged ({error}); run the plan again: it is then "
-            "written anew from the samples"
-        ) from None
+def failure(index: int, reason: str) -> Outcome:
+    """Outcome of a sample of which nothing but the reason is known."""
+    return Outcome(index, "failed", error=reason)
 
 
-def _opened(path: Path) -> sqlite3.Connection:
-    return sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
+#: Columns that hold JSON.
+_JSON = {"parameters": "{}", "sidecars": "{}", "stage_seconds": "{}", "warnings": "[]"}
+_COLUMNS = tuple(column.name for column in fields(Record))
+# With their table, as SQLite takes an unknown quoted name alone for a string.
+SELECT = "SELECT " + ", ".join(f'samples."{name}"' for name in _COLUMNS) + " FROM samples"
+INSERT = (
+    "INSERT OR REPLACE INTO samples ("
+    + ", ".join(f'"{name}"' for name in _COLUMNS)
+    + f") VALUES ({', '.join('?' * len(_COLUMNS))})"
+)
 
 
-def _check_version(found: str | None) -> None:
-    if found != str(SCHEMA_VERSION):
-        raise InputError(f"schema_version is {found}; this software reads {SCHEMA_VERSION}")
+def meta_of(connection: sqlite3.Connection) -> dict[str, str]:
+    """What a manifest says of the data set as a whole. Raises ValueError for another version."""
+    meta = {str(key): str(value) for key, value in connection.execute("SELECT * FROM meta")}
+    version = meta.get("schema_version", "unknown")
+    if version != str(SCHEMA_VERSION):
+        raise ValueError(f"schema_version is {version}; this software reads {SCHEMA_VERSION}")
+    return meta
 
 
-def _record(row: tuple[Any, ...]) -> Record:
-    values = dict(zip((field.name for field in fields(Record)), row, strict=True))
+def row_of(outcome: Outcome, attempts: int) -> tuple[Any, ...]:
+    """Row of an outcome, as INSERT takes it."""
+    finished = datetime.now(UTC).isoformat(timespec="seconds")
+    values = asdict(outcome) | {"attempts": attempts, "finished": finished}
+    return tuple(
+        json.dumps(values[name], ensure_ascii=False) if name in _JSON else values[name]
+        for name in _COLUMNS
+    )
+
+
+def record_of(row: tuple[Any, ...]) -> Record:
+    """Record of a row, as SELECT gives it. Raises ValueError where it holds no JSON."""
+    values = dict(zip(_COLUMNS, row, strict=True))
     for name, nothing in _JSON.items():
         values[name] = json.loads(values[name] or nothing)
     values["parameters"] = dict(flat(values["parameters"]))

@@ -11,9 +11,10 @@ from pathlib import Path
 
 from reconstruction.errors import InputError
 from spisim.dataset.folder import Layout
-from spisim.dataset.manifest import NO_SPACE, Manifest, Outcome
+from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import Say, opened
 from spisim.dataset.plan import PlannedSet
+from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.dataset.sample import is_out_of_space
 from spisim.dataset.workers import Executor
 

@@ -22,8 +22,8 @@ from reconstruction.errors import InputError, explain
 from reconstruction.files import write_atomically
 from spisim.config import parse_model
 from spisim.dataset.folder import Layout, fingerprint
-from spisim.dataset.manifest import NO_SPACE, Outcome
 from spisim.dataset.plan import Keep, PlannedSet, Sample
+from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.exr import write_exr
 from spisim.instrument import Instrument
 from spisim.light_files import write_histograms

@@ -10,7 +10,8 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from spisim.dataset.folder import Layout
-from spisim.dataset.records import Record, read_manifest
+from spisim.dataset.manifest import read_manifest
+from spisim.dataset.records import Record
 
 #: The rate is that of the last samples, over this time.
 RECENT = timedelta(minutes=10)

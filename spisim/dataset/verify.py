@@ -10,7 +10,8 @@ from typing import Literal
 
 from reconstruction import InputError, read_capture
 from spisim.dataset.folder import Layout, belongs_to
-from spisim.dataset.records import Record, read_manifest
+from spisim.dataset.manifest import read_manifest
+from spisim.dataset.records import Record
 
 Problem = Literal["missing", "damaged", "foreign", "extra", "unfinished"]
 

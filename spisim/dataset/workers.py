@@ -19,7 +19,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, Protocol, Self
 
-from spisim.dataset.manifest import DIED, Outcome, failure
+from spisim.dataset.records import DIED, Outcome, failure
 
 Make = Callable[[int], Outcome]
 

@@ -14,9 +14,8 @@ import reconstruction
 from reconstruction import Capture, InputError, read_capture, reconstruct
 from reconstruction.files import write_atomically
 from spisim.dataset.folder import PER_FOLDER
-from spisim.dataset.manifest import DIED, Outcome
 from spisim.dataset.reader import DataSet, open_data_set
-from spisim.dataset.records import Record
+from spisim.dataset.records import DIED, Outcome, Record
 from spisim.dataset.workers import Executor
 from spisim.study import metrics, profile
 from spisim.study.profile import Profile, depth_profile

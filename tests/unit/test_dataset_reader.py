@@ -262,13 +262,13 @@ def test_a_folder_without_manifest_is_refused(tmp_path: Path) -> None:
 )
 def test_a_damaged_manifest_is_refused(own: Path, statement: str) -> None:
     change(own, statement)
-    with pytest.raises(InputError, match=r"manifest\.sqlite: not a manifest, or damaged"):
+    with pytest.raises(InputError, match=r"manifest\.sqlite: not a manifest of this version"):
         spisim.dataset.open(own)
 
 
 def test_what_is_no_database_is_refused(own: Path) -> None:
     (own / "manifest.sqlite").write_bytes(b"name: walls\n" * 100)
-    with pytest.raises(InputError, match="not a manifest, or damaged"):
+    with pytest.raises(InputError, match="not a manifest of this version"):
         spisim.dataset.open(own)
 
 

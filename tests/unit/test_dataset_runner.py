@@ -19,9 +19,10 @@ from reconstruction import Capture, write_capture
 from reconstruction.errors import InputError
 from spisim.dataset import runner
 from spisim.dataset.folder import Layout
-from spisim.dataset.manifest import Manifest, Outcome
+from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import opened
 from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.records import Outcome
 from spisim.dataset.runner import OutOfSpace, State, run_dataset
 
 PLAN = """

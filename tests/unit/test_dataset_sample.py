@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from spisim.dataset import sample
-from spisim.dataset.folder import Layout
-from spisim.dataset.manifest import NO_SPACE, Outcome
+from spisim.dataset.folder import Layout, belongs_to
 from spisim.dataset.plan import load_plan
+from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.dataset.sample import Maker
 
 
@@ -86,4 +86,4 @@ def test_ctrl_c_is_not_swallowed(monkeypatch: pytest.MonkeyPatch, make: Maker) -
 )
 def test_what_a_capture_tells_of_its_set(settings: str, belongs: tuple[str, int] | None) -> None:
     capture = SimpleNamespace(provenance=SimpleNamespace(settings=settings))
-    assert sample.belongs_to(capture) == belongs  # type: ignore[arg-type]
+    assert belongs_to(capture) == belongs  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ import pytest
 
 from makers import Fake, Hoarder
 from spisim.dataset import workers
-from spisim.dataset.manifest import Outcome
+from spisim.dataset.records import Outcome
 from spisim.dataset.workers import LocalExecutor, default_workers
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")

@@ -14,8 +14,7 @@ import yaml
 
 from datasets import make_set
 from reconstruction import Capture, InputError, evaluate, reconstruct
-from spisim.dataset.manifest import Outcome, failure
-from spisim.dataset.records import Record
+from spisim.dataset.records import Outcome, Record, failure
 from spisim.study import METRICS, load_study
 from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of, kept_at
 from spisim.study.labels import axis_label, condition_label, value_label
