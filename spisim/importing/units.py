@@ -24,7 +24,6 @@ TO_Z_UP: dict[Axis, Floats] = {
 
 #: A scene that is wider or smaller is probably not in the unit that it was read in.
 PLAUSIBLE_M = (0.05, 300.0)
-FAR_M = 10_000.0
 
 
 def choose_unit(content: Content, name: str) -> Content:
@@ -77,16 +76,11 @@ def to_metres(content: Content, scale: float) -> Content:
 
 
 def odd_sizes(bounds_m: Floats) -> list[str]:
-    """What is doubtful about the size and place of a scene with these bounds (2, 3)."""
+    """What is doubtful about the size of a scene with these bounds (2, 3)."""
     size_m = float((bounds_m[1] - bounds_m[0]).max())
     odd = []
     if not PLAUSIBLE_M[0] <= size_m <= PLAUSIBLE_M[1]:
         odd.append(f"the scene is {size_m:.3g} m wide; if that is wrong, give --units or --scale")
-    if np.abs(bounds_m).max() > FAR_M:
-        far_km = np.abs(bounds_m).max() / 1000
-        odd.append(
-            f"the scene lies {far_km:.3g} km from the origin, where single precision is poor"
-        )
     return odd
 
 

@@ -43,6 +43,9 @@ MEDIA = ("fog", "smoke", "rain", "snow")
 #: From forward, left, up (ROS REP 103) to right, down, forward.
 OPTICAL_FROM_BODY = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
 
+#: Beyond this not even metres are told apart in single precision.
+FARTHEST_M = 1e6
+
 Meshes = Mapping[str, trimesh.Trimesh]
 NO_MESHES: Meshes = MappingProxyType({})
 
@@ -84,6 +87,9 @@ def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_
         ambient = _ambient(described.ambient)
     with _problems_at(source, "drone"):
         pose = _drone_pose(described.drone)
+    with _problems_at(source, "material_swaps"):
+        for name in (*described.material_swaps, *described.material_swaps.values()):
+            find_material(name, materials, wavelength_nm)
     objects: list[SceneObject] = []
     for i, row in enumerate(described.objects):
         with _problems_at(source, f"objects[{i}] ({row.name})"):
@@ -190,6 +196,9 @@ def _place(
             f"{described.name}-{i}": _posed(mesh, instance)
             for i, instance in enumerate(described.instances, start=1)
         }
+    for posed in instances.values():
+        if (far := float(np.abs(posed.bounds).max())) > FARTHEST_M:
+            raise InputError(f"reaches {far:.3g} m from the origin; at most {FARTHEST_M:g} m")
     turning = _radians(described.angular_velocity_deg_s)
     return [
         SceneObject(name, posed, material, described.velocity_m_s, turning)

@@ -18,6 +18,8 @@ from spisim.scene.warning import SceneWarning
 
 #: Widths of what a drone meets.
 PLAUSIBLE_M = (0.001, 300.0)
+#: Beyond this single precision, in which light is traced, is poor.
+FAR_M = 10_000.0
 
 
 def warn_of_unsound_meshes(scene: Scene) -> None:
@@ -41,15 +43,19 @@ def warn_of_unsound_meshes(scene: Scene) -> None:
 
 
 def warn_of_odd_sizes(scene: Scene) -> None:
-    """One SceneWarning that names every object whose size tells of another unit than metres."""
+    """One SceneWarning that names every object of a size or at a place that no drone meets."""
     sizes = {thing.name: float(thing.mesh.extents.max()) for thing in scene.objects}
+    away = {thing.name: float(np.abs(thing.mesh.bounds).max()) for thing in scene.objects}
     low, high = PLAUSIBLE_M
-    told = [f"{name!r} ({size:.3g} m)" for name, size in sizes.items() if not low <= size < high]
+    told = [f"{name!r} is {size:.3g} m wide" for name, size in sizes.items()
+            if not low <= size < high]  # fmt: skip
+    told += [
+        f"{name!r} is {far:.3g} m from the origin" for name, far in away.items() if far > FAR_M
+    ]
     if told:
         warnings.warn(
-            f"scene {scene.name!r}: these objects are {high:g} m wide or more, or less than "
-            f"{low:g} m: {', '.join(told)}; meshes are read in metres, `scale: 0.001` makes "
-            "metres of millimetres",
+            f"scene {scene.name!r}: {', '.join(told)}; all lengths are metres, and `scale: 0.001` "
+            "makes metres of a mesh in millimetres",
             SceneWarning,
             stacklevel=2,
         )

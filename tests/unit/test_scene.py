@@ -298,17 +298,41 @@ def test_room_is_sound_only_around_the_drone(load: Load) -> None:
         load(with_objects(elsewhere))
 
 
-@pytest.mark.parametrize(("scale", "told"), [(300, "300 m"), (1e-4, "0.0001 m"), (100, None)])
-def test_sizes_of_another_unit_are_told(load: Load, scale: float, told: str | None) -> None:
+@pytest.mark.parametrize(
+    ("scale", "x_m", "told"),
+    [
+        (300, 500, "is 300 m wide"),
+        (1e-4, 500, r"is 0\.0001 m wide"),
+        (100, 500, None),
+        (1, 20_000, r"is 2e\+04 m from the origin"),
+    ],
+)
+def test_sizes_of_another_unit_are_told(
+    load: Load, scale: float, x_m: float, told: str | None
+) -> None:
     text = with_objects(
         f"name: other drone, shape: box, size_m: [1, 1, 0.2], scale: {scale},"
-        " translate_m: [500, 0, 0], material: brick"
+        f" translate_m: [{x_m}, 0, 0], material: brick"
     )
     if told is None:
         without_warning(load, text)
         return
-    with pytest.warns(SceneWarning, match=rf"'other drone' \({told}\); meshes are read in metres"):
+    with pytest.warns(SceneWarning, match=rf"'other drone' {told}; all lengths are metres"):
         load(text)
+
+
+@pytest.mark.parametrize("nonsense", ["scale: 1e30", "translate_m: [0, -1e300, 0]"])
+def test_what_is_too_far_away_to_trace_is_refused(load: Load, nonsense: str) -> None:
+    with pytest.raises(
+        InputError, match=r"\(box\): reaches 1e\+30.* m from the origin; at most 1e"
+    ):
+        load(with_objects(f"name: box, shape: box, size_m: [2, 2, 2], {nonsense}, material: brick"))
+
+
+@pytest.mark.parametrize("swap", ["concret: brick", "concrete: brik"])
+def test_swaps_of_unknown_materials(load: Load, swap: str) -> None:
+    with pytest.raises(InputError, match=r"material_swaps: unknown material.*did you mean"):
+        load(MINIMAL + f"material_swaps: {{{swap}}}\n")
 
 
 # Daylight
