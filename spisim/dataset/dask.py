@@ -7,6 +7,7 @@ import logging
 from collections.abc import Iterable, Iterator
 from itertools import count, islice
 from typing import Any, Self
+from uuid import uuid4
 
 from reconstruction.errors import InputError
 from spisim.dataset.records import DIED, Outcome, failure
@@ -37,6 +38,7 @@ class DaskExecutor:
             raise InputError(f"--dask {address}: no scheduler answers there ({reason})") from None
         self._make = make
         self._address = address
+        self._run = uuid4().hex  # the scheduler takes equal keys for one task, whoever's they are
         self._calls = count()
 
     def __enter__(self) -> Self:
@@ -61,7 +63,7 @@ class DaskExecutor:
                 finished.add(another)
 
     def _submit(self, index: int) -> Any:
-        key = f"sample-{index}-{next(self._calls)}"
+        key = f"sample-{index}-{next(self._calls)}-{self._run}"
         return self._client.submit(self._make, index, key=key, pure=False)
 
     def _room(self) -> int:

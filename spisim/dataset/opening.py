@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,6 +24,8 @@ from spisim.dataset.plan import PlannedSet
 from spisim.dataset.records import Outcome
 
 Say = Callable[[str], None]
+
+SOFTWARE = f"spisim {__version__}"
 
 
 @contextmanager
@@ -46,12 +48,13 @@ def opened(planned: PlannedSet, folder: Path, say: Say) -> Iterator[Manifest]:
             _check_same_fields(planned, layout)
         with _manifest(planned, layout, say) as manifest:
             _check_same_files(planned, manifest, layout)
-            _check_size(planned, manifest, layout)
+            _check_size(manifest.indices(), planned, layout)
             _forget_lost(manifest, layout, say)
             _adopt(planned, manifest, layout, say)
             text = planned.text.encode()
             if not layout.plan.exists() or layout.plan.read_bytes() != text:
                 write_atomically(layout.plan, text)
+            _tell_of_other_software(manifest, say)
             manifest.note({"samples": str(planned.plan.size)})
             try:
                 yield manifest
@@ -73,7 +76,7 @@ def _manifest(planned: PlannedSet, layout: Layout, say: Say) -> Manifest:
             "name": planned.plan.name,
             "samples": str(planned.plan.size),
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "software": f"spisim {__version__}",
+            "software": SOFTWARE,
             "files": json.dumps(_digests(planned.files)),
         },
     )
@@ -130,13 +133,19 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return "\n".join(difflib.unified_diff(old, new, "before", "now", lineterm=""))
 
 
-def _check_size(planned: PlannedSet, manifest: Manifest, layout: Layout) -> None:
-    there = max(manifest.indices(), default=-1) + 1
+def _check_size(indices: Iterable[int], planned: PlannedSet, layout: Layout) -> None:
+    there = max(indices, default=-1) + 1
     if there > planned.plan.size:
         raise InputError(
             f"{layout.folder} holds samples up to number {there - 1}, and the plan has only "
             f"{planned.plan.size}; ask for at least {there}"
         )
+
+
+def _tell_of_other_software(manifest: Manifest, say: Say) -> None:
+    before = manifest.meta.get("software")
+    if before != SOFTWARE:
+        say(f"begun by {before}, and goes on with {SOFTWARE}: samples may differ between the two")
 
 
 def _forget_lost(manifest: Manifest, layout: Layout, say: Say) -> None:
@@ -154,28 +163,40 @@ def _forget_lost(manifest: Manifest, layout: Layout, say: Say) -> None:
 def _adopt(planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say) -> None:
     """Captures without a row: of a run that was killed, or of a lost manifest."""
     known = {name for files in manifest.files().values() for name in files}
-    unknown = [path for path in layout.captures() if layout.relative(path) not in known]
-    damaged, foreign, found = [], [], 0
-    for path in unknown:
+    damaged, foreign, found = [], [], set()
+    for path in layout.captures():
+        if layout.relative(path) in known:
+            continue
         try:
             told = belongs_to(read_capture(path))
         except InputError:
-            damaged.append(path)
+            ours = _is_of_a_sample(path, planned.plan.size, layout)
+            (damaged if ours else foreign).append(path)
             continue
         if told is None or told[0] != planned.digest or layout.capture(told[1]) != path:
             foreign.append(path)
-        elif told[1] < planned.plan.size:
-            found += _record_found(planned, manifest, layout, told[1])
+        else:
+            found.add(told[1])
     if foreign:
         raise InputError(
             f"{_some(foreign)}: not of this data set, though in its folder; move it elsewhere"
         )
+    _check_size(found, planned, layout)
     for path in damaged:
         path.unlink()
     if damaged:
-        say(f"{len(damaged)} damaged captures removed, to be made again: {_some(damaged)}")
-    if found:
-        say(f"{found} samples found that the manifest did not know")
+        say(f"damaged captures removed, to be made again: {_some(damaged)}")
+    adopted = sum(_record_found(planned, manifest, layout, index) for index in sorted(found))
+    if adopted:
+        say(f"{adopted} samples found that the manifest did not know")
+
+
+def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
+    """Whether a file lies where one of so many samples has its capture."""
+    with suppress(ValueError):
+        index = int(path.stem)
+        return 0 <= index < samples and layout.capture(index) == path
+    return False
 
 
 def _record_found(planned: PlannedSet, manifest: Manifest, layout: Layout, index: int) -> bool:

@@ -262,7 +262,7 @@ class PlannedSet:
                 if file == "materials":
                     scene.setdefault("material_swaps", {})[field] = value
                 else:
-                    set_field(files[file], field, value)
+                    set_field(files[file], field, copy.deepcopy(value))  # fields of it may follow
         name = scene.get("name") or f"{source.family}-{scene['seed']}"
         told = {"instrument": instrument} if "instrument" in chosen else {}
         return Sample(

@@ -53,6 +53,13 @@ def test_a_sample_is_the_same_whatever_came_before(tmp_path: Path) -> None:
     assert len({sample.parameters["scene.fog.visibility_m"] for sample in samples}) == 12
 
 
+def test_a_section_is_told_as_the_plan_has_it(tmp_path: Path) -> None:
+    vary = {"scene.fog": {"kind": "haze-l"}, "scene.fog.visibility_m": 30}
+    sample = planned(tmp_path, vary=vary).sample(0)
+    assert {name: sample.parameters[name] for name in vary} == vary
+    assert yaml.safe_load(sample.scene_text)["fog"] == {"kind": "haze-l", "visibility_m": 30}
+
+
 def test_the_texts_say_what_the_parameters_say(tmp_path: Path) -> None:
     plan = planned(tmp_path)
     for index in range(10):

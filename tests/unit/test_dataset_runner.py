@@ -296,7 +296,43 @@ def test_a_damaged_capture_without_a_row_is_made_again(planned: PlannedSet, tmp_
     path.write_bytes(b"\x89HDF")
     run = Run(planned, folder)
     assert run.state.done == 5
-    assert "1 damaged captures removed, to be made again" in run.said[0]
+    assert run.said == [f"damaged captures removed, to be made again: {path}"]
+
+
+@pytest.mark.parametrize("name", ["mine.h5", "000005.h5"])  # the plan ends with sample 4
+def test_what_cannot_be_read_and_is_no_sample_is_kept(
+    planned: PlannedSet, tmp_path: Path, name: str
+) -> None:
+    folder = tmp_path / "set"
+    path = Layout(folder).capture(0).with_name(name)
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"somebody's own")
+    with pytest.raises(InputError, match=rf"{name}: not of this data set"):
+        Run(planned, folder)
+    assert path.read_bytes() == b"somebody's own"
+
+
+def test_fewer_samples_than_captures_without_a_manifest(
+    planned: PlannedSet, tmp_path: Path, capture: Capture
+) -> None:
+    folder = tmp_path / "set"
+    for index in range(4):
+        own_capture(planned, folder, index, capture)
+    with pytest.raises(InputError, match="up to number 3, and the plan has only 2"):
+        Run(planned.with_samples(2), folder)
+    assert Run(planned, folder).state.done == 5
+
+
+def test_going_on_with_other_software_is_told(planned: PlannedSet, tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    Run(planned, folder, {1: "fail"})
+    with Manifest.open(folder / "manifest.sqlite") as manifest:
+        software = manifest.meta["software"]
+        manifest.note({"software": "spisim 0.0.1"})
+    run = Run(planned, folder, retry_failed=True)
+    assert run.said == [
+        f"begun by spisim 0.0.1, and goes on with {software}: samples may differ between the two"
+    ]
 
 
 def test_no_space_is_waited_out(
