@@ -163,7 +163,9 @@ def _forget_lost(manifest: Manifest, layout: Layout, say: Say) -> None:
 def _adopt(planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say) -> None:
     """Captures without a row: of a run that was killed, or of a lost manifest."""
     known = {name for files in manifest.files().values() for name in files}
-    damaged, foreign, found = [], [], set()
+    damaged: list[Path] = []
+    foreign: list[Path] = []
+    found: set[int] = set()
     for path in layout.captures():
         if layout.relative(path) in known:
             continue

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
+import yaml
 
-from reconstruction.errors import InputError, naming
+from reconstruction.errors import InputError, naming, nearest
 from spisim.dataset.plan import PlannedSet, Sample
 from spisim.dataset.sample import Maker, load
+from spisim.scene.materials import shipped_materials
 
 #: Samples at random that a preview loads beside those that `check` does.
 AT_RANDOM = 3
@@ -59,13 +61,30 @@ class Preview:
 def check(planned: PlannedSet, at_random: int = 0) -> None:
     """Load the first sample of every scene and grid value, and some at random.
 
-    Raises InputError, naming plan and sample, where one cannot be loaded.
+    Raises InputError, naming plan and sample, where one cannot be loaded, and for materials to be
+    replaced that are none.
     """
+    used: set[str] = set(shipped_materials().names)
     others = np.random.default_rng(planned.plan.seed).integers(planned.plan.size, size=at_random)
     for index in sorted({*_telling(planned), *map(int, others)}):
         with naming(f"{planned.path}: sample {index}"), catch_warnings():
             simplefilter("ignore")
-            load(planned.sample(index))
+            sample = planned.sample(index)
+            load(sample)
+            used |= _own_materials(sample) if planned.plan.materials else set()
+    for name in planned.plan.materials:
+        if name not in used:
+            raise InputError(
+                f"{planned.path}: materials: no scene has {name!r}: {nearest(name, used)}"
+            )
+
+
+def _own_materials(sample: Sample) -> set[str]:
+    """Materials that its scene uses, had none been put in place of others."""
+    fields = yaml.safe_load(sample.scene_text)
+    del fields["material_swaps"]
+    scene, _ = load(replace(sample, scene_text=yaml.safe_dump(fields)))
+    return {thing.material.name for thing in scene.objects}
 
 
 def preview(planned: PlannedSet, workers: int, rows: int = 10) -> Preview:

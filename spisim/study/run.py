@@ -12,10 +12,10 @@ from reconstruction.files import write_atomically
 from spisim.dataset.folder import Layout
 from spisim.dataset.opening import Say
 from spisim.dataset.preview import check
-from spisim.dataset.runner import State, run_dataset
+from spisim.dataset.runner import SPACE_TIMEOUT_S, State, run_dataset
 from spisim.dataset.sample import Maker
-from spisim.dataset.workers import LocalExecutor
-from spisim.study.evaluation import Evaluator, evaluate_all
+from spisim.dataset.workers import Executor, Make
+from spisim.study.evaluation import evaluate_all
 from spisim.study.plan import PlannedStudy
 from spisim.study.plots import study_plots
 from spisim.study.profile_plot import profile_plot
@@ -72,35 +72,33 @@ class Finished:
 def run_study(
     planned: PlannedStudy,
     folder: Path,
-    workers: int,
+    executor: Callable[[Make], Executor],
     *,
     retry_failed: bool = False,
+    space_timeout_s: float = SPACE_TIMEOUT_S,
     say: Say = print,
     made: Callable[[State], None] = lambda state: None,
     evaluated: Callable[[float], None] = lambda share: None,
 ) -> Finished:
     """Make what is missing of a study's captures and metrics; write tables, plots and report.
 
-    The folder is that of the data set. `made` and `evaluated` are told the progress.
+    The folder is that of the data set. `executor` is asked twice for those who work: for captures
+    and for metrics. `made` and `evaluated` are told the progress.
 
     Raises InputError and OutOfSpace as `run_dataset`, and InputError where all samples failed.
     """
     if not Layout(folder).plan.exists():  # whatever an earlier run made was sound
         activate()  # before every process finds out by itself that light cannot be traced
         check(planned.data_set)
-    maker = Maker(planned.data_set, folder)
     state = run_dataset(
         planned.data_set,
         folder,
-        LocalExecutor(maker, workers),
+        executor(Maker(planned.data_set, folder)),
         retry_failed=retry_failed,
+        space_timeout_s=space_timeout_s,
         say=say,
         progress=made,
     )
-
-    def executor(evaluator: Evaluator) -> LocalExecutor:
-        return LocalExecutor(evaluator, workers)
-
     data, evaluations = evaluate_all(folder, executor, evaluated)
     if not any(each.metrics for each in evaluations.values()):
         reasons = [record.error for record in data.failed]

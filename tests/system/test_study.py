@@ -134,6 +134,13 @@ def test_another_plan_in_the_same_folder_is_refused(folder: Path) -> None:
     assert "spp: 9" in run.output
 
 
+def test_workers_and_dask_exclude_each_other(tmp_path: Path) -> None:
+    run = study(tmp_path, tmp_path / "out", "--dask", "tcp://127.0.0.1:9")
+    assert run.exit_code == 2
+    assert "--workers and --dask exclude each other" in run.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_study_in_which_all_fails_says_why(tmp_path: Path) -> None:
     vary = {**PLAN["vary"], "instrument.detector.adc.full_scale_electrons": 1.0}
     run = study(tmp_path, tmp_path / "out", vary=vary)

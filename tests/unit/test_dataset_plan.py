@@ -298,3 +298,22 @@ def test_a_value_that_fails_late_in_a_grid_is_found_early(tmp_path: Path) -> Non
 def test_no_such_plan(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.yaml: no such file"):
         load_plan(tmp_path / "none.yaml")
+
+
+def test_a_material_that_no_scene_has(tmp_path: Path) -> None:
+    said = mistake(tmp_path, materials={"concrte": "cardboard"})
+    assert "materials: no scene has 'concrte': did you mean 'concrete'?" in said
+
+
+def test_a_material_of_a_scene_alone_may_be_replaced(tmp_path: Path) -> None:
+    paint = {"reflectance": 0.3, "source": "a guess"}
+    wall = {"name": "wall", "shape": "box", "translate_m": [5, 0, 0], "material": "my paint"}
+    scene = {
+        "name": "own",
+        "drone": {"position_m": [0, 0, 0], "look_at_m": [5, 0, 0]},
+        "materials": {"my paint": paint},
+        "objects": [wall],
+    }
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(scene))
+    own, shipped = {"scene": "own.yaml"}, {"scene": "target-plane"}
+    check(planned(tmp_path, scenes=[own, shipped], materials={"my paint": "cardboard"}))

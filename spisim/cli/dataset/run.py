@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..console import messages, print_json, results
+from ..console import print_json, results
 from ..options import Bar, Json, number_option
+from .arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
 from .progress import short_time, shown
+from .running import executors, explained, say
 
 if TYPE_CHECKING:
     from spisim.dataset.plan import PlannedSet
     from spisim.dataset.runner import State
-    from spisim.dataset.workers import Executor
 
 EXAMPLE = "spisim dataset plan.yaml -o fog --workers 2"
-
-#: Exit status of a run that waited for space in vain.
-OUT_OF_SPACE = 3
 
 
 def command(
@@ -27,25 +26,14 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="DIR", help="Folder of the data set.")
     ] = None,
-    workers: Annotated[
-        int | None, number_option(1, 4096, "Processes; by default one per core.")
-    ] = None,
+    workers: Workers = None,
     samples: Annotated[
         int | None, number_option(1, 10**9, "Instead of the plan's number of samples.")
     ] = None,
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Try samples again that failed before.")
-    ] = False,
-    dask: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster, instead of processes."),
-    ] = None,
-    timeout: Annotated[
-        int, number_option(1, 10**6, "Seconds that a sample may take in a process of its own.")
-    ] = 1800,
-    space_timeout: Annotated[
-        int, number_option(0, 10**7, "Seconds to wait for space on a full disk.")
-    ] = 3600,
+    retry_failed: RetryFailed = False,
+    dask: Dask = None,
+    timeout: Timeout = 1800,
+    space_timeout: SpaceTimeout = 3600,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only check the plan, and tell what it would cost.")
     ] = False,
@@ -60,7 +48,8 @@ def command(
     from reconstruction.errors import InputError
     from spisim.dataset.plan import load_plan
     from spisim.dataset.preview import check
-    from spisim.dataset.runner import OutOfSpace, run_dataset
+    from spisim.dataset.runner import run_dataset
+    from spisim.dataset.sample import Maker
     from spisim.dataset.workers import default_workers
     from spisim.transport.backend import activate
 
@@ -72,63 +61,52 @@ def command(
         return
     if output is None:
         raise InputError("--output DIR is missing")
-    if dask is not None and workers is not None:
-        raise InputError("--workers and --dask exclude each other")
+    executor = executors(workers, dask, timeout)
     check(planned)
     activate()  # before every process finds out by itself that light cannot be traced
     folder = output.absolute()
-    executor = _executor(planned, folder, workers or default_workers(), dask, timeout)
-    try:
-        with shown(progress) as update:
-            state = run_dataset(
-                planned,
-                folder,
-                executor,
-                retry_failed=retry_failed,
-                space_timeout_s=space_timeout,
-                say=_say,
-                progress=update,
-            )
-    except OutOfSpace as error:
-        messages.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
-        raise typer.Exit(OUT_OF_SPACE) from None
-    except KeyboardInterrupt:
-        _say("interrupted; no file is left half-written. Run the same command again to go on")
-        raise typer.Exit(130) from None
+    with explained(), shown(progress) as update:
+        state = run_dataset(
+            planned,
+            folder,
+            executor(Maker(planned, folder)),
+            retry_failed=retry_failed,
+            space_timeout_s=space_timeout,
+            say=say,
+            progress=update,
+        )
     _tell(folder, state, json)
     raise typer.Exit(1 if state.failed else 0)
 
 
-def _executor(
-    planned: PlannedSet, folder: Path, workers: int, dask: str | None, timeout_s: float
-) -> Executor:
-    from spisim.dataset.sample import Maker
-
-    make = Maker(planned, folder)
-    if dask is not None:
-        from spisim.dataset.dask import DaskExecutor
-
-        return DaskExecutor(make, dask)
-    from spisim.dataset.workers import LocalExecutor
-
-    return LocalExecutor(make, workers, timeout_s)
-
-
 def _dry_run(planned: PlannedSet, workers: int, json: bool) -> None:
     from spisim.dataset.preview import preview
+    from spisim.dataset.records import flat
 
     told = preview(planned, workers)
     if json:
         print_json(told.summary())
         return
-    for sample in told.shown:
-        values = ", ".join(f"{name}: {_brief(value)}" for name, value in sample.parameters.items())
-        results.print(f"{sample.index:6}  {sample.scene_name}  {values}", markup=False)
+    rows = [dict(flat(sample.parameters)) for sample in told.shown]
+    common = {k: v for k, v in rows[0].items() if all(k in row and row[k] == v for row in rows)}
+    if common:
+        results.print(f"   all  {_listed(common)}", markup=False, soft_wrap=True)
+    for sample, row in zip(told.shown, rows, strict=True):
+        own = {name: value for name, value in row.items() if name not in common}
+        line = f"{sample.index:6}  {sample.scene_name}  {_listed(own)}"
+        results.print(line.rstrip(), markup=False, soft_wrap=True)
+    if told.samples > len(rows):
+        results.print(f"   …  and {told.samples - len(rows)} more")
     results.print(
-        f"{told.samples} samples, {told.bytes / 1e6:.0f} MB, about "
+        f"{told.samples} samples, {told.bytes / 1e6:.3g} MB, about "
         f"{short_time(told.seconds)} with {workers} workers "
-        f"({told.seconds_per_sample:.1f} s and {told.bytes_per_sample / 1e3:.0f} kB each)"
+        f"({told.seconds_per_sample:.2g} s and {told.bytes_per_sample / 1e3:.3g} kB each)",
+        soft_wrap=True,
     )
+
+
+def _listed(parameters: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name}: {_brief(value)}" for name, value in parameters.items())
 
 
 def _tell(folder: Path, state: State, json: bool) -> None:
@@ -151,14 +129,10 @@ def _tell(folder: Path, state: State, json: bool) -> None:
         )
         return
     for index, reason in list(failures.items())[:5]:
-        _say(f"sample {index} failed: {reason}")
-    _say(f"{state.done} of {state.samples} samples are done in {folder}, {state.failed} failed")
+        say(f"sample {index} failed: {reason}")
+    say(f"{state.done} of {state.samples} samples are done in {folder}, {state.failed} failed")
     if failures:
-        _say(f"Their tracebacks are in {folder / 'errors'}; --retry-failed tries them again")
-
-
-def _say(text: str) -> None:
-    messages.print(text, markup=False, soft_wrap=True)
+        say(f"Their tracebacks are in {folder / 'errors'}; --retry-failed tries them again")
 
 
 def _brief(value: object) -> str:

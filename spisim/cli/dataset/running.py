@@ -1,0 +1,57 @@
+"""What commands that make samples share: by whom they are made, and how the command ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import typer
+
+from ..console import messages
+
+if TYPE_CHECKING:
+    from spisim.dataset.workers import Executor, Make
+
+#: Exit status of a run that waited for space in vain.
+OUT_OF_SPACE = 3
+
+
+def executors(
+    workers: int | None, dask: str | None, timeout_s: float
+) -> Callable[[Make], Executor]:
+    """Executors of what is to be made: processes, or the workers of a cluster.
+
+    Raises InputError where both are asked for.
+    """
+    from reconstruction.errors import InputError
+    from spisim.dataset.dask import DaskExecutor
+    from spisim.dataset.workers import LocalExecutor, default_workers
+
+    if dask is None:
+        count = workers or default_workers()
+        return lambda make: LocalExecutor(make, count, timeout_s)
+    if workers is not None:
+        raise InputError("--workers and --dask exclude each other")
+    address = dask
+    return lambda make: DaskExecutor(make, address)
+
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Exit statuses and messages of runs that are interrupted or find no space."""
+    from spisim.dataset.runner import OutOfSpace
+
+    try:
+        yield
+    except OutOfSpace as error:
+        messages.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        raise typer.Exit(OUT_OF_SPACE) from None
+    except KeyboardInterrupt:
+        say("interrupted; no file is left half-written. Run the same command again to go on")
+        raise typer.Exit(130) from None
+
+
+def say(text: str) -> None:
+    """A line for the user, on stderr."""
+    messages.print(text, markup=False, soft_wrap=True)
