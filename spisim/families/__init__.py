@@ -28,24 +28,26 @@ from spisim.families import (
 from spisim.families.draft import Draft, Family
 from spisim.families.parameters import Parameters, draw_parameters, ranges
 
+_MODULES = (
+    drone,
+    forest,
+    gates,
+    landing_pad,
+    person,
+    power_line,
+    rubble,
+    scaffold,
+    shelf,
+    stairwell,
+    street,
+    targets,
+    tunnel,
+    warehouse,
+)
+#: The families by name, in alphabetical order.
 FAMILIES: Mapping[str, Family] = {
     family.name: family
-    for family in (
-        drone.FAMILY,
-        forest.FAMILY,
-        gates.FAMILY,
-        landing_pad.FAMILY,
-        person.FAMILY,
-        power_line.FAMILY,
-        rubble.FAMILY,
-        scaffold.FAMILY,
-        shelf.FAMILY,
-        stairwell.FAMILY,
-        street.FAMILY,
-        targets.FAMILY,
-        tunnel.FAMILY,
-        warehouse.FAMILY,
-    )
+    for family in sorted((module.FAMILY for module in _MODULES), key=lambda family: family.name)
 }
 
 __all__ = ["FAMILIES", "Draft", "Family", "Parameters", "draft", "find_family", "ranges"]

@@ -38,7 +38,7 @@ def layout_problem(scene: Scene) -> str | None:
         return f"something is {clearance:.2f} m from the drone, less than {CLEARANCE_M} m"
     in_view = _may_be_in_view(triangles)
     seen = triangles[in_view]
-    beams = _spot_rays()
+    beams = spot_rays()
     spots = first_hits(np.zeros(3), beams, seen)
     if spots.max() > FARTHEST_SPOT_M:
         return f"a laser spot meets nothing within {FARTHEST_SPOT_M:g} m"
@@ -94,7 +94,7 @@ def _may_be_in_view(triangles: Floats) -> NDArray[np.bool_]:
     return ~np.any([side.all(axis=1) for side in beside], axis=0)
 
 
-def _spot_rays() -> Floats:
+def spot_rays() -> Floats:
     """Unit rays (4, 3) in the optical frame, at the instrument's azimuths and elevations."""
     azimuth, elevation = np.radians(
         [[x, y] for y in (SPOT_DEG, -SPOT_DEG) for x in (-SPOT_DEG, SPOT_DEG)]

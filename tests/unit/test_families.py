@@ -9,8 +9,9 @@ import pytest
 from reconstruction.errors import InputError
 from spisim.families import FAMILIES
 from spisim.families.shapes import tube
+from spisim.instrument import load_instrument
 from spisim.scene import Scene, draw_scene, make_scene
-from spisim.scene.layout import layout_problem
+from spisim.scene.layout import layout_problem, spot_rays
 
 FAST_SEEDS = range(3)
 
@@ -115,6 +116,11 @@ objects: [{{name: board, shape: box, size_m: [0.01, 8, 8], {pane}}}]
 """
     problem = layout_problem(make_scene(text, Path(), "text"))
     assert problem is None if told is None else problem is not None and told in problem
+
+
+def test_spots_are_where_the_instrument_has_them() -> None:
+    lasers = load_instrument("paper").lasers.directions
+    np.testing.assert_allclose(spot_rays(), lasers, atol=1e-12)
 
 
 def test_spots_must_be_seen_from_their_detectors() -> None:

@@ -14,7 +14,9 @@ from spisim.families.person import STANCES
 from spisim.families.ropes import hanging, lying, net
 from spisim.families.shapes import alike, block, grid_mesh, loft
 from spisim.scene import Scene, draw_scene, list_scenes, load_scene
-from spisim.scene.layout import layout_problem
+from spisim.scene.bsdf import Bsdf, ThinPane
+from spisim.scene.layout import layout_problem, spot_rays
+from spisim.scene.rays import first_hits
 from spisim.scene.soundness import fault
 
 
@@ -180,6 +182,16 @@ def test_shipped_scenes_are_sound_and_to_fly_in(name: str) -> None:
     assert scene.name == name
     assert layout_problem(scene) is None
     assert triangles(scene) < 60_000
+    # Of a pane the truth is its own range, but the light that comes back is from behind it.
+    assert not any(isinstance(bsdf, ThinPane) for bsdf in under_the_spots(scene))
+
+
+def under_the_spots(scene: Scene) -> list[Bsdf]:
+    """What the four spots fall on."""
+    origin = scene.drone_pose[:3, 3]
+    rays = spot_rays() @ scene.drone_pose[:3, :3].T
+    ranges = [first_hits(origin, rays, thing.mesh.triangles) for thing in scene.objects]
+    return [scene.objects[k].material.bsdf for k in np.argmin(ranges, axis=0)]
 
 
 def test_every_family_is_in_the_library() -> None:
