@@ -24,6 +24,9 @@ from typer.testing import CliRunner
 import spisim
 from reconstruction import read_capture
 from spisim.cli import app
+from spisim.dataset import preview
+from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.preview import Preview
 
 SAMPLES = 6
 PLAN = {
@@ -372,6 +375,28 @@ def test_the_dry_run_tells_what_it_would_cost(whole: tuple[Path, Path]) -> None:
     assert len(told["first"]) == 10
     first = json.loads(rows(folder, "parameters")[0][0])
     assert told["first"][0]["parameters"] == first
+
+
+def test_the_dry_run_lists_what_differs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def told(planned: PlannedSet, workers: int) -> Preview:
+        shown = [planned.sample(index) for index in range(2)]
+        return Preview(SAMPLES, shown, 2.0, 20_000, workers)
+
+    monkeypatch.setattr(preview, "preview", told)
+    plan = write_plan(tmp_path)
+    done = CliRunner().invoke(app, ["dataset", str(plan), "--dry-run", "--workers", "2"])
+    assert done.exit_code == 0, done.output
+    common, first, second, rest, cost = done.stdout.splitlines()
+    assert common.startswith("   all  scene: targets, ")
+    assert "instrument.projector.shape: [16, 16], instrument.plan.patterns: 32" in common
+    for index, line in enumerate((first, second)):
+        sample = load_plan(plan).sample(index)
+        visibility_m = sample.parameters["scene.fog.visibility_m"]
+        assert line.startswith(f"{index:6}  {sample.scene_name}  family_seed: ")
+        assert line.endswith(f", scene.fog.visibility_m: {visibility_m:.4g}")
+        assert "patterns" not in line
+    assert rest.endswith("and 4 more")
+    assert cost == "6 samples, 0.12 MB, about 6 s with 2 workers (2 s and 20 kB each)"
 
 
 @pytest.mark.parametrize(

@@ -307,10 +307,10 @@ def test_a_material_that_no_scene_has(tmp_path: Path) -> None:
 
 def test_a_material_of_a_scene_alone_may_be_replaced(tmp_path: Path) -> None:
     paint = {"reflectance": 0.3, "source": "a guess"}
-    wall = {"name": "wall", "shape": "box", "translate_m": [5, 0, 0], "material": "my paint"}
+    wall = {"name": "wall", "shape": "box", "size_m": [1, 1, 1], "material": "my paint"}
     scene = {
         "name": "own",
-        "drone": {"position_m": [0, 0, 0], "look_at_m": [5, 0, 0]},
+        "drone": {"position_m": [-4, 0, 0], "look_at_m": [0, 0, 0]},
         "materials": {"my paint": paint},
         "objects": [wall],
     }
