@@ -11,9 +11,9 @@ from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family
 from spisim.families.natural import blob, scattered_rocks
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.families.plants import UP, blades
+from spisim.families.plants import tuft
 from spisim.families.ropes import hanging, lying
-from spisim.families.shapes import Floats, Mesh, block, lathe, moved, rod, tube, union
+from spisim.families.shapes import Floats, Mesh, alike, block, lathe, moved, rod, tube, union
 
 PAD_HEIGHT_M = 0.06
 #: Of painted and glued things, so that they stand out from the pad and leave it closed.
@@ -214,10 +214,9 @@ def _snow(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generat
 
 def _grass(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
     draft.rectangle("ground", "soil-field", (40, 40))
-    tufts = _around(rng, parameters, parameters.clutter)
-    places = np.repeat(tufts, 12, axis=0) + rng.normal(scale=0.035, size=(12 * len(tufts), 3))
-    places[:, 2] = np.abs(places[:, 2])
-    draft.mesh("grass", "leaves-green", blades(rng, places, np.tile(UP, (len(places), 1)), 0.1))
+    one = tuft(rng, 0.12, 16)
+    places = _around(rng, parameters, parameters.clutter)
+    draft.mesh("grass", "grass", alike(one.vertices + places[:, None], one.faces))
 
 
 def _concrete(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from spisim.scene.bsdf import (
+    Conductor,
+    Dielectric,
+    Mirror,
+    RoughConductor,
+    RoughDielectric,
+    ThinPane,
+)
+from spisim.scene.materials import Material
 from spisim.scene.model import Floats, Scene
 from spisim.scene.rays import enclosing_object, first_hits, hits
 
@@ -15,11 +27,15 @@ CLEARANCE_M = 0.4
 NEAREST_M = (0.9, 10.0)
 #: What the four laser beams end on: within the range that its phase tells without doubt.
 FARTHEST_SPOT_M = 9.8
-#: What a spot must return for its range: reflectance times cosine over squared range, 1/m². Black
-#: rubber, head-on, at 7.5 m.
+#: What a spot must return for its range: reflectance times cosine over squared range, 1/m², or as
+#: much by another surface. Black rubber, head-on, at 7.5 m.
 FAINTEST_SPOT_PER_M2 = 1.1e-3
 #: Where the spots' detectors are, right and down or left and up of the projector: in the diagonals.
 DETECTOR_OFFSET_M = 0.007
+#: Points of their lens that should see the spot, right and down of its middle; it is 13 mm wide.
+LENS_M = np.array([(0, 0), (-0.005, 0), (0.005, 0), (0, -0.005), (0, 0.005)])
+#: What is seen is a little off the surface: light does not get out of a crevice.
+OFF_SURFACE_M = 0.0005
 #: Half the field of view looked at, and azimuth and elevation of the spots: the paper's instrument.
 HALF_FIELD_DEG = 10.0
 SPOT_DEG = 5.0
@@ -42,9 +58,9 @@ def layout_problem(scene: Scene) -> str | None:
     spots = first_hits(np.zeros(3), beams, seen)
     if spots.max() > FARTHEST_SPOT_M:
         return f"a laser spot meets nothing within {FARTHEST_SPOT_M:g} m"
-    sizes = [len(thing.mesh.faces) for thing in scene.objects]
-    reflectance = np.repeat([thing.material.reflectance for thing in scene.objects], sizes)[in_view]
-    if min(_returned(beam, seen, reflectance) for beam in beams) < FAINTEST_SPOT_PER_M2:
+    owners = np.repeat(np.arange(len(scene.objects)), [len(o.mesh.faces) for o in scene.objects])
+    materials = [scene.objects[k].material for k in owners[in_view]]
+    if min(_returned(beam, seen, materials) for beam in beams) < FAINTEST_SPOT_PER_M2:
         return "a laser spot is too faint, or hidden from its detector"
     field = np.linspace(-HALF_FIELD_DEG, HALF_FIELD_DEG, RAYS)
     nearest = min(first_hits(np.zeros(3), _rays(field), seen).min(), spots.min())
@@ -54,21 +70,38 @@ def layout_problem(scene: Scene) -> str | None:
     return None
 
 
-def _returned(beam: Floats, triangles: Floats, reflectance: Floats) -> float:
-    """Reflectance times cosine over squared range, 1/m², of what a beam ends on.
+def _returned(beam: Floats, triangles: Floats, materials: Sequence[Material]) -> float:
+    """What a diffuse surface of reflectance 1 across the beam would return at 1 m is 1; 1/m².
 
-    0 where its detector does not see it. `triangles` (t, 3, 3) in the optical frame.
+    Less where not all of the detector sees the spot. `triangles` (t, 3, 3) in the optical frame.
     """
     distances = hits(np.zeros(3), beam, triangles)
     place = int(distances.argmin())
-    spot = distances[place] * beam
-    detector = DETECTOR_OFFSET_M * np.array([*np.sign(beam[:2]), 0.0])
-    if first_hits(detector, (spot - detector)[None], triangles)[0] < 1 - 1e-3:
-        return 0.0
     one, two, three = triangles[place]
     normal = np.cross(two - one, three - one)
-    cosine = abs(normal @ beam) / np.linalg.norm(normal)
-    return float(reflectance[place] * cosine / distances[place] ** 2)
+    normal *= -np.sign(normal @ beam) / np.linalg.norm(normal)
+    spot = distances[place] * beam + OFF_SURFACE_M * normal
+    lens = np.zeros((len(LENS_M), 3))
+    lens[:, :2] = LENS_M + DETECTOR_OFFSET_M * np.sign(beam[:2])
+    seen = [first_hits(point, (spot - point)[None], triangles)[0] > 1 for point in lens]
+    returned = straight_back(materials[place], float(-normal @ beam))
+    return float(np.mean(seen)) * returned / float(distances[place]) ** 2
+
+
+def straight_back(material: Material, cosine: float) -> float:
+    """Radiance straight back to the source, of that of a white diffuse surface across the light.
+
+    Rough metals by their microfacets that face the source (GGX, Walter et al. 2007). Mirrors and
+    panes count as dark: what comes back from behind a pane has another range than its truth.
+    """
+    match material.bsdf:
+        case RoughConductor(roughness=alpha):
+            width = cosine**2 * (alpha**2 - 1) + 1
+            shadowing = cosine + math.sqrt(alpha**2 + (1 - alpha**2) * cosine**2)
+            return material.reflectance * alpha**2 * cosine / (width * shadowing) ** 2
+        case Mirror() | Conductor() | Dielectric() | RoughDielectric() | ThinPane():
+            return 0.0
+    return material.reflectance * cosine
 
 
 def clearance_m(scene: Scene) -> float:

@@ -10,8 +10,8 @@ from reconstruction.errors import InputError
 from spisim.families import FAMILIES
 from spisim.families.shapes import tube
 from spisim.instrument import load_instrument
-from spisim.scene import Scene, draw_scene, make_scene
-from spisim.scene.layout import layout_problem, spot_rays
+from spisim.scene import Scene, draw_scene, find_material, make_scene
+from spisim.scene.layout import layout_problem, spot_rays, straight_back
 
 FAST_SEEDS = range(3)
 
@@ -106,6 +106,11 @@ def test_a_pose_with_nothing_to_see_is_refused() -> None:
     [
         ("material: rubber-black, rotate_deg: [0, 0, 60], translate_m: [5, 0, 1.5]", "too faint"),
         ("material: concrete, translate_m: [5, 0, 1.5]", None),
+        # The spots are 7° off the axis: a mirror sends them away, a brushed one by half.
+        ("material: aluminium-polished, translate_m: [5, 0, 1.5]", "too faint"),
+        ("material: aluminium-brushed, translate_m: [5, 0, 1.5]", None),
+        ("material: aluminium-brushed, rotate_deg: [0, 0, 60], translate_m: [5, 0, 1.5]", "faint"),
+        ("material: glass-pane, translate_m: [5, 0, 1.5]", "too faint"),
     ],
 )
 def test_spots_must_return(pane: str, told: str | None) -> None:
@@ -130,12 +135,24 @@ name: post
 drone: {position_m: [0, 0, 0], look_at_m: [5, 0, 0]}
 objects:
   - {name: board, shape: box, size_m: [0.01, 8, 8], material: concrete, translate_m: [5, 0, 0]}
-  - {name: post, shape: box, size_m: [0.01, 0.006, 9], material: pvc, translate_m: [1, PLACE, 0]}
+  - {name: post, shape: box, size_m: [0.01, 0.012, 9], material: pvc, translate_m: [1, PLACE, 0]}
 """
-    beside = np.tan(np.radians(5)) + 0.005  # left of the left beams, by 5 mm
+    beside = np.tan(np.radians(5)) + 0.007  # left of the left beams, by 1 to 13 mm
     for place, told in ((beside, "hidden"), (beside + 0.1, None)):
         problem = layout_problem(make_scene(text.replace("PLACE", str(place)), Path(), "text"))
         assert problem is None if told is None else problem is not None and told in problem
+
+
+def test_what_a_rough_metal_sends_back_is_that_of_microfacets_across_the_beam() -> None:
+    """Straight on, GGX has D = 1 / (π α²) and no shadowing: F / (4 α²) of a white surface."""
+    brushed = find_material("aluminium-brushed")
+    assert straight_back(brushed, 1.0) == pytest.approx(brushed.reflectance / (4 * 0.2**2))
+    values = [
+        straight_back(brushed, float(cosine)) for cosine in np.cos(np.radians([0, 20, 60, 89]))
+    ]
+    assert np.all(np.diff(values) < 0)
+    assert straight_back(find_material("concrete"), 0.5) == pytest.approx(0.39 / 2)
+    assert straight_back(find_material("glass-pane"), 1.0) == 0
 
 
 def test_a_tube_is_closed_and_as_thick_as_told() -> None:
