@@ -6,6 +6,7 @@ A process that dies costs its sample only. The others go on, and a fresh one tak
 from __future__ import annotations
 
 import ctypes
+import gc
 import multiprocessing
 import os
 import signal
@@ -176,7 +177,12 @@ def _end_with_parent() -> None:
 
 
 def _give_back_memory() -> None:
-    """Return what was freed to the system: glibc keeps it, in fragments that add up over time."""
+    """Return what is not needed to the system, sample by sample.
+
+    Scenes are held in cycles, which Python frees only now and then, and glibc keeps what was freed
+    in fragments that add up over time.
+    """
+    gc.collect()
     with suppress(AttributeError):  # other C libraries
         ctypes.CDLL(None).malloc_trim(0)
 
