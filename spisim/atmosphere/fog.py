@@ -21,6 +21,8 @@ from spisim.atmosphere.visibility import VISUAL_NM, extinction_at_550nm, visibil
 
 #: Natural fog has up to about 0.5 g/m³, clouds with rain 1 and more.
 MOST_WATER_G_PER_M3 = 1.0
+#: Fogs of small droplets, which hold little water for their extinction.
+LIGHTER_FOGS = ("heavy-radiation", "moderate-radiation")
 #: With a coagulation coefficient of 1e-9 cm³/s so many halve within three minutes (W. C. Hinds,
 #: Aerosol Technology, 1999, chapter 12).
 MOST_PARTICLES_PER_CM3 = 1e7
@@ -49,7 +51,7 @@ def fog(
     number_per_m3 = extinction_550 / look_up(particles, VISUAL_NM).extinction_m2
     name = kind if isinstance(kind, str) else "droplets" if particles.are_water else "particles"
     optics = look_up(particles, wavelength_nm)
-    water = 1e6 * WATER_G_PER_CM3 * number_per_m3 * particles.volume_m3
+    water = _water_g_per_m3(particles, extinction_550)
     return Atmosphere(
         number_per_m3 * optics.extinction_m2,
         optics.albedo,
@@ -57,8 +59,8 @@ def fog(
         name,
         visibility_m,
         definition,
-        water if particles.are_water else 0.0,
-        _doubts(name, visibility_m, water if particles.are_water else 0.0, 1e-6 * number_per_m3),
+        water,
+        _doubts(name, visibility_m, extinction_550, water, 1e-6 * number_per_m3),
     )
 
 
@@ -111,18 +113,36 @@ def _particles(kind: str | Particles) -> Particles:
     if isinstance(kind, Particles):
         return kind
     if kind not in KINDS:
-        raise InputError(f"fog kind {kind!r}: {nearest(kind, KINDS)}")
+        raise InputError(f"kind {kind!r} of fog or smoke: {nearest(kind, KINDS)}")
     return KINDS[kind]
 
 
+def _water_g_per_m3(particles: Particles, extinction_550_per_m: float) -> float:
+    """Liquid water of as many particles as have this extinction at 550 nm."""
+    if not particles.are_water:
+        return 0.0
+    number_per_m3 = extinction_550_per_m / look_up(particles, VISUAL_NM).extinction_m2
+    return 1e6 * WATER_G_PER_CM3 * number_per_m3 * particles.volume_m3
+
+
 def _doubts(
-    name: str, visibility_m: float, water_g_per_m3: float, number_per_cm3: float
+    name: str,
+    visibility_m: float,
+    extinction_550_per_m: float,
+    water_g_per_m3: float,
+    number_per_cm3: float,
 ) -> tuple[str, ...]:
     if water_g_per_m3 > MOST_WATER_G_PER_M3:
-        smaller = "; heavy-radiation and moderate-radiation need less" if name in FOGS else ""
+        others = {kind: _water_g_per_m3(FOGS[kind], extinction_550_per_m) for kind in LIGHTER_FOGS}
+        natural = [
+            f"{kind} holds {water:.2g}"
+            for kind, water in others.items()
+            if water <= MOST_WATER_G_PER_M3
+        ]
+        instead = f"; at the same visibility {' and '.join(natural)}" if natural else ""
         return (
             f"{name} with {visibility_m:g} m of visibility holds {water_g_per_m3:.3g} g/m³ of "
-            f"water; natural fog holds up to {MOST_WATER_G_PER_M3:g}{smaller}",
+            f"water; natural fog holds up to {MOST_WATER_G_PER_M3:g}{instead}",
         )
     if number_per_cm3 > MOST_PARTICLES_PER_CM3:
         return (

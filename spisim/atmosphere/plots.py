@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 
 from spisim.atmosphere import (
     KINDS,
-    Atmosphere,
     all_extinctions,
     extinction_at_550nm,
     fog,
@@ -22,6 +21,7 @@ from spisim.atmosphere import (
 )
 from spisim.atmosphere.lookup import look_up
 from spisim.atmosphere.mie import particle_optics
+from spisim.atmosphere.typical import typical_weather
 from spisim.wavelengths import WAVELENGTHS_NM, class_1_limits
 
 #: Enough radii for extinction; what is drawn needs no smooth phase function.
@@ -36,7 +36,7 @@ YARDSTICK_M, YARDSTICK_NM = 30.0, 905
 def extinction_over_wavelength() -> Any:
     """Extinction relative to 550 nm: fog left, haze and smoke right, with empirical models."""
     wavelengths = np.arange(500.0, 1701, 50).tolist()
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharex=True)
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained", sharex=True)
     for axis, kinds in zip(axes, (NATURAL, HAZE_AND_SMOKE), strict=True):
         for kind in kinds:
             optics = [particle_optics(KINDS[kind], nm, RADII) for nm in wavelengths]
@@ -57,7 +57,7 @@ def extinction_over_wavelength() -> Any:
     axes[0].set(ylim=(0.7, 1.25), ylabel="extinction over that at 550 nm", title="fog")
     axes[1].set(ylim=(0, 1.25), title="haze, smoke, rain, snow")
     for axis in axes:
-        axis.legend(fontsize=8, ncols=2)
+        axis.legend(fontsize=8, ncols=3, loc="upper center", bbox_to_anchor=(0.5, -0.15))
     return figure
 
 
@@ -87,24 +87,9 @@ def phase_functions() -> Any:
     return figure
 
 
-def media(wavelength_nm: int) -> dict[str, Atmosphere]:
-    """The weathers that are compared."""
-    return {
-        "heavy advection fog, 50 m": fog(50, "heavy-advection", wavelength_nm=wavelength_nm),
-        "moderate radiation fog, 50 m": fog(50, "moderate-radiation", wavelength_nm=wavelength_nm),
-        "haze M, 1 km": fog(1000, "haze-m", wavelength_nm=wavelength_nm),
-        "haze L, 1 km": fog(1000, "haze-l", wavelength_nm=wavelength_nm),
-        "glycol smoke, 20 m": fog(20, "glycol", wavelength_nm=wavelength_nm),
-        "soot, 20 m": fog(20, "soot", wavelength_nm=wavelength_nm),
-        "biomass smoke, 20 m": fog(20, "biomass", wavelength_nm=wavelength_nm),
-        "rain, 25 mm/h": rain(25, wavelength_nm=wavelength_nm),
-        "wet snow, 2.5 mm/h": snow(2.5, wavelength_nm=wavelength_nm),
-    }
-
-
 def what_a_wavelength_buys() -> Any:
     """Extinction over that at 1550 nm, and how far class 1 of each wavelength reaches."""
-    by_wavelength = {nm: media(nm) for nm in WAVELENGTHS_NM}
+    by_wavelength = {nm: typical_weather(nm) for nm in WAVELENGTHS_NM}
     names = list(by_wavelength[1550])
     rows = np.arange(len(names))
     figure, axes = plt.subplots(1, 2, figsize=(10, 4.5), layout="constrained", sharey=True)

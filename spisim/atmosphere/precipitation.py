@@ -20,16 +20,18 @@ from reconstruction.errors import InputError
 from spisim.atmosphere.drop_optics import Scatterer, flakes, water_drops
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
 from spisim.atmosphere.medium import DB_PER_NEPER
+from spisim.atmosphere.rain import rain_sizes
 from spisim.atmosphere.rain_table import ANGLES_DEG, solid_angle_weights
-from spisim.atmosphere.snow import flake_albedo
+from spisim.atmosphere.rates import check_rate
+from spisim.atmosphere.snow import MELTWATER_KG_PER_M3, flake_albedo, melted_sizes
 from spisim.atmosphere.visibility import visibility
 
 Floats = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
 
-#: Rates, mm/h of water, up to which the size distributions have been measured, generously.
-HEAVIEST_RAIN_MM_PER_H = 300.0
-HEAVIEST_SNOW_MM_PER_H = 20.0
+#: Of flakes, assumed and within what is measured.
+FLAKE_KG_PER_M3, FLAKE_SPEED_M_S = 100.0, 1.2
+ICE_KG_PER_M3 = 917.0
 #: Sizes over which properties of the whole population are integrated.
 SIZES = 2000
 #: Directions over which they are.
@@ -152,6 +154,7 @@ def terminal_speed_m_s(diameter_mm: Floats) -> Floats:
 
 def rain(
     rate_mm_per_h: float,
+    kind: str = "marshall-palmer",
     *,
     wavelength_nm: float = 1550.0,
     smallest_mm: float = 0.2,
@@ -160,21 +163,22 @@ def rain(
     near_m: float = 0.05,
     far_m: float = 10.0,
 ) -> Precipitation:
-    """Rain of Marshall & Palmer (1948): N0 = 8000 /m³/mm, Λ = 4.1 R^-0.21 /mm.
+    """Rain of a kind in `RAINS`.
 
-    Drops below `smallest_mm`, many but small, are left out: 1.4 % of the area at 10 mm/h, 5 % at
-    1 mm/h, as `left_out` tells. Larger ones than 8 mm break up.
+    Drops below `smallest_mm`, many but small, are left out: of Marshall & Palmer's 1.4 % of the
+    area at 10 mm/h, 5 % at 1 mm/h, as `left_out` tells. Larger ones than 8 mm break up.
 
-    Raises InputError for a rate that is not above 0 and at most 300 mm/h, sizes or distances out of
-    order, and a wavelength that rain is not tabulated at.
+    Raises InputError for a rate that is not above 0 and at most 300 mm/h, an unknown kind, sizes or
+    distances out of order, and a wavelength that rain is not tabulated at.
     """
-    _check_rate(rate_mm_per_h, HEAVIEST_RAIN_MM_PER_H)
+    check_rate("rain", rate_mm_per_h)
+    drops = rain_sizes(kind)
     _check_sizes(smallest_mm, largest_mm)
     return Precipitation(
         kind="rain",
         rate_mm_per_h=rate_mm_per_h,
-        intercept_per_m3_mm=8000.0,
-        slope_per_mm=4.1 * rate_mm_per_h**-0.21,
+        intercept_per_m3_mm=drops.intercept,
+        slope_per_mm=drops.decay(rate_mm_per_h),
         smallest_mm=smallest_mm,
         largest_mm=largest_mm,
         fall_speed_m_s=terminal_speed_m_s,
@@ -190,8 +194,8 @@ def snow(
     rate_mm_per_h: float,
     *,
     wavelength_nm: float = 1550.0,
-    flake_density_kg_m3: float = 100.0,
-    fall_speed_m_s: float = 1.2,
+    flake_density_kg_m3: float = FLAKE_KG_PER_M3,
+    fall_speed_m_s: float = FLAKE_SPEED_M_S,
     albedo: float | None = None,
     g: float = 0.6,
     smallest_mm: float = 0.5,
@@ -200,32 +204,32 @@ def snow(
     near_m: float = 0.05,
     far_m: float = 10.0,
 ) -> Precipitation:
-    """Snow of Gunn & Marshall (1958): N0 = 3800 R^-0.87 /m³/mm, Λ = 2.55 R^-0.48 /mm.
+    """Snow of Gunn & Marshall (1958), see `melted_sizes`.
 
-    The rate R is of water, and so are the diameters of that distribution; a flake of density ρ is
-    (1000/ρ)^⅓ times as wide as the drop it melts into. Flakes all fall at one speed (1 to 1.5 m/s
-    for aggregates, Locatelli & Hobbs 1974). Density, albedo (`flake_albedo`
-    unless it is given) and g are assumptions: with diffraction put back, the defaults amount to an
-    albedo of 0.75 at 1550 nm and g = 0.87.
+    A flake is wider than the drop it melts into, by the cube root of water's density over its own.
+    Flakes all fall at one speed (1 to 1.5 m/s for aggregates, Locatelli & Hobbs 1974). Density,
+    albedo (`flake_albedo` unless it is given) and g are assumptions: with diffraction put back, the
+    defaults amount to an albedo of 0.75 at 1550 nm and g = 0.87.
 
     Raises InputError for a rate that is not above 0 and at most 20 mm/h, and for the rest out of
     its range.
     """
-    _check_rate(rate_mm_per_h, HEAVIEST_SNOW_MM_PER_H)
+    check_rate("snow", rate_mm_per_h)
     _check_sizes(smallest_mm, largest_mm)
-    if not 0 < flake_density_kg_m3 <= 917:
+    if not 0 < flake_density_kg_m3 <= ICE_KG_PER_M3:
         raise InputError(
-            "flake_density_kg_m3 should be above 0 and at most that of ice, 917; found "
-            f"{flake_density_kg_m3}"
+            f"flake_density_kg_m3 should be above 0 and at most that of ice, {ICE_KG_PER_M3:g}; "
+            f"found {flake_density_kg_m3}"
         )
     if not (math.isfinite(fall_speed_m_s) and fall_speed_m_s > 0):
         raise InputError(f"fall_speed_m_s should be greater than 0; found {fall_speed_m_s}")
-    wider = (1000.0 / flake_density_kg_m3) ** (1 / 3)
+    intercept, slope = melted_sizes(rate_mm_per_h)
+    wider = (MELTWATER_KG_PER_M3 / flake_density_kg_m3) ** (1 / 3)
     return Precipitation(
         kind="snow",
         rate_mm_per_h=rate_mm_per_h,
-        intercept_per_m3_mm=3800.0 * rate_mm_per_h**-0.87 / wider,
-        slope_per_mm=2.55 * rate_mm_per_h**-0.48 / wider,
+        intercept_per_m3_mm=intercept / wider,
+        slope_per_mm=slope / wider,
         smallest_mm=smallest_mm,
         largest_mm=largest_mm,
         fall_speed_m_s=lambda diameter_mm: np.full_like(diameter_mm, fall_speed_m_s),
@@ -235,13 +239,6 @@ def snow(
         near_m=near_m,
         far_m=far_m,
     )
-
-
-def _check_rate(rate_mm_per_h: float, heaviest: float) -> None:
-    if not 0 < rate_mm_per_h <= heaviest:
-        raise InputError(
-            f"rate_mm_per_h should be above 0 and at most {heaviest:g}; found {rate_mm_per_h}"
-        )
 
 
 def _check_sizes(smallest_mm: float, largest_mm: float) -> None:

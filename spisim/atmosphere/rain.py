@@ -20,13 +20,11 @@ from spisim.atmosphere.droplets import WATER_G_PER_CM3
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.phase import Tabulated
 from spisim.atmosphere.rain_table import EDGES_MM, Floats, RainTable, rain_table
+from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.table import NODES, tabulate
 from spisim.atmosphere.visibility import VISUAL_NM, visibility
 
 Diffraction: TypeAlias = Literal["remove", "include"]
-
-#: Heavier rain is not known to last for minutes.
-HEAVIEST_MM_PER_H = 300.0
 
 
 @dataclass(frozen=True)
@@ -60,6 +58,13 @@ RAINS: Mapping[str, DropSizes] = MappingProxyType(
 )
 
 
+def rain_sizes(kind: str) -> DropSizes:
+    """Sizes of a kind in `RAINS`; InputError for another."""
+    if kind not in RAINS:
+        raise InputError(f"kind {kind!r} of rain: {nearest(kind, RAINS)}")
+    return RAINS[kind]
+
+
 def rain(
     rate_mm_per_h: float,
     kind: str = "marshall-palmer",
@@ -79,18 +84,12 @@ def rain(
     Raises InputError for a rate outside 0 to 300 mm/h, an unknown kind, another word for
     `diffraction`, and a wavelength that rain is not tabulated at.
     """
-    if not 0 < rate_mm_per_h <= HEAVIEST_MM_PER_H:
-        raise InputError(
-            f"rate_mm_per_h should be greater than 0 and at most {HEAVIEST_MM_PER_H:g}; "
-            f"found {rate_mm_per_h}"
-        )
-    if kind not in RAINS:
-        raise InputError(f"rain kind {kind!r}: {nearest(kind, RAINS)}")
+    check_rate("rain", rate_mm_per_h)
+    drops = rain_sizes(kind)
     choices = ("remove", "include")
     if diffraction not in choices:
         raise InputError(f"diffraction {diffraction!r}: {nearest(diffraction, choices)}")
     table = rain_table(wavelength_nm)
-    drops = RAINS[kind]
     # π/4 D² in m², per m³ of air
     area = np.pi / 4 * 1e-6 * drops.moments(rate_mm_per_h, 2)
     visual = float(area @ rain_table(VISUAL_NM).extinction)

@@ -11,15 +11,15 @@ from reconstruction.errors import InputError, nearest
 from spisim.atmosphere.indices import check_wavelength, refractive_index
 from spisim.atmosphere.medium import DB_PER_NEPER, Atmosphere
 from spisim.atmosphere.phase import henyey_greenstein
+from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.visibility import VISUAL_NM, visibility
-
-HEAVIEST_MM_PER_H = 20.0
 
 #: Nobody has measured these at 1550 nm. Ice absorbs three times as much as water there, and flakes
 #: are as large as drops: an albedo of 0.65 to 0.85, half of the light on a flake being absorbed for
 #: the 0.75 that is taken, and a g of 0.85 to 0.92 are plausible.
 SNOW_G = 0.88
 HALF_ABSORBED_AT_NM = 1550.0
+MELTWATER_KG_PER_M3 = 1000.0
 
 
 class SnowLaw(NamedTuple):
@@ -56,31 +56,37 @@ def snow(
     """Snow of this rate, "wet" or "dry", as the ITU's law has it; scattering is assumed.
 
     The albedo is that of flakes (see `flake_albedo`) and as much light again, diffracted, unless it
-    is given.
+    is given. The water is that of Gunn & Marshall's flakes, which the law knows nothing of.
 
     Raises InputError for a rate outside 0 to 20 mm/h, an unknown kind, an albedo or g out of
     range, and a wavelength outside 400 to 1700 nm.
     """
-    if not 0 < rate_mm_per_h <= HEAVIEST_MM_PER_H:
-        raise InputError(
-            f"rate_mm_per_h should be greater than 0 and at most {HEAVIEST_MM_PER_H:g}; "
-            f"found {rate_mm_per_h}"
-        )
+    check_rate("snow", rate_mm_per_h)
     if kind not in SNOWS:
-        raise InputError(f"snow kind {kind!r}: {nearest(kind, SNOWS)}")
+        raise InputError(f"kind {kind!r} of snow: {nearest(kind, SNOWS)}")
     check_wavelength(wavelength_nm)
     if albedo is None:
         albedo = (1 + flake_albedo(wavelength_nm)) / 2
     if not (math.isfinite(albedo) and 0 <= albedo <= 1):
         raise InputError(f"albedo should lie between 0 and 1; found {albedo}")
     law = SNOWS[kind]
+    intercept, slope = melted_sizes(rate_mm_per_h)
     return Atmosphere(
         law.extinction_per_m(rate_mm_per_h, wavelength_nm),
         albedo,
         henyey_greenstein(g),
         f"{kind} snow, {rate_mm_per_h:g} mm/h",
         visibility(law.extinction_per_m(rate_mm_per_h, VISUAL_NM)),
+        water_g_per_m3=1e-6 * MELTWATER_KG_PER_M3 * math.pi * intercept / slope**4,
     )
+
+
+def melted_sizes(rate_mm_per_h: float) -> tuple[float, float]:
+    """N0 (m⁻³ mm⁻¹) and Λ (mm⁻¹) of the drops that flakes melt into, N(D) = N0 exp(-Λ D).
+
+    K. L. S. Gunn & J. S. Marshall, J. Meteorol. 15, 452 (1958); the rate is of water.
+    """
+    return 3800.0 * rate_mm_per_h**-0.87, 2.55 * rate_mm_per_h**-0.48
 
 
 def flake_albedo(wavelength_nm: float) -> float:

@@ -43,12 +43,13 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
         results.print(table)
 
 
-def plain_table(first: str, *columns: str) -> Table:
-    """A table without lines, its first column of words and the others of numbers."""
+def plain_table(first: str, *columns: str, least: int = 11) -> Table:
+    """A table without lines: a column of words, and others for numbers of `least` characters."""
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
     table.add_column(first, min_width=21)
     for column in columns:
-        table.add_column(column, justify="right", min_width=11)
+        width = max(least, *(len(word) for word in column.split()))
+        table.add_column(column, justify="right", min_width=width)
     return table
 
 

@@ -15,6 +15,8 @@ from .tables import plain_table
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rich.table import Table
+
     from spisim.atmosphere import Atmosphere
 
 EXAMPLE = "spisim weather --fog heavy-advection --visibility 50 --rain 10 --compare"
@@ -29,21 +31,20 @@ ROWS = {
     "g": "g",
     "p(180°), 1/sr": "backscatter_per_sr",
     "visibility, m": "visibility_m",
-    "liquid water, g/m³": "water_g_per_m3",
-    f"straight over {RANGE_M:g} m and back": "two_way_transmission",
+    "water, g/m³": "water_g_per_m3",
+    f"passes {RANGE_M:g} m and back": "two_way_transmission",
 }
-COMPARED = {
-    "extinction, 1550 nm = 1": "over_1550_nm",
-    "sun, W/m² per nm at 100 klx": "sun_w_per_m2_nm_100klx",
+RELATIVE = "extinction, 1550 nm = 1"
+OF_WAVELENGTHS = {
+    "sun, W/m²/nm at 100 klx": "sun_w_per_m2_nm_100klx",
     "class 1, mean power, W": "class_1_mean_w",
-    "class 1, one pulse of ns, J": "class_1_pulse_j",
+    "class 1, pulse of ns, J": "class_1_pulse_j",
     "k of water": "water_k",
     "k of ice": "ice_k",
 }
-
-
-#: Characters of the table of wavelengths.
-WIDE = 110
+COMPARED = ROWS | {RELATIVE: "over_1550_nm"} | OF_WAVELENGTHS
+#: Digits of a number, with which the five columns of wavelengths fit 80 characters.
+DIGITS = 9
 
 
 def command(
@@ -75,7 +76,10 @@ def command(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Extinction, albedo, scattering and water of weather, at one wavelength or at five."""
+    """Extinction, albedo, scattering and water of weather, at one wavelength or at five.
+
+    With --compare and no weather, what each wavelength has in typical fogs, smokes, rain and snow.
+    """
     from reconstruction.errors import InputError
     from spisim.atmosphere import combine
     from spisim.atmosphere import fog as make_fog
@@ -91,8 +95,13 @@ def command(
         partial(make_snow, kind=snow_kind): snow,
     }
     given = [(make, amount) for make, amount in amounts.items() if amount is not None]
+    if compare and not given:
+        _tell({"compare": _typical()}, _print_typical, json)
+        return
     if not given:
-        raise InputError("no weather: give --visibility, --water, --rain, --snow or --smoke")
+        raise InputError(
+            "no weather: give --visibility, --water, --rain, --snow or --smoke, or --compare alone"
+        )
 
     def media(wavelength_nm: float) -> list[Atmosphere]:
         return [make(amount, wavelength_nm=wavelength_nm) for make, amount in given]
@@ -109,10 +118,16 @@ def command(
     }
     if compare:
         report["compare"] = _compared(lambda nm: combine(media(nm)))
+    _tell(report, _print, json)
+
+
+def _tell(
+    report: dict[str, Any], print_tables: Callable[[dict[str, Any]], None], json: bool
+) -> None:
     if json:
         print_json(report)
     else:
-        _print(report)
+        print_tables(report)
 
 
 def _fog_visibility(
@@ -159,27 +174,63 @@ def _compared(medium_at: Callable[[float], Atmosphere]) -> list[dict[str, Any]]:
     return rows
 
 
+def _typical() -> list[dict[str, Any]]:
+    """What each wavelength has in weathers of many kinds, relative to 1550 nm."""
+    from spisim.atmosphere.typical import typical_weather
+    from spisim.wavelengths import WAVELENGTHS_NM, wavelength_figures
+
+    reference = typical_weather(1550)
+    return [
+        {
+            "wavelength_nm": wavelength_nm,
+            "over_1550_nm": {
+                name: medium.extinction_per_m / reference[name].extinction_per_m
+                for name, medium in typical_weather(wavelength_nm).items()
+            },
+            **wavelength_figures(wavelength_nm),
+        }
+        for wavelength_nm in WAVELENGTHS_NM
+    ]
+
+
 def _print(report: dict[str, Any]) -> None:
     columns = report["media"] + ([report] if len(report["media"]) > 1 else [])
     titles = [column["kind"] for column in report["media"]] + ["together"]
-    table = plain_table(f"at {report['wavelength_nm']:g} nm", *titles[: len(columns)])
+    first = f"at {report['wavelength_nm']:g} nm"
+    table = plain_table(first, *titles[: len(columns)], least=DIGITS)
     for title, key in ROWS.items():
         table.add_row(title, *(_short(column[key]) for column in columns))
-    results.print(table)
+    results.print(table, crop=False)  # of many media, which are wider than a terminal
     if report["empirical"]:
         others = ", ".join(f"{name} {value:.4f}" for name, value in report["empirical"].items())
         results.print(
-            f"The fog's extinction by empirical models that hold here, 1/m: {others}",
+            f"Empirical models that hold at the fog's visibility have, 1/m: {others}",
             style="dim",
             soft_wrap=True,
         )
     if "compare" in report:
-        results.print()
         rows = report["compare"]
-        table = plain_table("wavelength", *(f"{row['wavelength_nm']} nm" for row in rows))
-        for title, key in (ROWS | COMPARED).items():
-            table.add_row(title, *(_short(row[key]) for row in rows))
-        results.print(table, width=WIDE, crop=False)  # five columns do not fit a narrow terminal
+        results.print()
+        results.print(_side_by_side("wavelength", rows, COMPARED))
+
+
+def _print_typical(report: dict[str, Any]) -> None:
+    rows = report["compare"]
+    ratios = [row | row["over_1550_nm"] for row in rows]
+    weathers = {name: name for name in rows[0]["over_1550_nm"]}
+    results.print(_side_by_side(RELATIVE, ratios, weathers, least=6))
+    results.print()
+    results.print(_side_by_side("wavelength", rows, OF_WAVELENGTHS))
+
+
+def _side_by_side(
+    first: str, rows: list[dict[str, Any]], keys: dict[str, str], least: int = DIGITS
+) -> Table:
+    """A column for each wavelength, with the values under `keys` by their titles."""
+    table = plain_table(first, *(f"{row['wavelength_nm']} nm" for row in rows), least=least)
+    for title, key in keys.items():
+        table.add_row(title, *(_short(row[key]) for row in rows))
+    return table
 
 
 def _short(value: float | None) -> str:

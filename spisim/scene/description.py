@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import nearest
 from spisim.atmosphere import PHASES, SNOW_G, Diffraction, PhaseName
+from spisim.atmosphere.precipitation import FLAKE_KG_PER_M3, FLAKE_SPEED_M_S
 from spisim.atmosphere.structure import Structure
 from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector
 
@@ -235,7 +236,7 @@ AnyPhase = Annotated[
 
 
 class FogDescription(Section):
-    """Fog by visibility or water, or a medium by its coefficients at 1550 nm (`extinction_per_m`).
+    """Fog by visibility or water, or a medium by its coefficients, at any wavelength the same.
 
     Its droplets are of a `kind` or have sizes of their own (`droplets`). The `phase` of fog by
     visibility or water is the name of a form, that of a medium by coefficients a phase function.
@@ -289,16 +290,18 @@ class FallingDescription(Section):
     """What rain and snow have in common.
 
     As a `medium` they are smooth; as `drops` each drop or flake crosses the beams by itself, and
-    drifts with the wind. `kind` and what only a medium has do not go with drops.
+    drifts with the wind. Fields `of_medium` do not go with drops, nor those `of_drops` with it.
     """
 
+    of_medium: ClassVar[frozenset[str]]
+    of_drops: ClassVar[frozenset[str]] = frozenset({"wind_m_s"})
     rate_mm_per_h: Positive
     model: Literal["medium", "drops"] = "medium"
     wind_m_s: Vector = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
     def _fields_of_its_model(self) -> FallingDescription:
-        others = {"kind", "diffraction"} if self.model == "drops" else {"wind_m_s"}
+        others = self.of_medium if self.model == "drops" else self.of_drops
         if stray := sorted(self.model_fields_set & others):
             raise PydanticCustomError(
                 "falling",
@@ -311,16 +314,21 @@ class FallingDescription(Section):
 class RainDescription(FallingDescription):
     """Rain of a rate; `diffraction` says whether light bent by a milliradian counts as lost."""
 
+    of_medium = frozenset({"diffraction"})
     kind: str = "marshall-palmer"
     diffraction: Diffraction = "remove"
 
 
 class SnowDescription(FallingDescription):
-    """Snow of a rate (as water), "wet" or "dry"; how it scatters is assumed."""
+    """Snow of a rate (as water), "wet" or "dry"; its scattering and its flakes are assumed."""
 
+    of_medium = frozenset({"kind"})
+    of_drops = FallingDescription.of_drops | {"flake_density_kg_m3", "fall_speed_m_s"}
     kind: str = "wet"
     albedo: Fraction | None = None  # by the absorption of ice
     g: Annotated[Number, Field(gt=-1, lt=1)] = SNOW_G
+    flake_density_kg_m3: Positive = FLAKE_KG_PER_M3
+    fall_speed_m_s: Positive = FLAKE_SPEED_M_S
 
 
 class VolumeDescription(Pose, FogDescription):

@@ -69,11 +69,12 @@ def make_precipitation(described: FallingDescription, wavelength_nm: float) -> P
     """
     rate, wind = described.rate_mm_per_h, described.wind_m_s
     if isinstance(described, RainDescription):
-        return precipitation.rain(rate, wavelength_nm=wavelength_nm, wind_m_s=wind)
+        kind = described.kind
+        return precipitation.rain(rate, kind, wavelength_nm=wavelength_nm, wind_m_s=wind)
     assert isinstance(described, SnowDescription)
-    given = {name: getattr(described, name) for name in described.model_fields_set}
-    optics = {name: given[name] for name in ("albedo", "g") if name in given}
-    return precipitation.snow(rate, wavelength_nm=wavelength_nm, wind_m_s=wind, **optics)
+    names = described.model_fields_set & {"albedo", "g", "flake_density_kg_m3", "fall_speed_m_s"}
+    assumed = {name: getattr(described, name) for name in names}
+    return precipitation.snow(rate, wavelength_nm=wavelength_nm, wind_m_s=wind, **assumed)
 
 
 @make_medium.register

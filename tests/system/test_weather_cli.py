@@ -66,12 +66,20 @@ def test_figures_of_wavelengths() -> None:
         wavelength_figures(1064)
 
 
-def test_sunlight_agrees_with_the_spectrum_that_is_simulated() -> None:
-    from spisim.scene import in_band_irradiance
-
-    assert 12 * wavelength_figures(1550)["sun_w_per_m2_nm_100klx"] == pytest.approx(
-        in_band_irradiance(100, (1544, 1556)), rel=1e-3
-    )
+def test_comparison_of_typical_weather() -> None:
+    """Without weather of one's own: fog is no thinner at longer wavelengths, haze and smoke are."""
+    rows = report("weather", "--compare")["compare"]
+    assert [row["wavelength_nm"] for row in rows] == list(WAVELENGTHS_NM)
+    at_905, at_1550 = (row["over_1550_nm"] for row in (rows[1], rows[4]))
+    expected = fog(50, "moderate-radiation", wavelength_nm=905).extinction_per_m
+    expected /= fog(50, "moderate-radiation").extinction_per_m
+    assert at_905["moderate radiation fog, 50 m"] == pytest.approx(expected)
+    assert set(at_1550.values()) == {1.0}
+    for name, ratio in at_905.items():
+        thinner = name.startswith(("haze", "glycol", "soot", "biomass"))
+        assert (ratio > 1.2) if thinner else (0.9 < ratio < 1), name
+    figures = wavelength_figures(905)
+    assert {key: rows[1][key] for key in figures} == figures
 
 
 def test_tables_for_people_hold_every_medium() -> None:
@@ -79,6 +87,25 @@ def test_tables_for_people_hold_every_medium() -> None:
     assert run.exit_code == 0
     for word in ("heavy-radiation", "rain, 10 mm/h", "together", "p(180°)", "1460 nm", "class 1"):
         assert word in run.stdout
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--compare"],
+        [*WEATHER, "--compare"],
+        [*WEATHER, "--rain", "10", "--snow", "2", "--smoke", "20"],
+    ],
+)
+def test_tables_lose_nothing_on_a_narrow_terminal(options: list[str]) -> None:
+    args = options if options[0] == "weather" else ["weather", *options]
+    run = CliRunner().invoke(app, args, env={"COLUMNS": "80"})
+    assert run.exit_code == 0
+    assert "…" not in run.stdout
+    if "--compare" in options:
+        assert max(map(len, run.stdout.split("\n\n")[-1].splitlines())) <= 80
+    else:
+        assert run.stdout.splitlines()[1].split()[-1] == "together"
 
 
 def test_doubtful_weather_is_told() -> None:
@@ -91,14 +118,14 @@ def test_doubtful_weather_is_told() -> None:
 @pytest.mark.parametrize(
     ("options", "parts"),
     [
-        ([], ["no weather", "--visibility"]),
+        ([], ["no weather", "--visibility", "--compare"]),
         (["--fog", "heavy-advection"], ["--fog needs --visibility or --water"]),
         (["--fog", "heavy-fog", "--visibility", "50"], ["'heavy-fog'", "heavy-advection"]),
         (["--visibility", "0"], ["visibility_m", "greater than 0"]),
         (["--visibility", "inf"], ["visibility_m", "finite"]),
         (["--visibility", "10", "--water", "5"], ["10", "5", "contradict"]),
         (["--visibility", "10", "--definition", "moor"], ["did you mean 'mor'"]),
-        (["--rain", "301"], ["300", "301"]),
+        (["--rain", "301"], ["of rain", "300", "301"]),
         (["--rain", "10", "--wavelength", "1310"], ["550, 850, 905", "1310"]),
         (["--snow", "1", "--snow-kind", "wett"], ["did you mean 'wet'"]),
         (["--smoke", "10", "--smoke-kind", "soott"], ["did you mean 'soot'"]),

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import worlds
@@ -77,6 +78,18 @@ def test_what_a_scene_says_of_snow_holds_at_every_wavelength(load: Load) -> None
         text = f"snow: {{rate_mm_per_h: 1, model: {model}, albedo: 0.6}}"
         (told,) = load(text, wavelength_nm=905).media_summary()
         assert told["albedo"] == pytest.approx(0.6)
+
+
+def test_what_is_assumed_of_flakes_can_be_given(load: Load) -> None:
+    (told,) = load(
+        "snow: {rate_mm_per_h: 2, model: drops, flake_density_kg_m3: 50, fall_speed_m_s: 0.8}"
+    ).precipitation
+    expected = precipitation.snow(2, flake_density_kg_m3=50, fall_speed_m_s=0.8)
+    assert told.summary() == expected.summary()
+    assert told.extinction_per_m > 1.2 * precipitation.snow(2).extinction_per_m
+    assert told.fall_speed_m_s(np.ones(1)) == 0.8
+    (rain,) = load("rain: {rate_mm_per_h: 2, model: drops, kind: joss-drizzle}").precipitation
+    assert rain.summary() == precipitation.rain(2, "joss-drizzle").summary()
 
 
 def test_coefficients_hold_at_every_wavelength(load: Load) -> None:

@@ -136,6 +136,11 @@ def test_what_nature_does_not_have_is_doubted() -> None:
     (doubt,) = fog(10, "heavy-advection").doubts
     assert "5.05 g/m³" in doubt
     assert "10 m" in doubt
+    assert doubt.endswith("at the same visibility moderate-radiation holds 0.71")
+    (doubt,) = fog(30, "heavy-advection", "mor").doubts  # as 39.2 m by Koschmieder
+    assert "heavy-radiation holds 0.37 and moderate-radiation holds 0.18" in doubt
+    (doubt,) = fog(5, "moderate-radiation").doubts
+    assert doubt.endswith("natural fog holds up to 1")
     assert fog(100, "heavy-advection").doubts == ()
     assert fog(10, "moderate-radiation").doubts == ()
     (doubt,) = fog(2, "haze-h").doubts
@@ -249,7 +254,6 @@ def test_snow(kind: str, by_rate: dict[float, float]) -> None:
     for rate, decibels_per_km in by_rate.items():
         flakes = snow(rate, kind)
         assert flakes.summary()["extinction_db_per_km"] == pytest.approx(decibels_per_km, rel=0.01)
-        assert flakes.water_g_per_m3 is None
     chosen = snow(1, kind, albedo=0.66, g=0.9)
     assert (chosen.albedo, chosen.g) == (0.66, 0.9)
 
@@ -257,13 +261,13 @@ def test_snow(kind: str, by_rate: dict[float, float]) -> None:
 @pytest.mark.parametrize(
     ("make", "parts"),
     [
-        (lambda: rain(0), ["rate_mm_per_h", "300", "0"]),
+        (lambda: rain(0), ["rate_mm_per_h of rain", "300", "0"]),
         (lambda: rain(301), ["rate_mm_per_h", "at most 300", "301"]),
         (lambda: rain(math.nan), ["rate_mm_per_h", "nan"]),
         (lambda: rain(5, "marshal"), ["did you mean 'marshall-palmer'"]),
         (lambda: rain(5, diffraction="no"), ["diffraction 'no'", "remove, include"]),
         (lambda: rain(5, wavelength_nm=1310), ["rain is tabulated at 550", "1310"]),
-        (lambda: snow(0), ["rate_mm_per_h", "20"]),
+        (lambda: snow(0), ["rate_mm_per_h of snow", "20"]),
         (lambda: snow(21), ["rate_mm_per_h", "at most 20", "21"]),
         (lambda: snow(1, "wett"), ["did you mean 'wet'"]),
         (lambda: snow(1, albedo=1.2), ["albedo", "1.2"]),
@@ -271,7 +275,7 @@ def test_snow(kind: str, by_rate: dict[float, float]) -> None:
         (lambda: snow(1, g=1.0), ["g should lie between -1 and 1"]),
         (lambda: fog(0, "soot"), ["visibility_m", "0"]),
         (lambda: fog(math.inf, "glycol"), ["visibility_m", "inf"]),
-        (lambda: fog(50, "glycoll"), ["did you mean 'glycol'"]),
+        (lambda: fog(50, "glycoll"), ["kind 'glycoll' of fog or smoke", "did you mean 'glycol'"]),
         (lambda: fog(50, "soot", wavelength_nm=300), ["wavelength_nm", "400 and 1700", "300"]),
     ],
 )
@@ -297,7 +301,8 @@ def test_mixture_adds_and_blends() -> None:
     assert air.visibility_m == pytest.approx(3.912 / visual, rel=1e-4)
     assert air.parts == tuple(parts)
     assert air.kind == "heavy-radiation + rain, 25 mm/h + wet snow, 2 mm/h"
-    assert air.water_g_per_m3 is None  # of the snow nobody knows
+    assert air.water_g_per_m3 == pytest.approx(sum(part.water_g_per_m3 for part in parts))
+    assert combine([*parts, explicit(0.1, 1.0, Isotropic())]).water_g_per_m3 is None
 
 
 def test_mixture_of_definitions_counts_extinction() -> None:

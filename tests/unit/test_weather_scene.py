@@ -205,6 +205,22 @@ def test_sections_can_be_changed_and_left_out(tmp_path: Path) -> None:
         ("snow: {rate_mm_per_h: 30}", ["snow", "rate_mm_per_h", "20", "30"]),
         ("snow: {rate_mm_per_h: 3, kind: powder}", ["snow", "wet, dry"]),
         ("snow: {rate_mm_per_h: 3, albedo: 2}", ["snow.albedo", "2"]),
+        (
+            "rain: {rate_mm_per_h: 3, model: drops, diffraction: remove}",
+            ["rain", "diffraction does not go with model drops"],
+        ),
+        (
+            "snow: {rate_mm_per_h: 3, model: drops, kind: wet}",
+            ["snow", "kind does not go with model drops"],
+        ),
+        (
+            "snow: {rate_mm_per_h: 3, fall_speed_m_s: 1}",
+            ["snow", "fall_speed_m_s does not go with model medium"],
+        ),
+        (
+            "snow: {rate_mm_per_h: 3, model: drops, flake_density_kg_m3: 950}",
+            ["snow", "flake_density_kg_m3", "917", "950"],
+        ),
     ],
 )
 def test_mistake_in_the_weather(load: Load, sections: str, parts: list[str]) -> None:
