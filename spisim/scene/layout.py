@@ -34,8 +34,8 @@ FAINTEST_SPOT_PER_M2 = 1.1e-3
 DETECTOR_OFFSET_M = 0.007
 #: Points of their lens that should see the spot, right and down of its middle; it is 13 mm wide.
 LENS_M = np.array([(0, 0), (-0.005, 0), (0.005, 0), (0, -0.005), (0, 0.005)])
-#: What is seen is a little off the surface: light does not get out of a crevice.
-OFF_SURFACE_M = 0.0005
+#: What is seen is so far off the surface: in single precision light does not get out of a crevice.
+OFF_SURFACE_M = 0.001
 #: Half the field of view looked at, and azimuth and elevation of the spots: the paper's instrument.
 HALF_FIELD_DEG = 10.0
 SPOT_DEG = 5.0
@@ -73,7 +73,7 @@ def layout_problem(scene: Scene) -> str | None:
 def _returned(beam: Floats, triangles: Floats, materials: Sequence[Material]) -> float:
     """What a diffuse surface of reflectance 1 across the beam would return at 1 m is 1; 1/m².
 
-    Less where not all of the detector sees the spot. `triangles` (t, 3, 3) in the optical frame.
+    0 where less than half of the detector sees it. `triangles` (t, 3, 3) in the optical frame.
     """
     distances = hits(np.zeros(3), beam, triangles)
     place = int(distances.argmin())
@@ -83,9 +83,11 @@ def _returned(beam: Floats, triangles: Floats, materials: Sequence[Material]) ->
     spot = distances[place] * beam + OFF_SURFACE_M * normal
     lens = np.zeros((len(LENS_M), 3))
     lens[:, :2] = LENS_M + DETECTOR_OFFSET_M * np.sign(beam[:2])
-    seen = [first_hits(point, (spot - point)[None], triangles)[0] > 1 for point in lens]
+    seen = np.mean([first_hits(point, (spot - point)[None], triangles)[0] > 1 for point in lens])
+    if seen < 0.5:
+        return 0.0
     returned = straight_back(materials[place], float(-normal @ beam))
-    return float(np.mean(seen)) * returned / float(distances[place]) ** 2
+    return float(seen * returned / distances[place] ** 2)
 
 
 def straight_back(material: Material, cosine: float) -> float:
