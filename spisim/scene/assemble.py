@@ -88,7 +88,7 @@ def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_
     with _problems_at(source, "drone"):
         pose = _drone_pose(described.drone)
     with _problems_at(source, "material_swaps"):
-        for name in (*described.material_swaps, *described.material_swaps.values()):
+        for name in described.material_swaps.values():
             find_material(name, materials, wavelength_nm)
     objects: list[SceneObject] = []
     for i, row in enumerate(described.objects):

@@ -361,7 +361,7 @@ class AmbientDescription(Section):
 class Surroundings(Section):
     """Sections that every scene file may have.
 
-    `material_swaps` puts materials in place of others, wherever those are used.
+    `material_swaps` puts materials in place of others, wherever those are used, if they are.
     """
 
     description: str = ""
