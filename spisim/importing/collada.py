@@ -129,7 +129,4 @@ def _surface(material: Any) -> Surface:
 
 def _note_textures(document: Any, path: Path, folders: Folders, content: Content) -> None:
     for image in document.images:
-        try:
-            folders.find(image.path or "", path.parent, f"{path.name}: texture")
-        except InputError as error:
-            content.note(f"{error}; textures are not used")
+        content.note_texture(image.path or "", path.parent, folders, f"{path.name}: texture")

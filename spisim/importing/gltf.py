@@ -240,10 +240,7 @@ def _note_textures(header: dict[str, Any], path: Path, folders: Folders, content
         uri = image.get("uri")
         if uri is None or uri.startswith("data:"):
             continue
-        try:
-            folders.find(_unquoted(uri), path.parent, "texture")
-        except InputError as error:
-            content.note(f"{error}; textures are not used")
+        content.note_texture(_unquoted(uri), path.parent, folders, "texture")
 
 
 def _matrix(node: dict[str, Any], number: int) -> Floats:

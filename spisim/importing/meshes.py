@@ -158,15 +158,9 @@ def _material_library(
                 colors[current] = color
             elif words[0].lower() == "map_kd":
                 colors.pop(current, None)
-                _note_texture(words[1].split()[-1], library, folders, content)
+                name = words[1].split()[-1]
+                content.note_texture(name, library.parent, folders, f"{library.name}: texture")
     return colors
-
-
-def _note_texture(name: str, library: Path, folders: Folders, content: Content) -> None:
-    try:
-        folders.find(name, library.parent, f"{library.name}: texture")
-    except InputError as error:
-        content.note(f"{error}; textures are not used")
 
 
 def _color(text: str) -> tuple[float, float, float] | None:

@@ -121,8 +121,8 @@ class _Shapes:
         types = [re.sub("^rough|^thin", "", bsdf.attributes.get("type", "")) for bsdf in bsdfs]
         inside = [self._scene.resolve(child) for bsdf in bsdfs for child in bsdf.children]
         for item in inside:
-            if item.tag == "texture":
-                self._note_texture(item)
+            if item.tag == "texture" and (name := item.value("filename")) is not None:
+                self._content.note_texture(name, item.path.parent, self._folders, item.what)
         colors = [_color(item) for item in inside if item.tag == "rgb" and _is_body(item)]
         return Surface(
             names[0] if names else None, colors[0] if colors else None, (*metals, *types)
@@ -137,15 +137,6 @@ class _Shapes:
                 if inner.tag == "bsdf" and not any(inner is known for known in found):
                     found.append(inner)
         return found
-
-    def _note_texture(self, texture: Item) -> None:
-        name = texture.value("filename")
-        if name is None:
-            return
-        try:
-            self._folders.find(name, texture.path.parent, f"{texture.what}")
-        except InputError as error:
-            self._content.note(f"{error}; textures are not used")
 
 
 def transform(item: Item | None) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,6 +13,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.errors import InputError
+from spisim.importing.files import Folders
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -79,6 +81,13 @@ class Content:
         """Keep something to tell, once."""
         if text not in self.notes:
             self.notes.append(text)
+
+    def note_texture(self, name: str, beside: Path, folders: Folders, referrer: str) -> None:
+        """Tell of a texture that is missing, or may not be read."""
+        try:
+            folders.find(name, beside, referrer)
+        except InputError as error:
+            self.note(f"{error}; textures are not used")
 
 
 def check_triangles(count: int) -> None:

@@ -104,20 +104,14 @@ class Visuals:
             for element in material.iter()
             if element.tag.endswith("_map") and element.text and element.text.strip()
         ]
-        self._note_textures(textures, path, what)
+        for texture in textures:
+            self.content.note_texture(texture, path.parent, self._folders, f"{what}: texture")
         color = _color(material, what)
         words = tuple(Path(name).stem for name in textures)
         if float(_number(material, "pbr/metal/metalness", 0.0, what)) >= 0.5 and not words:
             words = ("metal",)
         name = script.rpartition("/")[2] or None
         return Surface(name, None if textures else color, words)
-
-    def _note_textures(self, textures: list[str], path: Path, what: str) -> None:
-        for name in textures:
-            try:
-                self._folders.find(name, path.parent, f"{what}: texture")
-            except InputError as error:
-                self.content.note(f"{error}; textures are not used")
 
 
 def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
