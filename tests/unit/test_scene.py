@@ -329,10 +329,9 @@ def test_what_is_too_far_away_to_trace_is_refused(load: Load, nonsense: str) -> 
         load(with_objects(f"name: box, shape: box, size_m: [2, 2, 2], {nonsense}, material: brick"))
 
 
-@pytest.mark.parametrize("swap", ["concret: brick", "concrete: brik"])
-def test_swaps_of_unknown_materials(load: Load, swap: str) -> None:
+def test_materials_are_replaced_by_known_ones(load: Load) -> None:
     with pytest.raises(InputError, match=r"material_swaps: unknown material.*did you mean"):
-        load(MINIMAL + f"material_swaps: {{{swap}}}\n")
+        load(MINIMAL + "material_swaps: {concrete: brik}\n")
 
 
 # Daylight
