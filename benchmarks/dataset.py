@@ -9,7 +9,6 @@ patterns and four spots, fog of 50 m visibility, 1 % noise of the readings from 
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
@@ -18,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spisim.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
 from spisim.dataset.plan import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
 from spisim.dataset.sample import Maker
@@ -76,11 +75,7 @@ class Pace:
 
 def main() -> int:
     """Measure, print, and tell by the exit status whether every promise is kept."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="rougher, in under a minute")
-    parser.add_argument("--json", action="store_true", help="end with one JSON object")
-    parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{DOCS.name}")
-    options = parser.parse_args()
+    options = benchmark_options(__doc__, "rougher, in under a minute", DOCS)
     amounts = QUICK if options.quick else FULL
 
     around = surroundings(("spisim", "mitsuba", "drjit", "numpy"))

@@ -8,7 +8,6 @@ docs/scenes.md.
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -19,7 +18,7 @@ from large import in_a_process, write_scenes
 from raycast import compare
 
 import spisim
-from spisim.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
 from spisim.scene import list_scenes
 
 DOCS = Path(__file__).parents[1] / "docs" / "scenes.md"
@@ -30,11 +29,7 @@ Section = tuple[Table, list[Check]]
 
 def main() -> int:
     """Measure, print, and tell by the exit status whether every promise is kept."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="truth of three scenes only")
-    parser.add_argument("--json", action="store_true", help="end with one JSON object")
-    parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{DOCS.name}")
-    options = parser.parse_args()
+    options = benchmark_options(__doc__, "truth of three scenes only", DOCS)
     around = surroundings(("spisim", "mitsuba", "drjit", "trimesh", "embreex", "numpy"))
     # Memory comes first: a process starts with the peak of the one that starts it.
     names = list_scenes()

@@ -8,7 +8,6 @@ that sees 12° around its axis. `--markdown` pastes the tables into docs/transpo
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import resource
 import sys
@@ -28,7 +27,7 @@ from scipy.constants import c
 import spisim
 from reconstruction.patterns import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR, Atmosphere, fog
-from spisim.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport import solve
 from spisim.transport.effort import Paths
@@ -74,11 +73,7 @@ Section = tuple[Table, list[Check]]
 
 def main() -> int:
     """Measure, print, and tell by the exit status whether every promise is kept."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="rougher, in under a minute")
-    parser.add_argument("--json", action="store_true", help="end with one JSON object")
-    parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{DOCS.name}")
-    options = parser.parse_args()
+    options = benchmark_options(__doc__, "rougher, in under a minute", DOCS)
     amounts = QUICK if options.quick else FULL
 
     around = surroundings(("spisim", "mitsuba", "drjit", "mitransient", "numpy"))

@@ -10,7 +10,6 @@ pastes the tables into docs/weather.md.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +23,7 @@ from reconstruction import evaluate, reconstruct
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import CLEAR, fog
 from spisim.budget import Target, class_1_power_w, range_sigma_m
-from spisim.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
 from spisim.instrument import Instrument, load_instrument
 from spisim.measurement import LightSequence, record, record_spots, spot_light, trace
 from spisim.measurement.light import background_electrons
@@ -72,11 +71,7 @@ class Row:
 
 def main() -> int:
     """Measure, print, and tell by the exit status whether every promise is kept."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="rougher, in less than a minute")
-    parser.add_argument("--json", action="store_true", help="end with one JSON object")
-    parser.add_argument("--markdown", action="store_true", help="paste into docs")
-    options = parser.parse_args()
+    options = benchmark_options(__doc__, "rougher, in less than a minute", DOCS / "weather.md")
     spp, frames = (8, 400) if options.quick else (128, 4000)
     weathers = dict(list(WEATHERS.items())[: 1 if options.quick else None])
 

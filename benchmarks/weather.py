@@ -10,7 +10,6 @@ docs/images/weather-bias.png.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.constants import c
 
 from spisim.atmosphere import Atmosphere, Tabulated, fog
-from spisim.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.effort import Paths
 from spisim.transport.estimator import MAX_VERTICES, spot_histogram
@@ -63,11 +62,7 @@ class Spot:
 
 def main() -> int:
     """Measure, print, and tell by the exit status whether every promise is kept."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="rougher, in half a minute")
-    parser.add_argument("--json", action="store_true", help="end with one JSON object")
-    parser.add_argument("--markdown", action="store_true", help="paste and draw into docs")
-    options = parser.parse_args()
+    options = benchmark_options(__doc__, "rougher, in half a minute", DOCS / "weather.md")
     paths, visibilities_m = (2**12, (50.0,)) if options.quick else (2**15, VISIBILITIES_M)
 
     around = surroundings(("spisim", "mitsuba", "drjit", "numpy"))

@@ -5,6 +5,7 @@ Benchmarks and `spisim paper` end in the same way.
 
 from __future__ import annotations
 
+import argparse
 import datetime
 import json
 import os
@@ -86,6 +87,19 @@ def checks_table(checks: Sequence[Check]) -> Table:
         for check in checks
     ]
     return Table("What is promised:", ("figure", "measured", "limit", ""), rows)
+
+
+def benchmark_options(doc: str | None, quick: str, page: Path) -> argparse.Namespace:
+    """Options of a benchmark: `quick`, `json`, `markdown`.
+
+    The first line of `doc` says what it measures, `quick` what is left out, `page` where its tables
+    go.
+    """
+    parser = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help=quick)
+    parser.add_argument("--json", action="store_true", help="end with one JSON object")
+    parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{page.name}")
+    return parser.parse_args()
 
 
 def surroundings(packages: Sequence[str]) -> dict[str, Any]:

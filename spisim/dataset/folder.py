@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
 from reconstruction import Capture
+from spisim.dataset.records import Outcome
+
+if TYPE_CHECKING:
+    from spisim.dataset.plan import Sample
 
 #: Samples that share a folder.
 PER_FOLDER = 1000
@@ -71,6 +75,20 @@ def fingerprint(path: Path) -> dict[str, Any]:
     """Size and SHA-256 of a file, `bytes` and `sha256`."""
     content = path.read_bytes()
     return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+
+
+def done(layout: Layout, sample: Sample, beside: Iterable[Path]) -> Outcome:
+    """Outcome of a sample whose capture, and what lies `beside` it, are written."""
+    path = layout.capture(sample.index)
+    return Outcome(
+        sample.index,
+        "done",
+        scene=sample.scene_name,
+        parameters=sample.parameters,
+        file=layout.relative(path),
+        **fingerprint(path),
+        sidecars={layout.relative(each): fingerprint(each) for each in beside},
+    )
 
 
 def belongs_to(capture: Capture) -> tuple[str, int] | None:

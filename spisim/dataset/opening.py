@@ -17,11 +17,10 @@ from reconstruction import read_capture
 from reconstruction.errors import InputError
 from reconstruction.files import require_folder, write_atomically
 from spisim import __version__
-from spisim.dataset.folder import Layout, belongs_to, fingerprint
+from spisim.dataset.folder import Layout, belongs_to, done
 from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest
 from spisim.dataset.plan import PlannedSet
-from spisim.dataset.records import Outcome
 
 Say = Callable[[str], None]
 
@@ -207,18 +206,7 @@ def _record_found(planned: PlannedSet, manifest: Manifest, layout: Layout, index
     beside = [path.with_suffix(suffix) for suffix, wanted in kept.items() if wanted]
     if not all(each.is_file() for each in beside):
         return False  # made again, as any sample without a row
-    sample = planned.sample(index)
-    manifest.record(
-        Outcome(
-            index,
-            "done",
-            scene=sample.scene_name,
-            parameters=sample.parameters,
-            file=layout.relative(path),
-            **fingerprint(path),
-            sidecars={layout.relative(each): fingerprint(each) for each in beside},
-        )
-    )
+    manifest.record(done(layout, planned.sample(index), beside))
     return True
 
 

@@ -21,7 +21,7 @@ from reconstruction import Capture, capture_warnings, write_capture
 from reconstruction.errors import InputError, explain
 from reconstruction.files import write_atomically
 from spisim.config import parse_model
-from spisim.dataset.folder import Layout, fingerprint
+from spisim.dataset.folder import Layout, done
 from spisim.dataset.plan import Keep, PlannedSet, Sample
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.exr import write_exr
@@ -78,14 +78,8 @@ class Maker:
             beside = _write_sidecars(path, simulation, self.planned.plan.keep)
             write_capture(capture, path)  # last: where it is, all of the sample is
         told = [str(warning.message) for warning in odd] + list(capture_warnings(capture))
-        return Outcome(
-            index,
-            "done",
-            scene=sample.scene_name,
-            parameters=sample.parameters,
-            file=layout.relative(path),
-            **fingerprint(path),
-            sidecars={layout.relative(each): fingerprint(each) for each in beside},
+        return replace(
+            done(layout, sample, beside),
             stage_seconds=seconds,
             warnings=tuple(dict.fromkeys(told)),
         )
