@@ -43,7 +43,7 @@ class Amounts:
 
 
 FULL = Amounts(alone=500, settled=50, together=200)
-QUICK = Amounts(alone=12, settled=6, together=16)
+QUICK = Amounts(alone=20, settled=6, together=20)
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,13 @@ class Pace:
     """What so many workers made, after a first sample each that nobody counts."""
 
     workers: int
-    seconds: float
+    arrived_s: list[float]  # since the start
     outcomes: list[Outcome]
 
     @property
     def per_minute(self) -> float:
         """Samples per minute."""
-        return 60 * len(self.outcomes) / self.seconds
+        return 60 * len(self.outcomes) / self.arrived_s[-1]
 
     def row(self) -> tuple[str, ...]:
         """For the table."""
@@ -110,26 +110,20 @@ def measure(planned: PlannedSet, samples: int, workers: int) -> Pace:
     ):
         list(executor.run(range(samples, samples + workers)))  # start and compile
         began = time.perf_counter()
-        outcomes = list(executor.run(range(samples)))
-        seconds = time.perf_counter() - began
+        outcomes, arrived_s = [], []
+        for outcome in executor.run(range(samples)):
+            outcomes.append(outcome)
+            arrived_s.append(time.perf_counter() - began)
     failed = [outcome for outcome in outcomes if not outcome.done]
     if failed:
         raise RuntimeError(f"sample {failed[0].index} failed: {failed[0].error}")
-    print(f"{workers} workers: {seconds:.0f} s", file=sys.stderr)
-    return Pace(workers, seconds, outcomes)
+    print(f"{workers} workers: {arrived_s[-1]:.0f} s", file=sys.stderr)
+    return Pace(workers, arrived_s, outcomes)
 
 
 def efficiency(alone: Pace, together: Pace) -> float:
-    """Time of one worker over twice that of two, for the samples that both made."""
-    both = {outcome.index for outcome in alone.outcomes} & {
-        outcome.index for outcome in together.outcomes
-    }
-    one, two = (
-        sum(outcome.seconds or 0 for outcome in pace.outcomes if outcome.index in both)
-        for pace in (alone, together)
-    )
-    busy = sum(outcome.seconds or 0 for outcome in together.outcomes) / (2 * together.seconds)
-    return busy * one / two
+    """Time of one worker over twice that of two, for the samples that both made: the first ones."""
+    return alone.arrived_s[len(together.outcomes) - 1] / (2 * together.arrived_s[-1])
 
 
 def growth_percent(alone: Pace, settled: int) -> float:

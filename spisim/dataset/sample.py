@@ -10,12 +10,14 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from threading import Lock
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import yaml
+from threadpoolctl import threadpool_limits
 
 from reconstruction import Capture, capture_warnings, write_capture
 from reconstruction.errors import InputError, explain
@@ -49,6 +51,7 @@ class Maker:
         """
         with _one_at_a_time:
             use_threads(1)
+            _calculate_on_one_thread()
             began = time.perf_counter()
             try:
                 outcome = self._made(index)
@@ -99,6 +102,12 @@ class Maker:
             sample = self.planned.sample(index)
             scene, parameters = sample.scene_name, dict(sample.parameters)
         return Outcome(index, "failed", scene=scene, parameters=parameters, error=_reason(error))
+
+
+@cache
+def _calculate_on_one_thread() -> None:
+    """For this process: the other threads of BLAS would wait busily, on cores of other workers."""
+    threadpool_limits(1)
 
 
 def load(sample: Sample) -> tuple[Scene, Instrument]:

@@ -159,6 +159,7 @@ def _serve(pipe: Connection, make: Make) -> None:
     """Body of a process: makes what it is told, until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that started this one
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    settled = False
     while True:
         try:
             index = pipe.recv()
@@ -166,6 +167,9 @@ def _serve(pipe: Connection, make: Make) -> None:
             return
         outcome = make(index)
         _give_back_memory()
+        if not settled:  # what is left, a few hundred modules, need not be looked through again
+            gc.freeze()
+            settled = True
         pipe.send((outcome, memory_mb()))
 
 
