@@ -1,8 +1,4 @@
-"""Scene files become scenes in the right place, and every mistake in one is told in a sentence."""
-
-import warnings
-from collections.abc import Callable
-from pathlib import Path
+"""Scene files become scenes in the right place."""
 
 import numpy as np
 import pytest
@@ -10,9 +6,9 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.errors import InputError
+from scenefiles import MINIMAL, Load, with_objects
 from spisim.scene import (
     Scene,
-    SceneWarning,
     daylight_spectrum,
     enclosing_object,
     in_band_irradiance,
@@ -22,39 +18,6 @@ from spisim.scene import (
     pose_matrix,
 )
 from spisim.scene.rays import first_hits, winding_number
-
-MINIMAL = """
-name: test
-drone: {position_m: [0, 0, 1], look_at_m: [5, 0, 1]}
-objects:
-  - {name: wall, shape: rectangle, size_m: [4, 4], rotate_deg: [0, -90, 0],
-     translate_m: [5, 0, 1], material: concrete}
-"""
-
-Load = Callable[[str], Scene]
-
-
-@pytest.fixture
-def load(tmp_path: Path) -> Load:
-    """Load a scene from YAML text, in a folder with two meshes."""
-    trimesh.creation.box((2, 2, 2)).export(tmp_path / "solid.ply")
-    gappy = trimesh.creation.icosphere(2, 1.0)
-    gappy.update_faces(np.arange(len(gappy.faces)) % 10 != 0)
-    gappy.export(tmp_path / "gappy.ply")
-    room = trimesh.creation.box((20, 20, 20))
-    room.invert()
-    room.export(tmp_path / "room.ply")
-
-    def load_text(text: str) -> Scene:
-        path = tmp_path / "scene.yaml"
-        path.write_text(text, encoding="utf-8")
-        return load_scene(path)
-
-    return load_text
-
-
-def with_objects(*objects: str) -> str:
-    return MINIMAL + "".join(f"  - {{{item}}}\n" for item in objects)
 
 
 def ranges_along(scene: Scene, directions: ArrayLike) -> NDArray[np.float64]:
@@ -162,6 +125,25 @@ def test_numbers_may_be_written_as_yaml_1_2_does(load: Load) -> None:
     assert load(MINIMAL + "ambient: {sky_klx: 1e1}\n").ambient.sky_klx == 10
 
 
+def test_the_drone_is_offset_and_turned_as_it_stands(tmp_path):
+    path = tmp_path / "turned.yaml"
+
+    def pose(turn_deg):
+        path.write_text(
+            "name: turned\n"
+            "drone: {position_m: [0, 0, 2], look_at_m: [0, 5, 2], offset_m: [1, 0.5, 0.25],\n"
+            f"  turn_deg: {turn_deg}}}\n"
+            "objects: [{name: wall, shape: rectangle, size_m: [9, 9], material: concrete}]\n"
+        )
+        return load_scene(path).drone_pose
+
+    # Looking along +y, forward is +y and left is -x.
+    np.testing.assert_allclose(pose([0, 0, 0])[:3, 3], [-0.5, 1, 2.25], atol=1e-12)
+    np.testing.assert_allclose(pose([0, 90, 0])[:3, 2], [0, 0, -1], atol=1e-12)  # down
+    np.testing.assert_allclose(pose([0, 0, 90])[:3, 2], [-1, 0, 0], atol=1e-12)  # left
+    np.testing.assert_allclose(pose([90, 0, 0])[:3, 0], [0, 0, -1], atol=1e-12)  # right side down
+
+
 # The shipped scene
 
 
@@ -231,109 +213,6 @@ def test_drone_inside_an_object(load: Load, mesh: str) -> None:
     load(with_objects(f"name: rock, mesh: {mesh}, translate_m: [2, 0, 1], material: brick"))
 
 
-# Soundness
-
-
-def without_warning(load: Load, text: str) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        load(text)
-
-
-def solid(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    trimesh.Trimesh(vertices, faces, process=False).export(path)
-
-
-@pytest.fixture
-def odd_meshes(tmp_path: Path) -> None:
-    """Meshes with one thing wrong each, next to sound ones that look suspicious."""
-    box = trimesh.creation.box((1, 1, 1))
-    vertices, faces = np.asarray(box.vertices), np.asarray(box.faces)
-    solid(tmp_path / "inverted.ply", vertices, faces[:, ::-1])
-    flipped = faces.copy()
-    flipped[0] = flipped[0, ::-1]
-    solid(tmp_path / "flipped.ply", vertices, flipped)
-    fin = np.vstack([faces, [faces[0, 0], faces[0, 1], len(vertices)]])
-    solid(tmp_path / "fin.ply", np.vstack([vertices, [2, 2, 2]]), fin)
-    solid(tmp_path / "open.ply", vertices, faces[1:])
-    solid(tmp_path / "soup.ply", vertices[faces].reshape(-1, 3), np.arange(36).reshape(-1, 3))
-    away = np.vstack([vertices, vertices + np.array([1, 1, 0])])
-    solid(tmp_path / "touching.ply", away, np.vstack([faces, faces + len(vertices)]))
-    solid(tmp_path / "flat.ply", vertices * (1, 1, 0), faces)
-    hollow = np.vstack([vertices, vertices / 2])
-    solid(tmp_path / "hollow.ply", hollow, np.vstack([faces, faces[:, ::-1] + len(vertices)]))
-
-
-@pytest.mark.usefixtures("odd_meshes")
-def test_unsound_meshes_are_named_in_one_warning(load: Load) -> None:
-    text = with_objects(
-        *(
-            f"name: {name}, mesh: {name}.ply, translate_m: [{3 * i}, 5, 0], material: brick"
-            for i, name in enumerate(["inverted", "flipped", "fin", "solid", "open"])
-        )
-    )
-    with pytest.warns(SceneWarning) as caught:
-        assert len(load(text).objects) == 6
-    (warning,) = caught
-    message = str(warning.message)
-    assert "scene 'test'" in message
-    assert "'inverted' (inside out)" in message
-    assert "'flipped' (triangles facing in and out)" in message
-    assert "'fin' (edges shared by more than two triangles)" in message
-    assert not any(name in message for name in ("wall", "solid", "open"))
-
-
-@pytest.mark.usefixtures("odd_meshes")
-@pytest.mark.parametrize("name", ["open", "soup", "touching", "hollow", "flat"])
-def test_sound_meshes_that_look_suspicious(load: Load, name: str) -> None:
-    without_warning(
-        load, with_objects(f"name: it, mesh: {name}.ply, translate_m: [3, 5, 0], material: brick")
-    )
-
-
-def test_room_is_sound_only_around_the_drone(load: Load) -> None:
-    without_warning(load, with_objects("name: room, mesh: room.ply, material: brick"))
-    elsewhere = "name: room, mesh: room.ply, translate_m: [50, 0, 0], material: brick"
-    with pytest.warns(SceneWarning, match=r"'room' \(inside out\)"):
-        load(with_objects(elsewhere))
-
-
-@pytest.mark.parametrize(
-    ("scale", "x_m", "told"),
-    [
-        (300, 500, "is 300 m wide"),
-        (1e-4, 500, r"is 0\.0001 m wide"),
-        (100, 500, None),
-        (1, 20_000, r"is 2e\+04 m from the origin"),
-    ],
-)
-def test_sizes_of_another_unit_are_told(
-    load: Load, scale: float, x_m: float, told: str | None
-) -> None:
-    text = with_objects(
-        f"name: other drone, shape: box, size_m: [1, 1, 0.2], scale: {scale},"
-        f" translate_m: [{x_m}, 0, 0], material: brick"
-    )
-    if told is None:
-        without_warning(load, text)
-        return
-    with pytest.warns(SceneWarning, match=rf"'other drone' {told}; all lengths are metres"):
-        load(text)
-
-
-@pytest.mark.parametrize("nonsense", ["scale: 1e30", "translate_m: [0, -1e300, 0]"])
-def test_what_is_too_far_away_to_trace_is_refused(load: Load, nonsense: str) -> None:
-    with pytest.raises(
-        InputError, match=r"\(box\): reaches 1e\+30.* m from the origin; at most 1e"
-    ):
-        load(with_objects(f"name: box, shape: box, size_m: [2, 2, 2], {nonsense}, material: brick"))
-
-
-def test_materials_are_replaced_by_known_ones(load: Load) -> None:
-    with pytest.raises(InputError, match=r"material_swaps: unknown material.*did you mean"):
-        load(MINIMAL + "material_swaps: {concrete: brik}\n")
-
-
 # Daylight
 
 
@@ -359,152 +238,3 @@ def test_daylight_adds_over_bands() -> None:
 def test_daylight_outside_its_table(band: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="800 to 1600 nm"):
         in_band_irradiance(10, band)
-
-
-# Mistakes
-
-DRONE = "drone: {position_m: [0, 0, 1], look_at_m: [5, 0, 1]}"
-
-
-@pytest.mark.parametrize(
-    ("wrong", "parts"),
-    [
-        # (text to replace, replacement), what the message must hold
-        (("material: concrete", "material: conrete"), ["objects[0] (wall)", "'concrete'"]),
-        (("material: concrete", "materiel: concrete"), ["objects[0]", "'materiel'", "'material'"]),
-        (("material: concrete", "material: 5"), ["objects[0].material", "found 5"]),
-        (("shape: rectangle", "shape: rectangel"), ["objects[0]", "did you mean 'rectangle'"]),
-        (("shape: rectangle, ", ""), ["objects[0]", "mesh", "shape"]),
-        (("size_m: [4, 4]", "size_m: [4, -4]"), ["objects[0].size_m[1]", "greater than 0", "-4"]),
-        (("size_m: [4, 4]", "size_m: [4]"), ["objects[0].size_m[1]", "missing"]),
-        (("size_m: [4, 4]", "size_m: big"), ["objects[0].size_m", "'big'"]),
-        (("[5, 0, 1], mat", "[5, 0, .nan], mat"), ["objects[0].translate_m[2]", "finite", "nan"]),
-        (("[5, 0, 1], mat", "[.inf, 0, 1], mat"), ["objects[0].translate_m[0]", "finite", "inf"]),
-        (("[5, 0, 1], mat", "[yes, 0, 1], mat"), ["objects[0].translate_m[0]", "number", "True"]),
-        (("size_m: [4, 4]", "size_m: [4, 4], scale: 0"), ["objects[0].scale", "greater than 0"]),
-        (("size_m: [4, 4]", "size_m: [4, 4], instances: []"), ["objects[0].instances"]),
-        (("name: test", "nmae: test"), ["'nmae'", "did you mean 'name'"]),
-        (("name: test\n", "\n"), ["name", "missing"]),
-        ((DRONE, "drone: here"), ["drone", "mapping", "'here'"]),
-        ((DRONE, ""), ["drone", "missing"]),
-        (("look_at_m: [5, 0, 1]", "look_at_m: [0, 0, 1]"), ["drone", "look_at_m"]),
-        (("look_at_m: [5, 0, 1]", "look_at_m: [0, 0, 9]"), ["drone", "up", "line of sight"]),
-        (("look_at_m: [5, 0, 1]", "lookat_m: [5, 0, 1]"), ["drone", "did you mean 'look_at_m'"]),
-    ],
-)
-def test_mistake_in_a_field(load: Load, wrong: tuple[str, str], parts: list[str]) -> None:
-    text = MINIMAL.replace(*wrong)
-    assert text != MINIMAL
-    assert_told(load, text, parts)
-
-
-@pytest.mark.parametrize(
-    ("added", "parts"),
-    [
-        ("fog: {visibility_m: -50}", ["fog.visibility_m", "greater than 0", "-50"]),
-        ("fog: {visibility_m: 50, kind: heavy}", ["fog", "'heavy'", "heavy-advection"]),
-        ("fog: {visibility_m: 50, definition: moor}", ["fog", "did you mean 'mor'"]),
-        ("fog: {visibility: 50}", ["fog", "did you mean 'visibility_m'"]),
-        ("fog: {}", ["fog", "visibility_m or extinction_per_m"]),
-        ("fog: {visibility_m: 5, extinction_per_m: 1}", ["fog", "either"]),
-        ("fog: {visibility_m: 5, albedo: 1}", ["fog", "albedo does not go with visibility_m"]),
-        ("fog: {extinction_per_m: 1, kind: x}", ["fog", "kind does not go with extinction_per_m"]),
-        ("fog: {extinction_per_m: 1, albedo: 1.5}", ["fog.albedo", "1.5"]),
-        ("fog: {extinction_per_m: 1, g: 1}", ["fog.g", "less than 1"]),
-        ("ambient: {sun_klx: -1}", ["ambient.sun_klx", "-1"]),
-        ("ambient: {sun_direction: [0, 0, 0]}", ["ambient", "sun_direction"]),
-        ("materials: {m: {reflectance: 1.5, source: x}}", ["materials.m.reflectance", "1.5"]),
-        ("materials: {m: {reflectance: 0.5}}", ["materials.m.source", "missing"]),
-        ("name: again", ["'name' is given twice"]),
-        ("fog: [", ["not valid YAML", "line"]),
-        ("fog: !!python/object/apply:os.getcwd []", ["not valid YAML"]),
-    ],
-)
-def test_mistake_in_another_section(load: Load, added: str, parts: list[str]) -> None:
-    assert_told(load, f"{MINIMAL}{added}\n", parts)
-
-
-@pytest.mark.parametrize(
-    ("item", "parts"),
-    [
-        (
-            "name: a, mesh: sold.ply, material: brick",
-            ["objects[1] (a)", "did you mean 'solid.ply'"],
-        ),
-        ("name: a, mesh: solid.ply, size_m: [1, 1], material: brick", ["'size_m'", "objects[1]"]),
-        ("name: wall, mesh: solid.ply, translate_m: [3, 0, 0], material: brick", ["'wall'"]),
-        ("name: '', mesh: solid.ply, material: brick", ["objects[1].name"]),
-    ],
-)
-def test_mistake_in_an_object(load: Load, item: str, parts: list[str]) -> None:
-    assert_told(load, with_objects(item), parts)
-
-
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("", ["mapping", "None"]),
-        ("- a\n- b\n", ["mapping", "['a', 'b']"]),
-        ("just text", ["mapping", "'just text'"]),
-        (MINIMAL.split("objects")[0], ["objects", "missing"]),
-        (MINIMAL.split("objects")[0] + "objects: []\n", ["objects", "at least 1"]),
-        (MINIMAL.split("objects")[0] + "objects: none\n", ["objects", "'none'"]),
-        (MINIMAL.split("objects")[0] + "objects: [wall]\n", ["objects[0]", "'wall'"]),
-    ],
-)
-def test_no_scene_at_all(load: Load, text: str, parts: list[str]) -> None:
-    assert_told(load, text, parts)
-
-
-def assert_told(load: Load, text: str, parts: list[str]) -> None:
-    """Loading the text raises one short InputError that holds the file's name and all parts."""
-    with pytest.raises(InputError) as caught:
-        load(text)
-    message = str(caught.value)
-    assert "scene.yaml" in message
-    for part in parts:
-        assert part in message
-    assert len(message.splitlines()) == 1
-    assert "pydantic" not in message
-
-
-def test_binary_garbage(tmp_path: Path) -> None:
-    path = tmp_path / "scene.yaml"
-    path.write_bytes(bytes(range(256)))
-    with pytest.raises(InputError, match=r"scene\.yaml: not a text file"):
-        load_scene(path)
-    path.write_bytes(b"name: \x00\x01\n")
-    with pytest.raises(InputError, match=r"scene\.yaml.*not valid YAML"):
-        load_scene(path)
-
-
-def test_missing_scene_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"absent\.yaml: no such file"):
-        load_scene(tmp_path / "absent.yaml")
-    (tmp_path / "folder.yaml").mkdir()
-    with pytest.raises(InputError, match=r"folder\.yaml: cannot be read"):
-        load_scene(tmp_path / "folder.yaml")
-
-
-def test_unknown_scene_names_the_nearest() -> None:
-    with pytest.raises(InputError, match=r"'warehose'.*did you mean 'warehouse'"):
-        load_scene("warehose")
-
-
-def test_the_drone_is_offset_and_turned_as_it_stands(tmp_path):
-    path = tmp_path / "turned.yaml"
-
-    def pose(turn_deg):
-        path.write_text(
-            "name: turned\n"
-            "drone: {position_m: [0, 0, 2], look_at_m: [0, 5, 2], offset_m: [1, 0.5, 0.25],\n"
-            f"  turn_deg: {turn_deg}}}\n"
-            "objects: [{name: wall, shape: rectangle, size_m: [9, 9], material: concrete}]\n"
-        )
-        return load_scene(path).drone_pose
-
-    # Looking along +y, forward is +y and left is -x.
-    np.testing.assert_allclose(pose([0, 0, 0])[:3, 3], [-0.5, 1, 2.25], atol=1e-12)
-    np.testing.assert_allclose(pose([0, 90, 0])[:3, 2], [0, 0, -1], atol=1e-12)  # down
-    np.testing.assert_allclose(pose([0, 0, 90])[:3, 2], [-1, 0, 0], atol=1e-12)  # left
-    np.testing.assert_allclose(pose([90, 0, 0])[:3, 0], [0, 0, -1], atol=1e-12)  # right side down

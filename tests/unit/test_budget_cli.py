@@ -1,0 +1,75 @@
+"""`spisim budget` says what dominates, as text, JSON and picture."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import pytest
+from typer.testing import CliRunner
+
+from spisim.budget import (
+    Target,
+    range_sigma_m,
+)
+from spisim.cli import app
+from spisim.instrument import list_presets, load_instrument
+
+
+def spisim(*arguments: str | Path) -> Any:
+    return CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "100"})
+
+
+def test_budget_prints_what_dominates() -> None:
+    run = spisim("budget", "apd")
+    assert run.exit_code == 0, run.stderr
+    assert "Image: the noise of the daylight dominates" in run.stdout
+    assert "class 1" in run.stdout
+    assert "no certification" in run.stdout
+
+
+def test_budget_as_json() -> None:
+    run = spisim("budget", "fga015", "--visibility", "50", "--range", 4, "--json")
+    assert run.exit_code == 0, run.stderr
+    report = json.loads(run.stdout)
+    sigma = range_sigma_m(load_instrument("fga015"), Target(**report["target"])).max()
+    assert report["target"]["extinction_per_m"] == pytest.approx(3.912 / 50 * 1.1416, rel=1e-3)
+    assert report["range"]["sigma_m"] == pytest.approx(sigma)
+    assert report["image"]["dominating"]["source"] == "amplifier"
+    assert report["warnings"] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list_presets())
+def test_budget_draws_a_picture(name: str, tmp_path: Path) -> None:
+    picture = tmp_path / "budget.png"
+    run = spisim("budget", name, "-o", picture)
+    assert run.exit_code == 0, run.stderr
+    assert matplotlib.image.imread(picture).shape[1] > 1000
+
+
+def test_budget_warns() -> None:
+    run = spisim("budget", "paper", "--range", "12")
+    assert run.exit_code == 0
+    assert "warning: ranges at 12 m are ambiguous" in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["papre"], ["no instrument 'papre'", "did you mean 'paper'"]),
+        (["missing.yaml"], ["missing.yaml", "no such file"]),
+        (["--range", "-1"], ["--range"]),
+        (["--reflectance", "1.5"], ["--reflectance"]),
+        (["--illuminance", "-5"], ["--illuminance"]),
+        (["--range", "nan"], ["--range"]),
+        (["--visibility", "0"], ["visibility_m", "greater than 0"]),
+        (["-o", "."], ["folder"]),
+    ],
+)
+def test_mistakes_of_the_command_line(arguments: list[str], parts: list[str]) -> None:
+    run = spisim("budget", *arguments)
+    assert run.exit_code == 2
+    assert run.stdout == ""
+    for part in parts:
+        assert part in run.stderr

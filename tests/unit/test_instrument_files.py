@@ -1,0 +1,156 @@
+"""Instrument files: read, written again, and every mistake told."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from instruments import PAPER, load_text
+from reconstruction.errors import InputError
+from spisim.instrument import (
+    Instrument,
+    load_instrument,
+)
+from spisim.instrument.load import PRESETS
+
+
+def test_text_loads_as_the_same_instrument(paper: Instrument, tmp_path: Path) -> None:
+    assert load_text(tmp_path, paper.text) == paper
+
+
+def test_text_tells_of_changes(paper: Instrument) -> None:
+    changed = paper.model_copy(update={"exposure_time_s": 1e-6})
+    assert yaml.safe_load(changed.text)["exposure_time_s"] == 1e-6
+
+
+def test_exposure_defaults_to_the_pattern_period_and_may_be_shorter(tmp_path: Path) -> None:
+    assert load_text(tmp_path, PAPER).exposure_time_s == pytest.approx(1 / 15e3)
+    assert load_text(tmp_path, PAPER + "exposure_time_s: 50.0e-6\n").exposure_time_s == 50e-6
+
+
+@pytest.mark.parametrize(
+    ("wrong", "parts"),
+    [
+        (("power_w: 6.4", "power_w: -6.4"), ["projector.power_w", "greater than 0", "-6.4"]),
+        (("power_w: 6.4", "power_w: .nan"), ["projector.power_w", "finite"]),
+        (("power_w: 6.4", "power: 6.4"), ["projector", "did you mean 'power_w'"]),
+        (("power_w: 6.4", "power_w: on"), ["projector.power_w", "number", "True"]),
+        (("fov_deg: 20", "fov_deg: 180"), ["projector.fov_deg", "less than 180"]),
+        (("shape: [64, 64]", "shape: [64, 60]"), ["plan", "60"]),
+        (("shape: [64, 64]", "shape: [64]"), ["projector.shape[1]", "missing"]),
+        (("patterns: 127", "patterns: 5000"), ["plan", "5000"]),
+        (("patterns: 127", "patterns: 0"), ["plan.patterns", "greater than 0"]),
+        (("order: sequency-2d", "order: sequency2d"), ["plan", "sequency-2d"]),
+        (("polarity: single-ended", "polarity: single"), ["plan.polarity", "single-ended"]),
+        (
+            ("polarity: single-ended", "polarity: signed"),
+            ["plan.polarity", "formed by a recorder; choose differential or single-ended"],
+        ),
+        (("[1544, 1556]", "[1556, 1544]"), ["filter.band_nm", "800 to 1600"]),
+        (("[1544, 1556]", "[1520, 1530]"), ["wavelength_nm", "band_nm"]),
+        (("wavelength_nm: 1550", "wavelength_nm: 905"), ["wavelength_nm", "1544", "905"]),
+        (("wavelength_nm: 1550", "wavelength_nm: 532"), ["wavelength_nm", "800", "532"]),
+        (("f_number: 0.95", "f_number: 0.4"), ["detector.f_number", "0.5", "0.4"]),
+        (("fill_factor: 0.35", "fill_factor: 35"), ["detector.sensor.fill_factor", "35"]),
+        (("responsivity_a_per_w: 0.95", "responsivity_a_per_w: 1.3"), ["electron per photon"]),
+        (("bits: 16", "bits: 16.5"), ["detector.adc.bits", "16.5"]),
+        (("    - [5, -5]\n", ""), ["lasers.directions_deg", "4"]),
+        (("[5, -5]", "[5, -95]"), ["lasers.directions_deg[3][1]", "-95"]),
+        (("width: 0.25", "width: 1.25"), ["tof.modulation.taps.width", "1.25"]),
+        (("periods: 128000", "periods: many"), ["tof.periods", "'many'"]),
+        (("pattern_rate_hz: 15.0e+3", "pattern_rate_hz: 0"), ["projector.pattern_rate_hz"]),
+    ],
+)
+def test_mistake_in_a_field(tmp_path: Path, wrong: tuple[str, str], parts: list[str]) -> None:
+    text = PAPER.replace(*wrong, 1)
+    assert text != PAPER
+    with pytest.raises(InputError) as caught:
+        load_text(tmp_path, text)
+    message = str(caught.value)
+    for part in ["mine.yaml", *parts]:
+        assert part in message
+    assert len(message.splitlines()) == 1
+
+
+SPAD = (PRESETS / "spad.yaml").read_text(encoding="utf-8")
+HYBRID = (PRESETS / "hybrid.yaml").read_text(encoding="utf-8")
+MODULATION = "  modulation: {frequencies_hz: [15.0e+6]}\n  pattern_rate_hz"
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong", "parts"),
+    [
+        (SPAD, ("type: spad ", "type: sapd "), ["tof.detector.sensor", "sapd", "spad"]),
+        (SPAD, ("method: dtof", "method: cw"), ["tof"]),
+        (SPAD, ("900.0e+3", "950.0e+3"), ["repetition_rate_hz 950000", "at most"]),
+        (SPAD, ("detection_efficiency: 0.15", "detection_efficiency: 15"), ["more than 1"]),
+        (SPAD, ("bins: 800", "bins: 2"), ["tof.bins", "greater than or equal to 3"]),
+        (HYBRID, ("rise_time_s: 1.0e-9", "rise_time_s: 1.0e-7"), ["rise_time_s", "pulse_width_s"]),
+        (HYBRID, ("1.2e+6", "5.0e+6"), ["repetition_rate_hz 5e+06", "at most"]),
+        (HYBRID, ("  adc:\n    bits: 16", "  adcs:\n    bits: 16"), ["did you mean 'adc'"]),
+        (PAPER, ("in_band_fraction: 1.0", "nonuniformity: 0"), ["in_band_fraction or spectrum"]),
+        (PAPER, ("f_number: 0.95", "vignetting: 0"), ["f_number or aperture_diameter_mm"]),
+        (PAPER, ("    noise_pa", "    coupling: ac\n    noise_pa"), ["low_cut_hz"]),
+        (
+            PAPER,
+            ("  pattern_rate_hz", MODULATION.replace("15.0e+6", "15.0")),
+            ["projector.modulation.frequencies_hz", "at least 1.5e+04"],
+        ),
+        (
+            PAPER,
+            ("  pattern_rate_hz", MODULATION.replace("]", "], taps: {width: 0.5}")),
+            ["projector.modulation.taps", "width 0.25"],
+        ),
+        (PAPER, ("[14.9896229e+6]", "[15.0e+6, 15.0e+6]"), ["frequencies_hz", "twice"]),
+        (PAPER, ("[14.9896229e+6]", "[]"), ["frequencies_hz", "at least 1 items, not 0"]),
+        (
+            PAPER,
+            ("offset_counts: 256    # assumed; keeps", "offset_counts: 65535 # assumed; keeps"),
+            ["detector.adc", "offset_counts 65535", "ends at 65535"],
+        ),
+        (
+            PAPER,
+            ("  pattern_rate_hz", "  settling_time_s: 1.0e-3\n  pattern_rate_hz"),
+            ["projector.settling_time_s 0.001", "at most 1.333e-05"],
+        ),
+        (
+            PAPER,
+            ("1 MΩ feedback has 0.13, the amplifier adds some", "\n    bandwidth_hz: 1.0e+4"),
+            ["detector.amplifier.bandwidth_hz", "at most 1.333e-05"],
+        ),
+        (
+            HYBRID,
+            (
+                "a 15 MHz channel (10 kΩ feedback, 3 pF)",
+                "\n      coupling: ac\n      low_cut_hz: 100",
+            ),
+            ["tof", "coupling should be dc", "pulsed"],
+        ),
+    ],
+)
+def test_mistake_in_another_instrument(
+    tmp_path: Path, text: str, wrong: tuple[str, str], parts: list[str]
+) -> None:
+    changed = text.replace(*wrong, 1)
+    assert changed != text
+    with pytest.raises(InputError) as caught:
+        load_text(tmp_path, changed)
+    message = str(caught.value)
+    for part in ["mine.yaml", *parts]:
+        assert part in message
+    assert len(message.splitlines()) == 1
+
+
+def test_exposure_longer_than_a_pattern(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"exposure_time_s 0\.001.*pattern_rate_hz"):
+        load_text(tmp_path, PAPER + "exposure_time_s: 1.0e-3\n")
+
+
+def test_missing_part(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"mine\.yaml: tof: is missing"):
+        load_text(tmp_path, PAPER.split("\ntof:")[0])
+
+
+def test_unknown_preset_names_the_nearest() -> None:
+    with pytest.raises(InputError, match=r"no instrument 'papre'.*did you mean 'paper'"):
+        load_instrument("papre")

@@ -1,0 +1,109 @@
+"""Meshes that light cannot be traced through soundly are told; sound ones are not."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from reconstruction.errors import InputError
+from scenefiles import Load, with_objects
+from spisim.scene import (
+    SceneWarning,
+)
+
+
+def without_warning(load: Load, text: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load(text)
+
+
+def solid(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    trimesh.Trimesh(vertices, faces, process=False).export(path)
+
+
+@pytest.fixture
+def odd_meshes(tmp_path: Path) -> None:
+    """Meshes with one thing wrong each, next to sound ones that look suspicious."""
+    box = trimesh.creation.box((1, 1, 1))
+    vertices, faces = np.asarray(box.vertices), np.asarray(box.faces)
+    solid(tmp_path / "inverted.ply", vertices, faces[:, ::-1])
+    flipped = faces.copy()
+    flipped[0] = flipped[0, ::-1]
+    solid(tmp_path / "flipped.ply", vertices, flipped)
+    fin = np.vstack([faces, [faces[0, 0], faces[0, 1], len(vertices)]])
+    solid(tmp_path / "fin.ply", np.vstack([vertices, [2, 2, 2]]), fin)
+    solid(tmp_path / "open.ply", vertices, faces[1:])
+    solid(tmp_path / "soup.ply", vertices[faces].reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    away = np.vstack([vertices, vertices + np.array([1, 1, 0])])
+    solid(tmp_path / "touching.ply", away, np.vstack([faces, faces + len(vertices)]))
+    solid(tmp_path / "flat.ply", vertices * (1, 1, 0), faces)
+    hollow = np.vstack([vertices, vertices / 2])
+    solid(tmp_path / "hollow.ply", hollow, np.vstack([faces, faces[:, ::-1] + len(vertices)]))
+
+
+@pytest.mark.usefixtures("odd_meshes")
+def test_unsound_meshes_are_named_in_one_warning(load: Load) -> None:
+    text = with_objects(
+        *(
+            f"name: {name}, mesh: {name}.ply, translate_m: [{3 * i}, 5, 0], material: brick"
+            for i, name in enumerate(["inverted", "flipped", "fin", "solid", "open"])
+        )
+    )
+    with pytest.warns(SceneWarning) as caught:
+        assert len(load(text).objects) == 6
+    (warning,) = caught
+    message = str(warning.message)
+    assert "scene 'test'" in message
+    assert "'inverted' (inside out)" in message
+    assert "'flipped' (triangles facing in and out)" in message
+    assert "'fin' (edges shared by more than two triangles)" in message
+    assert not any(name in message for name in ("wall", "solid", "open"))
+
+
+@pytest.mark.usefixtures("odd_meshes")
+@pytest.mark.parametrize("name", ["open", "soup", "touching", "hollow", "flat"])
+def test_sound_meshes_that_look_suspicious(load: Load, name: str) -> None:
+    without_warning(
+        load, with_objects(f"name: it, mesh: {name}.ply, translate_m: [3, 5, 0], material: brick")
+    )
+
+
+def test_room_is_sound_only_around_the_drone(load: Load) -> None:
+    without_warning(load, with_objects("name: room, mesh: room.ply, material: brick"))
+    elsewhere = "name: room, mesh: room.ply, translate_m: [50, 0, 0], material: brick"
+    with pytest.warns(SceneWarning, match=r"'room' \(inside out\)"):
+        load(with_objects(elsewhere))
+
+
+@pytest.mark.parametrize(
+    ("scale", "x_m", "told"),
+    [
+        (300, 500, "is 300 m wide"),
+        (1e-4, 500, r"is 0\.0001 m wide"),
+        (100, 500, None),
+        (1, 20_000, r"is 2e\+04 m from the origin"),
+    ],
+)
+def test_sizes_of_another_unit_are_told(
+    load: Load, scale: float, x_m: float, told: str | None
+) -> None:
+    text = with_objects(
+        f"name: other drone, shape: box, size_m: [1, 1, 0.2], scale: {scale},"
+        f" translate_m: [{x_m}, 0, 0], material: brick"
+    )
+    if told is None:
+        without_warning(load, text)
+        return
+    with pytest.warns(SceneWarning, match=rf"'other drone' {told}; all lengths are metres"):
+        load(text)
+
+
+@pytest.mark.parametrize("nonsense", ["scale: 1e30", "translate_m: [0, -1e300, 0]"])
+def test_what_is_too_far_away_to_trace_is_refused(load: Load, nonsense: str) -> None:
+    with pytest.raises(
+        InputError, match=r"\(box\): reaches 1e\+30.* m from the origin; at most 1e"
+    ):
+        load(with_objects(f"name: box, shape: box, size_m: [2, 2, 2], {nonsense}, material: brick"))
