@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,7 +30,7 @@ from spisim.config import (
     read_text,
 )
 from spisim.dataset.values import Grid, drawn_value, open_value, openable, possible, set_field
-from spisim.distributions import stream
+from spisim.distributions import is_distribution, stream
 from spisim.families import find_family
 from spisim.instrument import Instrument
 from spisim.instrument.load import PRESETS
@@ -48,6 +49,16 @@ def _instruments(value: Any) -> Any:
         if not isinstance(name, str) or not name:
             raise PydanticCustomError("instrument", "should be a name, or a grid of names")
     return names
+
+
+def _wavelengths(value: Any) -> Any:
+    """A wavelength, a distribution of them, or a grid; or None."""
+    open_ = openable(value)
+    for each in [] if value is None else possible(open_):
+        if not is_distribution(each) and (isinstance(each, bool) or not isinstance(each, Real)):
+            found = "" if each is value else f", not {each!r}"
+            raise PydanticCustomError("wavelength", "should be a number{found}", {"found": found})
+    return open_
 
 
 class SceneSource(Section):
@@ -93,7 +104,8 @@ class Plan(Section):
 
     `vary` gives fields of the scene file ("scene.fog.visibility_m") and of the instrument's file
     ("instrument.lasers.power_w") values, distributions, or grids; under any other name, mappings of
-    such fields, which change together. `materials` does so for materials in place of others. With
+    such fields, which change together. `materials` does so for materials in place of others, and
+    `wavelength_nm` for the wavelength that the instrument is built for; the scene follows. With
     grids, the samples run through all combinations, again and again with other random values;
     within one such round, these are the same. With `every_scene`, the scenes are a grid too.
     """
@@ -107,6 +119,7 @@ class Plan(Section):
     vary: dict[Name, Openable] = Field(default_factory=dict)
     materials: dict[Name, Openable] = Field(default_factory=dict)
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
+    wavelength_nm: Annotated[Any, BeforeValidator(_wavelengths)] = None
     spp: Count | None = None
     noise: Positive | None = None
     frames: Count = 1
@@ -126,7 +139,9 @@ class Plan(Section):
     @property
     def open(self) -> dict[str, Any]:
         """What every sample draws, by field: `vary`, and `materials` as "materials.old"."""
-        return {**self.vary, **{f"materials.{old}": new for old, new in self.materials.items()}}
+        moved = {} if self.wavelength_nm is None else {"wavelength_nm": self.wavelength_nm}
+        swaps = {f"materials.{old}": new for old, new in self.materials.items()}
+        return {**moved, **self.vary, **swaps}
 
     @cached_property
     def axes(self) -> dict[str, tuple[Any, ...]]:
@@ -194,6 +209,7 @@ class Sample:
     scene_text: str
     scene_folder: Path
     instrument_text: str
+    wavelength_nm: float | None  # that the instrument is moved to
     parameters: Mapping[str, Any]  # by field of the plan
 
 
@@ -259,10 +275,10 @@ class PlannedSet:
         with naming(self.path):
             for path, value in drawn.items():
                 file, _, field = path.partition(".")
-                if file == "materials":
-                    scene.setdefault("material_swaps", {})[field] = value
-                else:
+                if file in files:
                     set_field(files[file], field, copy.deepcopy(value))  # fields of it may follow
+                elif file == "materials":
+                    scene.setdefault("material_swaps", {})[field] = value
         name = scene.get("name") or f"{source.family}-{scene['seed']}"
         told = {"instrument": instrument} if "instrument" in chosen else {}
         return Sample(
@@ -272,6 +288,7 @@ class PlannedSet:
             _dump(scene),
             folder,
             _dump(files["instrument"]),
+            drawn.get("wavelength_nm"),
             {"scene": source.family or name, **told, **parameters, **drawn},
         )
 

@@ -112,8 +112,16 @@ def _calculate_on_one_thread() -> None:
 
 def load(sample: Sample) -> tuple[Scene, Instrument]:
     """Scene and instrument of a sample. Raises InputError."""
-    scene = make_scene(sample.scene_text, sample.scene_folder, "scene")
-    return scene, parse_model(sample.instrument_text, Instrument, "instrument")
+    instrument = parse_model(sample.instrument_text, Instrument, "instrument")
+    if sample.wavelength_nm is not None:
+        instrument = instrument.at_wavelength(sample.wavelength_nm)
+    scene = make_scene(
+        sample.scene_text,
+        sample.scene_folder,
+        "scene",
+        wavelength_nm=instrument.wavelength_nm,
+    )
+    return scene, instrument
 
 
 def peak_memory_mb() -> float:

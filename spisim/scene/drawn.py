@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import trimesh
@@ -32,13 +33,23 @@ class Drawn:
 
 
 def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
-    """The first scene of a family that has a sound layout, from the fields of a scene file.
+    """Scene of a family, from the fields of a scene file.
+
+    What is drawn follows from family, seed and parameters alone: it is the same whatever the file
+    adds to it, wherever the drone is moved, and at every wavelength.
 
     Raises InputError, naming the source, for fields that do not fit, an unknown family, unknown
     parameters, and where none of many draws has a sound layout.
     """
-    source = setting.source
-    described = check_fields(fields, DrawnDescription, source)
+    described = check_fields(fields, DrawnDescription, setting.source)
+    draft = _sound_draft(described, setting.source)
+    whole = whole_file(fields, draft)
+    scene = assemble(check_fields(whole, SceneDescription, setting.source), setting, draft.meshes)
+    return Drawn(scene, whole, draft.meshes)
+
+
+def _sound_draft(described: DrawnDescription, source: Path | str) -> families.Draft:
+    """The first one in which the instrument can fly."""
     problem: str | None = ""
     for attempt in range(ATTEMPTS):
         draft = families.draft(
@@ -48,14 +59,13 @@ def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
             attempt=attempt,
             source=f"{source}: parameters",
         )
-        whole = whole_file(fields, draft)
-        scene = assemble(check_fields(whole, SceneDescription, source), setting, draft.meshes)
-        problem = layout_problem(scene)
+        alone = SceneDescription.model_validate(whole_file({"family": described.family}, draft))
+        problem = layout_problem(assemble(alone, Setting(Path(), "", source), draft.meshes))
         if problem is None:
-            return Drawn(scene, whole, draft.meshes)
+            return draft
     raise InputError(
         f"{source}: family {described.family}, seed {described.seed}: none of {ATTEMPTS} draws is "
-        f"a scene to fly in; in the last, {problem}; change parameters or drone"
+        f"a scene to fly in; in the last, {problem}; change the parameters"
     )
 
 

@@ -93,7 +93,7 @@ def make_scene(
         scene = draw(fields, setting).scene
     else:
         scene = assemble(check_fields(fields, SceneDescription, source), setting)
-        check_drone(scene, source)
+    check_drone(scene, source)
     if fields.get("moment") is not None:
         moment = Moment.model_validate(fields["moment"])  # as checked with the other fields
         scene = replace(at_moment(scene, moment), text=text)

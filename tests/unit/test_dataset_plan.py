@@ -10,6 +10,7 @@ import yaml
 from reconstruction.errors import InputError
 from spisim.dataset.plan import PlannedSet, Sample, load_plan
 from spisim.dataset.preview import check
+from spisim.dataset.sample import load
 
 PLAN = """
 name: some
@@ -144,6 +145,18 @@ def test_values_of_a_grid_may_be_drawn_themselves(tmp_path: Path) -> None:
         assert "fog" not in yaml.safe_load(plan.sample(index + 1).scene_text)
 
 
+def test_instrument_and_scene_move_to_another_wavelength(tmp_path: Path) -> None:
+    vary = {"instrument.lasers.power_w": 3e-3, "scene.drone.turn_deg": [0, 0, {"normal": [0, 3]}]}
+    plan = planned(tmp_path, samples=4, vary=vary, wavelength_nm={"grid": [905, 1550]})
+    assert told(plan, "wavelength_nm") == [905, 1550, 905, 1550]
+    for index, wavelength_nm in enumerate([905, 1550]):
+        scene, instrument = load(plan.sample(index))
+        assert scene.wavelength_nm == instrument.wavelength_nm == wavelength_nm
+        low, high = instrument.filter.band_nm
+        assert low < wavelength_nm < high
+        assert instrument.lasers.power_w == 3e-3
+
+
 def test_distinct_scenes_come_again_as_they_were(tmp_path: Path) -> None:
     family = {
         "family": "targets",
@@ -271,6 +284,10 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"scenes": [{"family": "targets", "weight": 0}]}, "should not all have weight 0"),
     ({"scenes": [{"family": "targets", "weight": -1}]}, "scenes[0].weight: should be greater"),
     ({"instrument": "papier"}, "did you mean 'paper'?"),
+    ({"wavelength_nm": "infrared"}, "wavelength_nm: should be a number; found 'infrared'"),
+    ({"wavelength_nm": {"grid": [905, "a"]}}, "wavelength_nm: should be a number, not 'a'"),
+    ({"wavelength_nm": {"uniform": [950, 900]}}, "wavelength_nm: needs a lower and"),
+    ({"wavelength_nm": 2000}, "wavelength_nm: should be less than or equal to 1600; found 2000"),
     ({"samples": 0}, "samples: should be greater than 0"),
     ({"samples": "many"}, "samples: "),
     ({"seed": -1}, "seed: should be greater"),

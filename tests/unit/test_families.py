@@ -95,10 +95,40 @@ def test_what_cannot_be_drawn_is_told(family: str, parameters: dict, told: list[
     assert all(word in str(error.value) for word in told)
 
 
-def test_a_pose_with_nothing_to_see_is_refused() -> None:
-    drone = {"position_m": [0, 0, 1.5], "look_at_m": [-5, 0, 1.5]}
-    with pytest.raises(InputError, match=r"none of 40 draws is a scene to fly in.*laser spot"):
-        draw_scene("targets", 0, {"target": "plane"}, {"drone": drone})
+BLOCK = {"name": "block", "shape": "box", "size_m": [9, 9, 9], "material": "brick"}
+
+
+@pytest.mark.parametrize(
+    ("family", "turn_deg"), [("street-canyon", [0, -60, 0]), ("tunnel", [0, 0, 180])]
+)
+def test_what_is_drawn_does_not_depend_on_what_the_file_adds(
+    family: str, turn_deg: list[float]
+) -> None:
+    drawn = draw_scene(family, 2)
+    changes = {
+        "drone": {"turn_deg": turn_deg, "offset_m": [0.2, -0.1, 0.1]},
+        "material_swaps": {"brick": "rubber-black", "concrete": "rubber-black"},
+        "objects": [{**BLOCK, "translate_m": [0, 0, -30]}],
+    }
+    changed = draw_scene(family, 2, changes=changes, wavelength_nm=905)
+    assert layout_problem(changed) is not None
+    *kept, block = changed.objects
+    assert block.name == "block"
+    for one, other in zip(drawn.objects, kept, strict=True):
+        assert one.name == other.name
+        assert np.array_equal(one.mesh.triangles, other.mesh.triangles)
+
+
+def test_a_drone_moved_into_something_drawn_is_refused() -> None:
+    with pytest.raises(InputError, match="inside object 'block'"):
+        draw_scene("targets", 0, changes={"objects": [BLOCK], "drone": {"offset_m": [0.1, 0, 0]}})
+
+
+def test_a_family_whose_draws_are_all_unfit_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("spisim.scene.drawn.layout_problem", lambda scene: "the drone is too big")
+    told = r"seed 3: none of 40 draws is a scene to fly in; in the last, the drone is too big"
+    with pytest.raises(InputError, match=told):
+        draw_scene("targets", 3)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import yaml
 from datasets import make_set
 from reconstruction import Capture, InputError, evaluate, reconstruct
 from spisim.dataset.records import Outcome, Record, failure
+from spisim.dataset.sample import load
 from spisim.study import METRICS, load_study
 from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of, kept_at
 from spisim.study.labels import axis_label, condition_label, value_label
@@ -105,6 +106,18 @@ def test_the_studies_that_are_shipped_can_be_run(name: str) -> None:
     assert small.data_set.plan.size < study.data_set.plan.size / 3
     assert study.conditions[0][1:] == (None,) * len(study.study.groups)  # clear air is first
     assert len(set(study.conditions)) == len(study.conditions)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::spisim.scene.SceneWarning")  # fog is denser than natural
+@pytest.mark.parametrize("name", ["fog-and-rain", "depth"])
+def test_every_view_of_the_studies_that_are_shipped_can_be_made(name: str) -> None:
+    study = load_study(STUDIES / f"{name}.yaml")
+    samples = map(study.data_set.sample, range(study.data_set.plan.size))
+    views = {(s.scene_name, *s.parameters["scene.drone.turn_deg"]): s for s in samples}
+    assert len(views) == len(study.plan.scenes) * study.study.rounds
+    for sample in views.values():
+        load(sample)
 
 
 def test_a_quick_setting_changes_what_it_names(tmp_path: Path) -> None:
