@@ -5,7 +5,7 @@
 
 Makes the data set of estimator.yaml (run again, it only goes on), then fits principal components
 of the readings and a ridge regression, and compares with the depth map that `reconstruct` gives.
-Takes about 7 minutes on two cores.
+Takes about 3 minutes on two cores.
 """
 
 import argparse

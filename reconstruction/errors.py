@@ -5,6 +5,9 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 
+#: Names that are all told of.
+MOST_NAMES = 24
+
 
 class InputError(ValueError):
     """A file, option or value cannot be used; the message says which and what is allowed."""
@@ -27,8 +30,15 @@ def explain(error: OSError) -> str:
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Point from an unknown name to the known ones: ``did you mean 'x'? allowed: a, b, c``."""
+    """Point from an unknown name to the known ones: ``did you mean 'x'? allowed: a, b, c``.
+
+    Of many names only those that are a little like it are told.
+    """
     names = list(allowed)
-    known = f"allowed: {', '.join(names)}"
+    if len(names) <= MOST_NAMES:
+        known = f"allowed: {', '.join(names)}"
+    else:
+        like = get_close_matches(name, names, n=MOST_NAMES // 2, cutoff=0.5) or names[:3]
+        known = f"allowed: {', '.join(like)} and {len(names) - len(like)} others"
     close = get_close_matches(name, names, n=1)
     return f"did you mean {close[0]!r}? {known}" if close else known

@@ -75,7 +75,7 @@ def command(
     require_folder(output)
     trajectory = load_trajectory(path, frame).faster(speed)
     carried = instrument_with(instrument)
-    place = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
+    place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
     check_clear_path(place, trajectory)
     flight = instants(place, trajectory, carried, rate, seed)
     kept = kept_captures(output, flight, carried, spp)
@@ -96,7 +96,7 @@ def command(
     written = [output / name for name in (*(i.file for i in flight), *OUTPUTS)]
     if json:
         report = {"written": written, "captures": len(flight), "kept": len(kept)}
-        print_json(report | {"duration_s": trajectory.duration_s, "warnings": warnings})
+        print_json(report | {"duration_s": trajectory.duration_s, "warnings": oddities + warnings})
         return
     old = f" ({len(kept)} of them kept)" if kept else ""
     messages.print(

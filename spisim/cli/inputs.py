@@ -22,10 +22,11 @@ def scene_with(
     fog_kind: str | None = None,
     rain_mm_per_h: float | None = None,
     drops: bool = False,
-) -> Scene:
+) -> tuple[Scene, list[str]]:
     """Load a scene at a wavelength and replace its weather where the command line says so.
 
-    The scene's text is changed along, so that a capture tells how to make it again.
+    The scene's text is changed along, so that a capture tells how to make it again. Its warnings
+    are printed, and returned too.
     """
     from reconstruction.errors import InputError
     from spisim.scene import SceneWarning, load_scene
@@ -50,8 +51,9 @@ def scene_with(
         if changes:
             odd.clear()
             scene = load_scene(name, changes, wavelength_nm=wavelength_nm)
-    warn(str(warning.message) for warning in odd)
-    return scene
+    warnings = [str(warning.message) for warning in odd]
+    warn(warnings)
+    return scene, warnings
 
 
 def _fog(

@@ -67,7 +67,7 @@ def command(
 
     require_file(output)
     carried = instrument_with(instrument, wavelength)
-    there = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
+    there, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
     plan = carried.pattern_plan
     if pattern is not None and pattern >= plan.exposures:
         raise InputError(f"--pattern {pattern}: the plan has exposures 0..{plan.exposures - 1}")
@@ -87,6 +87,7 @@ def command(
     picture = output.with_suffix(".png")
     write_png(picture, view_scale(view).rgba(view))
     if json:
-        print_json({"written": [output, picture], "radiance_mean": float(view.mean())})
+        mean = float(view.mean())
+        print_json({"written": [output, picture], "warnings": oddities, "radiance_mean": mean})
     else:
         messages.print(f"Wrote {output} and {picture}.", soft_wrap=True)

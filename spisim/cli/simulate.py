@@ -63,7 +63,7 @@ def command(
 
     require_file(output)
     carried = instrument_with(instrument, wavelength, patterns, order, polarity)
-    place = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
+    place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
         simulation = simulate(
@@ -104,7 +104,7 @@ def command(
         print_json(
             {
                 "written": written,
-                "warnings": warnings,
+                "warnings": oddities + warnings,
                 "seconds": seconds,
                 "paths": paths,
                 "media": place.media_summary(),

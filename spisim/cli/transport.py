@@ -82,7 +82,7 @@ def command(
         bins=None if cube is None else PathLengthBins.up_to(LONGEST_PATH_M, cube),
     )
     carried = instrument_with(instrument, wavelength)
-    place = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
+    place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
     with progress_bar("Tracing light", progress) as advance:
         light = solve(
             place,
@@ -99,6 +99,7 @@ def command(
         print_json(
             {
                 "written": [output, histograms],
+                "warnings": oddities,
                 "paths": light.paths,
                 "seconds": light.seconds,
                 "transport_mean": float(light.image.mean()),

@@ -258,6 +258,12 @@ def test_doctor_finds_this_machine_ready() -> None:
     assert "missing" not in findings["packages"].values()
 
 
+def test_the_package_runs_as_the_command_does() -> None:
+    command = [sys.executable, "-m", "spisim", "schema", "plan"]
+    run = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert run.stdout == spisim("schema", "plan").stdout
+
+
 def test_doctor_tells_an_unusable_llvm(tmp_path: Path) -> None:
     variables = os.environ | {"DRJIT_LIBLLVM_PATH": str(tmp_path / "none.so")}
     run = subprocess.run(
@@ -365,9 +371,10 @@ def test_what_is_odd_about_a_scene_is_told_and_clear_means_clear(tmp_path: Path)
     text = text.replace("meshes/", f"{SCENES}/meshes/")
     volumes = f"volumes:\n  - {bank % 'one'}\n  - {bank % 'two'}\n"
     scene.write_text(text + volumes, encoding="utf-8")
-    run = spisim("simulate", scene, "-o", tmp_path / "c.h5", *QUICK)
+    run = spisim("simulate", scene, "-o", tmp_path / "c.h5", *QUICK, "--json")
     assert run.exit_code == 0, run.stderr
     assert "warning: volumes 'one' and 'two' overlap" in " ".join(run.stderr.split())
+    assert any("'one' and 'two' overlap" in text for text in json.loads(run.stdout)["warnings"])
     run = spisim("simulate", scene, "-o", tmp_path / "c.h5", *QUICK, "--clear")
     assert run.exit_code == 0, run.stderr
     assert "'one'" not in run.stderr

@@ -242,5 +242,7 @@ def test_a_wavelength_is_the_same_as_integer_and_by_default() -> None:
 def test_unknown_material_names_the_nearest() -> None:
     with pytest.raises(InputError, match=r"'conrete'.*did you mean 'concrete'"):
         find_material("conrete")
+    with pytest.raises(InputError, match=r"allowed: concrete, .*concrete-wet.* and \d+ others$"):
+        find_material("conrete")
     with pytest.raises(InputError, match="did you mean 'my-paint'"):
         find_material("my-paimt", {"my-paint": Material("my-paint", 0.5, "measured")})

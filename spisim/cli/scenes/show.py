@@ -42,13 +42,14 @@ def command(
     picture = output or Path(f"{Path(scene).stem}.png")
     require_file(picture)
     carried = instrument_with(instrument)
-    place = scene_with(scene, carried.wavelength_nm, None, clear=False)
+    place, oddities = scene_with(scene, carried.wavelength_nm, None, clear=False)
     sight = Sight.of(place)
     found = survey(place, carried, sight)
     write_look(picture, Look(place, carried, sight, found), fov)
-    warn([] if found.problem is None else [f"scene {place.name!r}: {found.problem}"])
+    problems = [] if found.problem is None else [f"scene {place.name!r}: {found.problem}"]
+    warn(problems)
     if json:
-        print_json({**found.summary(), "written": [picture]})
+        print_json({**found.summary(), "warnings": oddities + problems, "written": [picture]})
         return
     _print(found)
     messages.print(f"Wrote {picture}.", soft_wrap=True)

@@ -1,0 +1,5 @@
+"""Run as ``python -m spisim``."""
+
+from spisim.cli import main
+
+main()
