@@ -6,8 +6,8 @@ import yaml
 
 import reconstruction
 import worlds
+from instruments import changed
 from reconstruction.capture import Capture
-from spisim.config import parse_model
 from spisim.instrument import Instrument, load_instrument
 from spisim.measurement import LightSequence, bucket_light, record, trace
 from spisim.scene import Ambient, Scene
@@ -15,18 +15,6 @@ from spisim.transport import GroundTruth, ground_truth
 
 PLACE = worlds.scene(worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=20, sun_direction=(0, 0, 1)))
 FRAMES = 1000
-
-
-def changed(name: str, **parts: dict) -> Instrument:
-    """A preset with some fields replaced, checked like a file."""
-    fields = yaml.safe_load(load_instrument(name).text)
-    for path, values in parts.items():
-        section = fields
-        *parents, last = path.split("__")
-        for part in parents:
-            section = section[part]
-        section[last] = values
-    return parse_model(yaml.safe_dump(fields), Instrument, "test")
 
 
 def still(instrument: Instrument, place: Scene = PLACE) -> LightSequence:

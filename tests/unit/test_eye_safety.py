@@ -1,11 +1,9 @@
 """Laser classes and risk groups by the numbers of the standards."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-import yaml
 
+from instruments import changed
 from reconstruction.errors import InputError
 from spisim.budget import (
     Target,
@@ -16,15 +14,7 @@ from spisim.budget import (
 )
 from spisim.budget.eye_safety import retinal_weight, risk_group
 from spisim.budget.laser_limits import accessible_energy_j, repeated_pulse_factor
-from spisim.instrument import Instrument, load_instrument
-
-
-def changed(name: str, **sections: dict[str, Any]) -> Instrument:
-    """A preset whose sections have other fields."""
-    fields = yaml.safe_load(load_instrument(name).text)
-    for section, values in sections.items():
-        fields[section] = fields.get(section, {}) | values
-    return Instrument.model_validate(fields)
+from spisim.instrument import load_instrument
 
 
 def test_limits_follow_from_the_exposure_limits() -> None:
@@ -124,7 +114,7 @@ def test_as_strong_as_class_1_allows(name: str, wavelength_nm: float) -> None:
 
 def test_a_pupil_takes_in_more_beams_than_the_aperture_for_corneas() -> None:
     near = [[-1.5, 1.5], [1.5, 1.5], [-1.5, -1.5], [1.5, -1.5]]  # 5.2 mm apart, 10 cm away
-    paper = changed("paper", lasers={"directions_deg": near})
+    paper = changed("paper", lasers__directions_deg=near)
     assert laser_safety(paper).beams == 1
     assert laser_safety(paper.at_wavelength(905)).beams == 3  # not the one across
 
@@ -140,7 +130,7 @@ def test_5_mw_is_half_of_class_1() -> None:
     ("power_w", "expected"), [(9e-3, "1"), (11e-3, "3R"), (51e-3, "3B"), (0.51, "4")]
 )
 def test_class_of_continuous_lasers(power_w: float, expected: str) -> None:
-    assert laser_safety(changed("paper", lasers={"power_w": power_w})).laser_class == expected
+    assert laser_safety(changed("paper", lasers__power_w=power_w)).laser_class == expected
 
 
 def test_a_pulse_of_65_ns() -> None:
@@ -154,15 +144,13 @@ def test_a_pulse_of_65_ns() -> None:
     ("energy_j", "expected"), [(7e-3, "1"), (9e-3, "3R"), (50e-3, "3B"), (0.2, "4")]
 )
 def test_class_of_rare_strong_pulses(energy_j: float, expected: str) -> None:
-    instrument = load_instrument("hybrid")
-    tof = yaml.safe_load(instrument.text)["tof"] | {"repetition_rate_hz": 0.1}
-    strong = changed("hybrid", lasers={"power_w": energy_j / 65e-9}, tof=tof)
+    strong = changed("hybrid", lasers__power_w=energy_j / 65e-9, tof__repetition_rate_hz=0.1)
     assert laser_safety(strong).laser_class == expected
 
 
 def test_beams_that_meet_in_one_aperture_count_together() -> None:
     close = [[-0.5, 0.5], [0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]]  # 1.7 mm apart, 10 cm away
-    safety = laser_safety(changed("paper", lasers={"directions_deg": close}))
+    safety = laser_safety(changed("paper", lasers__directions_deg=close))
     assert safety.beams == 4
     assert safety.mean_w == pytest.approx(20e-3)
     assert safety.laser_class == "3R"
@@ -216,11 +204,11 @@ def test_array_of_a_preset() -> None:
 
 
 def test_warned_of_above_the_declared_classes_only() -> None:
-    strong = {"power_w": 40e-3}
-    above = changed("paper", lasers=strong, eye_safety={"laser_class": "1", "risk_group": "2"})
+    classes = {"laser_class": "1", "risk_group": "2"}
+    above = changed("paper", lasers__power_w=40e-3, eye_safety=classes)
     target = Target(5.0, 0.5)
     (warning,) = (w for w in budget_warnings(above, target) if "class" in w)
     assert "class 3R" in warning
     assert "laser_class 1" in warning
-    declared = changed("paper", eye_safety={"laser_class": "1", "risk_group": "2"})
+    declared = changed("paper", eye_safety=classes)
     assert budget_warnings(declared, target) == []
