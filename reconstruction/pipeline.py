@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .capture import Capture, Optics, Unit
 from .decoding import decode
-from .depth import anchored_range, nearest_range, pixel_of, pixel_rays
+from .depth import anchored_depth, nearest_range, pixel_of, pixel_rays
 from .errors import InputError
 from .image import pursuit_for, zero_filled
 from .ranging import Ranges, dense_range, measure_ranges
@@ -66,27 +66,31 @@ def reconstruct(capture: Capture, frame: int = 0) -> Result:
         image -= image.min()
         linear -= linear.min()
 
-    ranges = range_m = nearest_m = dense_m = None
+    ranges = depth_m = nearest_m = dense_m = None
     if spots is not None:
         with _timed(timings, "ranging"):
             ranges = measure_ranges(spots, frame)
     if spots is not None and ranges is not None and optics is not None:
         with _timed(timings, "depth"):
             anchors = pixel_of(spots.directions, optics, plan.shape)
-            range_m = anchored_range(image, anchors, ranges.range_m, ranges.sigma_m)
+            forward = spots.directions[:, 2]
+            depth_m = anchored_depth(
+                image, anchors, ranges.range_m * forward, ranges.sigma_m * forward
+            )
             nearest_m = nearest_range(plan.shape, anchors, ranges.range_m)
     if capture.pattern_taps is not None and optics is not None:
         with _timed(timings, "dense ranging"):
             dense_m = dense_range(capture.pattern_taps, plan, optics, frame)
+    stretch = _stretch(optics, plan.shape)
     return Result(
         image=image.astype(np.float32),
         image_zero_filled=linear.astype(np.float32),
         ranges=ranges,
-        range_m=_single(range_m),
-        depth_m=_depth(range_m, optics),
-        depth_nearest_m=_depth(nearest_m, optics),
+        range_m=_single(depth_m, stretch),
+        depth_m=_single(depth_m),
+        depth_nearest_m=_single(nearest_m, 1 / stretch),
         range_dense_m=_single(dense_m),
-        depth_dense_m=_depth(dense_m, optics),
+        depth_dense_m=_single(dense_m, 1 / stretch),
         timings_s=timings,
         unit=capture.buckets.unit,
         recording=capture.digest,
@@ -119,12 +123,10 @@ def _timed(timings_s: dict[str, float], stage: str) -> Iterator[None]:
     timings_s[stage] = perf_counter() - started
 
 
-def _depth(range_m: Floats | None, optics: Optics | None) -> Image | None:
-    if range_m is None or optics is None:
-        return None
-    rays = pixel_rays(optics, (range_m.shape[0], range_m.shape[1]))
-    return _single(range_m / np.linalg.norm(rays, axis=-1))
+def _stretch(optics: Optics | None, shape: tuple[int, int]) -> Floats | float:
+    """Range over depth of each pixel."""
+    return 1.0 if optics is None else np.linalg.norm(pixel_rays(optics, shape), axis=-1)
 
 
-def _single(image: Floats | None) -> Image | None:
-    return None if image is None else image.astype(np.float32)
+def _single(image: Floats | None, factor: Floats | float = 1.0) -> Image | None:
+    return None if image is None else np.asarray(image * factor, dtype=np.float32)

@@ -1,11 +1,17 @@
-"""A range map from an image and four ranges.
+"""A depth map from an image and four ranges.
 
-The light that returns from a surface of reflectance rho under the incidence angle theta at range r
-is proportional to rho cos(theta) / r^2, so log r = (log(rho cos theta) - log I) / 2 + constant.
-Brightness tells range as far as reflectance does not vary: the linear minimum-mean-square-error
-estimate follows -log(I)/2 by the share that range has in the variance of log I. What is left is
-interpolated between the anchors by ordinary kriging, with a covariance that falls off with
-distance in the image and with difference in brightness, so that it does not cross edges.
+The light that returns from a surface of reflectance rho under the incidence angle theta at depth z
+is proportional to rho cos(theta) / z^2, so log z = (log(rho cos theta) - log I) / 2 + constant.
+Brightness tells depth as far as reflectance does not vary: the linear minimum-mean-square-error
+estimate follows -log(I)/2 by the share that depth has in the variance of log I. How much depths
+vary in a view is told by those of its anchors: where all are alike, it is the reflectance that
+varies. What is left is interpolated between the anchors by ordinary kriging, with a covariance that
+falls off with distance in the image and with difference in brightness, so that it does not cross
+edges.
+
+The constants are round values near the least error in 336 scenes drawn from the families. Half or
+twice one of them changes that error by 4 % at most. The obliquity of the field, 1.5 % at 10
+degrees, is left out.
 """
 
 import numpy as np
@@ -14,43 +20,49 @@ from scipy.ndimage import map_coordinates, uniform_filter
 
 Floats = NDArray[np.float64]
 
-LOG_RANGE_DEVIATION = 0.4
-"""Spread of log range within a view: a factor of 1.5 either way."""
+LOG_DEPTH_DEVIATION = 0.4
+"""Spread of log depth within a view as far as known beforehand, which counts as one anchor."""
 LOG_REFLECTANCE_DEVIATION = 0.7
 """Spread of log(rho cos theta): reflectances from 0.2 to 0.8 (0.45) and incidence angles (0.5)."""
-REACH = 1.0
+REACH = 0.5
 """Correlation length in the image, relative to its longer side."""
-SIMILARITY = 1.0
+SIMILARITY = 0.7
 """Difference of log I beyond which two pixels tell little of each other."""
-BEYOND = 1.15
-"""The map stays within this factor of the nearest and of the farthest anchor."""
-DARKEST = 0.1
+OWN = 0.05
+"""Share of the variance that an anchor has to itself, whatever is around it."""
+DARKEST = 0.2
 """Pixels are taken to be at least this bright, relative to the 90th percentile."""
+NEARER = 1.3
+"""The map goes nearer than the nearest anchor by this factor at most, and not beyond the farthest:
+what is bright must be near, what is dark may just be dark."""
 
 
-def anchored_range(
-    image: Floats, anchors: Floats, range_m: Floats, sigma_m: Floats
+def anchored_depth(
+    image: Floats, anchors: Floats, depth_m: Floats, sigma_m: Floats
 ) -> Floats | None:
-    """Range map (H, W) in metres from an image (H, W) and ranges (K,) at pixels (K, 2).
+    """Depth map (H, W) in metres from an image (H, W) and depths (K,) at pixels (K, 2).
 
-    ``anchors`` are fractional rows and columns; ranges that are not finite are ignored. None if
-    there is none left or the image is dark.
+    ``anchors`` are fractional rows and columns, ``sigma_m`` (K,) the depths' standard deviations;
+    depths that are not finite are ignored. None if there is none left or the image is dark.
     """
-    usable = np.isfinite(range_m) & (range_m > 0)
+    usable = np.isfinite(depth_m) & (depth_m > 0)
     reference = float(np.percentile(image, 90))
     if not usable.any() or reference <= 0:
         return None
-    brightness = np.log(np.maximum(image, DARKEST * reference))
-    share = 4 * LOG_RANGE_DEVIATION**2
-    share /= share + LOG_REFLECTANCE_DEVIATION**2
-    trend = -share / 2 * brightness
+    anchors, depth_m, sigma_m = anchors[usable], depth_m[usable], sigma_m[usable]
+    log_depth = np.log(depth_m)
+    scatter = ((log_depth - log_depth.mean()) ** 2).sum()
+    depth_variance = (LOG_DEPTH_DEVIATION**2 + scatter) / len(log_depth)
+    share = 4 * depth_variance / (4 * depth_variance + LOG_REFLECTANCE_DEVIATION**2)
 
-    anchors, range_m, sigma_m = anchors[usable], range_m[usable], sigma_m[usable]
+    brightness = np.log(np.maximum(image, DARKEST * reference))
     around = uniform_filter(brightness, 3)
     at_anchors = map_coordinates(around, anchors.T, order=1, mode="nearest")
-    residual = np.log(range_m) + share / 2 * at_anchors
-    log_range = trend + _krige(around, anchors, at_anchors, residual, sigma_m / range_m)
-    return np.clip(np.exp(log_range), range_m.min() / BEYOND, range_m.max() * BEYOND)
+    residual = log_depth + share / 2 * at_anchors
+    unexplained = (1 - share) * depth_variance
+    kriged = _krige(around, anchors, at_anchors, residual, unexplained, sigma_m / depth_m)
+    depth = np.exp(kriged - share / 2 * brightness)
+    return np.clip(depth, depth_m.min() / NEARER, depth_m.max())
 
 
 def nearest_range(shape: tuple[int, int], anchors: Floats, range_m: Floats) -> Floats | None:
@@ -62,20 +74,24 @@ def nearest_range(shape: tuple[int, int], anchors: Floats, range_m: Floats) -> F
 
 
 def _krige(
-    brightness: Floats, anchors: Floats, at_anchors: Floats, values: Floats, sigma: Floats
+    brightness: Floats,
+    anchors: Floats,
+    at_anchors: Floats,
+    values: Floats,
+    variance: float,
+    sigma: Floats,
 ) -> Floats:
-    """Ordinary kriging of values at the anchors, with standard deviations ``sigma``."""
+    """Ordinary kriging of values at the anchors that are known up to ``sigma``."""
     reach = REACH * max(brightness.shape)
-    prior = 1 / (4 / LOG_REFLECTANCE_DEVIATION**2 + 1 / LOG_RANGE_DEVIATION**2)
 
     def covariance(squared: Floats, contrast: Floats) -> Floats:
-        return prior * np.exp(-squared / (2 * reach**2) - contrast**2 / (2 * SIMILARITY**2))
+        return variance * np.exp(-squared / (2 * reach**2) - contrast**2 / (2 * SIMILARITY**2))
 
     count = len(values)
     squared = ((anchors[:, None] - anchors) ** 2).sum(axis=-1)
     system = np.ones((count + 1, count + 1))  # the last row makes the weights sum to one
     system[:count, :count] = covariance(squared, at_anchors[:, None] - at_anchors)
-    system[:count, :count] += np.diag(sigma**2 + 1e-3 * prior)
+    system[:count, :count] += np.diag(sigma**2 + OWN * variance)
     system[count, count] = 0
     to_pixels = np.ones((*brightness.shape, count + 1))
     to_pixels[..., :count] = covariance(

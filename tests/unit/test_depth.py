@@ -6,13 +6,13 @@ import trimesh
 
 from reconstruction.capture import Optics
 from reconstruction.depth import (
-    anchored_range,
+    anchored_depth,
     nearest_range,
     pixel_of,
     pixel_rays,
     point_cloud_ply,
 )
-from reconstruction.depth.anchored import BEYOND
+from reconstruction.depth.anchored import NEARER
 from reconstruction.image import pursuit_for
 from reconstruction.patterns import fwht, make_plan
 
@@ -48,6 +48,10 @@ class View:
         cosine = np.take_along_axis(UNIT_RAYS, face, axis=-1)[..., 0]
         self.surface(np.where(entry < leave, entry, np.inf), cosine)
 
+    @property
+    def depth_m(self):
+        return self.range_m * UNIT_RAYS[..., 2]
+
 
 def make_view(kind, seed):
     view = View(seed)
@@ -66,9 +70,9 @@ def make_view(kind, seed):
     return view
 
 
-def at_anchors(range_m):
+def at_anchors(depth_m):
     rows, columns = ANCHORS.round().astype(int).T
-    return range_m[rows, columns]
+    return depth_m[rows, columns]
 
 
 @pytest.mark.parametrize("kind", ["floor", "corridor", "boxes"])
@@ -84,72 +88,72 @@ def test_anchored_map_beats_the_nearest_anchor_on_average(kind, sampled):
             sigma = 0.05 * coefficients[1:].std()
             coefficients = coefficients[index] + view.rng.normal(0, sigma, index.size)
             image = pursuit_for((SIDE, SIDE), index).reconstruct(coefficients, sigma)
-        ranges = at_anchors(view.range_m)
+        ranges = at_anchors(view.depth_m)
         maps = (
-            anchored_range(image, ANCHORS, ranges, np.full(4, 0.01)),
+            anchored_depth(image, ANCHORS, ranges, np.full(4, 0.01)),
             nearest_range((SIDE, SIDE), ANCHORS, ranges),
         )
-        errors.append([np.abs(m - view.range_m).mean() for m in maps])
-        close.append([np.mean(np.abs(m / view.range_m - 1) < 0.25) for m in maps])
+        errors.append([np.abs(m - view.depth_m).mean() for m in maps])
+        close.append([np.mean(np.abs(m / view.depth_m - 1) < 0.25) for m in maps])
     anchored, nearest = np.mean(errors, axis=0)
     assert anchored < nearest
     anchored, nearest = np.mean(close, axis=0)
     assert anchored > nearest
 
 
-def test_a_uniform_wall_follows_the_inverse_square():
+def test_a_uniform_wall_is_flat():
     view = View(0)
     view.plane((0, 0, 1), 5.0)
-    mapped = anchored_range(view.image, ANCHORS, at_anchors(view.range_m), np.full(4, 0.01))
-    assert np.abs(mapped / view.range_m - 1).max() < 0.03
+    mapped = anchored_depth(view.image, ANCHORS, at_anchors(view.depth_m), np.full(4, 0.01))
+    assert np.abs(mapped / view.depth_m - 1).max() < 0.03
 
 
 def test_the_map_passes_near_precise_anchors():
     view = make_view("corridor", 3)
-    ranges = at_anchors(view.range_m) * np.array([0.9, 1.0, 1.1, 1.2])
-    mapped = anchored_range(view.image, ANCHORS, ranges, np.full(4, 1e-3))
+    ranges = at_anchors(view.depth_m) * np.array([0.9, 1.0, 1.1, 1.2])
+    mapped = anchored_depth(view.image, ANCHORS, ranges, np.full(4, 1e-3))
     assert np.allclose(at_anchors(mapped), ranges, rtol=0.05)
 
 
 def test_an_uncertain_anchor_counts_less():
     image = np.ones((SIDE, SIDE))
     ranges = np.array([4.0, 4.0, 4.0, 8.0])
-    sure = anchored_range(image, ANCHORS, ranges, np.full(4, 0.01))
-    doubtful = anchored_range(image, ANCHORS, ranges, np.array([0.01, 0.01, 0.01, 6.0]))
+    sure = anchored_depth(image, ANCHORS, ranges, np.full(4, 0.01))
+    doubtful = anchored_depth(image, ANCHORS, ranges, np.array([0.01, 0.01, 0.01, 6.0]))
     assert abs(doubtful[48, 48] - 4) < 0.5 * abs(sure[48, 48] - 4)
 
 
 def test_invalid_spots_are_ignored():
     view = make_view("floor", 1)
-    ranges = at_anchors(view.range_m)
+    ranges = at_anchors(view.depth_m)
     ranges[2] = np.nan
     sigma = np.where(np.isfinite(ranges), 0.01, np.nan)
     keep = [0, 1, 3]
-    expected = anchored_range(view.image, ANCHORS[keep], ranges[keep], sigma[keep])
-    assert np.array_equal(anchored_range(view.image, ANCHORS, ranges, sigma), expected)
+    expected = anchored_depth(view.image, ANCHORS[keep], ranges[keep], sigma[keep])
+    assert np.array_equal(anchored_depth(view.image, ANCHORS, ranges, sigma), expected)
     nearest = nearest_range((SIDE, SIDE), ANCHORS, ranges)
     assert set(np.unique(nearest)) == set(ranges[keep])
 
 
 def test_one_valid_spot_is_enough():
     ranges = np.array([np.nan, 3.0, np.nan, np.nan])
-    mapped = anchored_range(np.ones((SIDE, SIDE)), ANCHORS, ranges, np.full(4, 0.01))
+    mapped = anchored_depth(np.ones((SIDE, SIDE)), ANCHORS, ranges, np.full(4, 0.01))
     assert np.allclose(mapped, 3)
 
 
 def test_nothing_to_go_by_gives_no_map():
     none = np.full(4, np.nan)
-    assert anchored_range(np.ones((8, 8)), ANCHORS, none, none) is None
+    assert anchored_depth(np.ones((8, 8)), ANCHORS, none, none) is None
     assert nearest_range((8, 8), ANCHORS, none) is None
-    assert anchored_range(np.zeros((8, 8)), ANCHORS, np.ones(4), np.ones(4)) is None
+    assert anchored_depth(np.zeros((8, 8)), ANCHORS, np.ones(4), np.ones(4)) is None
 
 
 def test_a_noisy_image_stays_within_limits():
     image = np.random.default_rng(4).normal(0.1, 1, (SIDE, SIDE))
     ranges = np.array([2.0, 3.0, 4.0, 5.0])
-    mapped = anchored_range(image, ANCHORS, ranges, np.full(4, 0.01))
-    assert mapped.min() >= 2 / BEYOND
-    assert mapped.max() <= 5 * BEYOND
+    mapped = anchored_depth(image, ANCHORS, ranges, np.full(4, 0.01))
+    assert mapped.min() >= 2 / NEARER
+    assert mapped.max() <= 5
 
 
 def test_nearest_takes_the_closest_spot_in_pixels():
