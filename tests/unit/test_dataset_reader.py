@@ -258,6 +258,11 @@ def test_a_folder_without_manifest_is_refused(tmp_path: Path) -> None:
         "DROP TABLE meta",
         "ALTER TABLE samples DROP COLUMN sha256",
         "UPDATE samples SET parameters = '{' WHERE \"index\" = 3",
+        "UPDATE samples SET parameters = '[1]' WHERE \"index\" = 3",
+        "UPDATE samples SET finished = 'today' WHERE \"index\" = 3",
+        "DELETE FROM meta WHERE key = 'plan_digest'",
+        "UPDATE meta SET value = 'many' WHERE key = 'samples'",
+        "UPDATE meta SET value = '' WHERE key = 'files'",
     ],
 )
 def test_a_damaged_manifest_is_refused(own: Path, statement: str) -> None:

@@ -233,7 +233,14 @@ def test_a_lock_without_a_name_is_still_one(planned: PlannedSet, tmp_path: Path)
             Run(planned, folder)
 
 
-@pytest.mark.parametrize("content", ["nonsense" * 100, "", "schema"])
+DAMAGE = {
+    "schema": "UPDATE meta SET value = '99' WHERE key = 'schema_version'",
+    "meta": "DELETE FROM meta WHERE key = 'plan_digest'",
+    "row": "UPDATE samples SET parameters = '{' WHERE \"index\" = 3",
+}
+
+
+@pytest.mark.parametrize("content", ["nonsense" * 100, "", *DAMAGE])
 def test_a_damaged_manifest_is_kept_and_rebuilt(
     planned: PlannedSet, tmp_path: Path, capture: Capture, content: str
 ) -> None:
@@ -243,9 +250,9 @@ def test_a_damaged_manifest_is_kept_and_rebuilt(
         own_capture(planned, folder, index, capture)
     Layout(folder).capture(4).unlink()
     manifest = folder / "manifest.sqlite"
-    if content == "schema":
+    if content in DAMAGE:
         with closing(sqlite3.connect(manifest)) as connection, connection:
-            connection.execute("UPDATE meta SET value = '99' WHERE key = 'schema_version'")
+            connection.execute(DAMAGE[content])
     else:
         manifest.write_text(content)
     before = manifest.read_bytes()
