@@ -246,7 +246,8 @@ class PlannedSet:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of what the samples depend on: the plan but for their number, and its files."""
-        return hashlib.sha256(yaml.safe_dump([self.fields, self.files]).encode()).hexdigest()
+        content = [self.fields, order_of(self.fields), self.files]
+        return hashlib.sha256(yaml.safe_dump(content).encode()).hexdigest()
 
     def with_samples(self, samples: int) -> PlannedSet:
         """The same plan with another number of samples; its text loses its comments."""
@@ -337,6 +338,11 @@ class PlannedSet:
         """A file by its path from the plan, if there is one; else the name as it stands."""
         beside = self.path.parent / name
         return str(beside) if beside.is_file() else name
+
+
+def order_of(fields: Mapping[str, Any]) -> list[str]:
+    """Names in those sections of a plan that are gone through in the order given."""
+    return [name for section in ("vary", "materials") for name in fields.get(section) or {}]
 
 
 def load_plan(path: Path, kind: type[Plan] = Plan) -> PlannedSet:
