@@ -146,7 +146,7 @@ def _check_size(indices: Iterable[int], planned: PlannedSet, layout: Layout) -> 
     if there > planned.plan.size:
         raise InputError(
             f"{layout.folder} holds samples up to number {there - 1}, and the plan has only "
-            f"{planned.plan.size}; ask for at least {there}"
+            f"{planned.plan.size}; ask for at least {there}, or use another folder"
         )
 
 
