@@ -22,7 +22,7 @@ from spisim.config import (
     Count,
     Name,
     NonNegative,
-    Positive,
+    Number,
     Section,
     find_named,
     not_a_truth_value,
@@ -134,8 +134,8 @@ class Plan(Section):
     materials: dict[Name, Openable] = Field(default_factory=dict)
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
     wavelength_nm: Annotated[Any, BeforeValidator(_wavelengths)] = None
-    spp: Count | None = None
-    noise: Positive | None = None
+    spp: Annotated[Count, Field(le=2**20)] | None = None
+    noise: Annotated[Number, Field(ge=1e-5, le=1)] | None = None
     frames: Count = 1
     keep: Keep = Keep()
 

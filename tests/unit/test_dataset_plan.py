@@ -309,6 +309,8 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"frame": 2}, "did you mean 'frames'?"),
     ({"keep": {"truths": True}}, "did you mean 'truth'?"),
     ({"name": ""}, "name: "),
+    ({"spp": 2**21}, "spp: should be less than or equal to 1048576; found 2097152"),
+    ({"noise": 1e-9}, "noise: should be greater than or equal to 0.00001; found 1e-09"),
     ({"seed": True}, "seed: should be a number; found True"),
     ({"samples": 10**8}, "samples: should be less than or equal to 10000000"),
     ({"samples": None, "vary": GRIDS}, "the grids have 100000000 combinations; at most 10000000"),
