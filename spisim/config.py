@@ -125,6 +125,8 @@ def check_fields(data: Mapping[Any, Any], model: type[Model], source: Path | str
         return model.model_validate(data)
     except ValidationError as error:
         raise InputError(_describe(error, data, source)) from None
+    except RecursionError:
+        raise InputError(f"{source}: a value of it contains itself") from None
 
 
 def find_named(name: str, folder: Path, kind: str) -> Path:

@@ -306,7 +306,7 @@ class PlannedSet:
                     set_field(files[file], field, copy.deepcopy(value))  # fields of it may follow
                 elif file == "materials":
                     section_of(scene, "material_swaps", path)[field] = value
-        name = scene.get("name") or f"{source.family}-{scene['seed']}"
+        name = scene.get("name") or _name_drawn(scene) or str(source.scene)
         told = {"instrument": instrument} if "instrument" in chosen else {}
         return Sample(
             index,
@@ -375,6 +375,11 @@ def load_plan(path: Path, kind: type[Plan] = Plan) -> PlannedSet:
     """Plan from a YAML file; InputError, naming file and field, for whatever is wrong with it."""
     text = read_text(path)
     return PlannedSet(parse_model(text, kind, path), text, path.absolute())
+
+
+def _name_drawn(scene: Mapping[str, Any]) -> str | None:
+    """Name that a scene of a family gets; None for others."""
+    return f"{scene['family']}-{scene.get('seed') or 0}" if scene.get("family") else None
 
 
 def _dump(fields: Mapping[str, Any]) -> str:

@@ -242,6 +242,28 @@ def test_files_beside_the_plan_come_first(tmp_path: Path) -> None:
     assert planned(tmp_path, **plan.fields).digest != digest
 
 
+@pytest.mark.parametrize(
+    ("content", "name"),
+    [
+        ("family: person\nseed: 3\n", "person-3"),
+        ("family: person\n", "person-0"),
+        ("name: mine\nfamily: person\n", "mine"),
+        ("objects: []\n", "room.yaml"),
+    ],
+)
+def test_scenes_of_files_have_names_of_their_own(tmp_path: Path, content: str, name: str) -> None:
+    (tmp_path / "room.yaml").write_text(content)
+    plan = planned(tmp_path, scenes=[{"scene": "room.yaml"}], vary={}, materials={})
+    assert plan.sample(0).scene_name == name
+
+
+def test_a_value_that_contains_itself(tmp_path: Path) -> None:
+    path = tmp_path / "plan.yaml"
+    path.write_text("name: some\nscenes: [{family: targets}]\nvary: {scene.fog: &a [*a]}\n")
+    with pytest.raises(InputError, match=r"plan\.yaml: a value of it contains itself"):
+        load_plan(path)
+
+
 def targets(**parameters: Any) -> dict[str, Any]:
     return {"family": "targets", "parameters": parameters}
 
