@@ -17,18 +17,18 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from reconstruction.errors import InputError, nearest
 
 
-def _not_a_truth_value(value: Any) -> Any:
+def not_a_truth_value(value: Any) -> Any:
     """YAML reads `yes` and `on` as true, which would silently become the number 1."""
     if isinstance(value, bool):
         raise PydanticCustomError("truth_value", "should be a number")
     return value
 
 
-Number = Annotated[float, BeforeValidator(_not_a_truth_value)]
+Number = Annotated[float, BeforeValidator(not_a_truth_value)]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
-Count = Annotated[int, BeforeValidator(_not_a_truth_value), Field(gt=0)]
+Count = Annotated[int, BeforeValidator(not_a_truth_value), Field(gt=0)]
 Vector = tuple[Number, Number, Number]
 Name = Annotated[str, Field(min_length=1)]
 
@@ -125,6 +125,8 @@ def check_fields(data: Mapping[Any, Any], model: type[Model], source: Path | str
         return model.model_validate(data)
     except ValidationError as error:
         raise InputError(_describe(error, data, source)) from None
+    except RecursionError:
+        raise InputError(f"{source}: a value of it contains itself") from None
 
 
 def find_named(name: str, folder: Path, kind: str) -> Path:
@@ -144,12 +146,18 @@ def find_named(name: str, folder: Path, kind: str) -> Path:
     )
 
 
+#: Errors of values that should be no mapping, so that one which is has to be shown.
+_SCALAR = {"float_type", "int_type", "string_type", "bool_type"}
+
+
 def _describe(error: ValidationError, data: Mapping[Any, Any], source: Path | str) -> str:
     # One at a time: later errors are often only the consequence of the first.
     details = error.errors(include_url=False)[0]
     field, value = _locate(details["loc"], data, details["type"] == "missing")
-    message = f"{source}: {field}{': ' if field else ''}{_explain(details)}"
-    if details["type"] == "missing" or isinstance(value, Mapping):
+    message = f"{source}: {field}{': ' if field else ''}{reason(details)}"
+    if details["type"] == "missing" or (
+        isinstance(value, Mapping) and details["type"] not in _SCALAR
+    ):
         return message
     return f"{message}; found {_show(value)}"
 
@@ -180,7 +188,8 @@ _MESSAGES = {
 }
 
 
-def _explain(details: ErrorDetails) -> str:
+def reason(details: ErrorDetails) -> str:
+    """What is wrong with a value, in the words of all messages."""
     if details["type"] == "value_error":  # raised by a validator of ours
         return str(details["ctx"]["error"])
     if details["type"] == "union_tag_invalid":

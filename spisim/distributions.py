@@ -17,6 +17,11 @@ from pydantic_core import PydanticCustomError
 
 from spisim.config import Number, Positive, Section
 
+#: Fewer values than this share within bounds are refused: they would be drawn for ever.
+LEAST_WITHIN = 1e-4
+#: Larger ones are drawn as floating-point numbers.
+_Whole = Annotated[StrictInt, Field(ge=-(2**62), le=2**62)]
+
 
 def stream(seed: int, *keys: str | int) -> np.random.Generator:
     """Random numbers that depend on the seed and all keys, and on nothing else."""
@@ -26,7 +31,7 @@ def stream(seed: int, *keys: str | int) -> np.random.Generator:
 
 def _rising(bounds: tuple[float, float]) -> None:
     low, high = bounds
-    if not low < high:
+    if not 0 < high - low < math.inf:
         raise PydanticCustomError(
             "range", "needs a lower and a higher bound, not {bounds}", {"bounds": list(bounds)}
         )
@@ -35,7 +40,7 @@ def _rising(bounds: tuple[float, float]) -> None:
 class Uniform(Section):
     """Every value between two bounds alike; whole numbers, both bounds included, if both are."""
 
-    uniform: tuple[StrictInt, StrictInt] | tuple[Number, Number]
+    uniform: tuple[_Whole, _Whole] | tuple[Number, Number]
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Uniform:
@@ -82,6 +87,11 @@ class Normal(Section):
             raise PydanticCustomError(
                 "range", "within lies more than three standard deviations from the mean"
             )
+        below = [math.erfc((mean - bound) / spread / math.sqrt(2)) / 2 for bound in self.within]
+        if below[1] - below[0] < LEAST_WITHIN:
+            raise PydanticCustomError(
+                "range", "within is too narrow: values hardly ever fall there"
+            )
         return self
 
     def draw(self, rng: np.random.Generator) -> float:
@@ -103,9 +113,9 @@ class Choice(Section):
     def _weights_fit(self) -> Choice:
         if self.weights is None:
             return self
-        if len(self.weights) != len(self.choice) or not sum(self.weights) > 0:
+        if len(self.weights) != len(self.choice) or not 0 < sum(self.weights) < math.inf:
             raise PydanticCustomError(
-                "choice", "weights should be one for each choice, and not all zero"
+                "choice", "weights should be one for each choice, not all zero, of a finite sum"
             )
         return self
 

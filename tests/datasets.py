@@ -21,6 +21,7 @@ META = {
     "created": "2026-01-01T00:00:00+00:00",
     "software": "spisim test",
     "samples": "45",
+    "files": "{}",
 }
 SCENES = 20
 

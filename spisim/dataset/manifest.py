@@ -64,7 +64,7 @@ class Manifest:
         manifest = cls(path)
         try:
             manifest._check()
-        except (sqlite3.DatabaseError, ValueError) as error:
+        except (sqlite3.DatabaseError, ValueError, TypeError) as error:
             manifest._connection.close()
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
                 raise InputError(f"{path}: another program holds it for writing") from None
@@ -76,7 +76,8 @@ class Manifest:
         if state != "ok":
             raise ValueError(state)
         meta_of(self._connection)
-        self._connection.execute(f"{SELECT} LIMIT 1")
+        for row in self._connection.execute(SELECT):
+            record_of(row)
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:

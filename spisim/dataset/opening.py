@@ -20,7 +20,7 @@ from spisim import __version__
 from spisim.dataset.folder import Layout, belongs_to, done
 from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest
-from spisim.dataset.plan import PlannedSet
+from spisim.dataset.plan import PlannedSet, order_of
 
 Say = Callable[[str], None]
 
@@ -101,7 +101,7 @@ def _check_same_fields(planned: PlannedSet, layout: Layout) -> None:
         before = {name: value for name, value in before.items() if name != "samples"}
     except (yaml.YAMLError, UnicodeDecodeError, AttributeError):
         raise InputError(f"{layout.plan}: not the plan of a data set; use another folder") from None
-    if before != planned.fields:
+    if before != planned.fields or order_of(before) != order_of(planned.fields):
         raise InputError(
             f"{layout.folder} holds samples of another plan; use another folder, or this plan as "
             f"it was. What changed:\n{_difference(before, planned.fields)}"
@@ -114,6 +114,11 @@ def _check_same_files(planned: PlannedSet, manifest: Manifest, layout: Layout) -
         return
     before, now = json.loads(meta["files"]), _digests(planned.files)
     changed = [name for name in now if before.get(name) != now[name]]
+    if not changed:  # and the plan that would tell what did is lost
+        raise InputError(
+            f"{layout.folder} holds samples of another plan; use another folder, or the plan of "
+            "these samples"
+        )
     raise InputError(
         f"{layout.folder} holds samples of this plan with other files: {', '.join(changed)}; "
         "use another folder, or the files as they were"
@@ -128,7 +133,11 @@ def _digests(files: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    old, new = (yaml.safe_dump(fields).splitlines() for fields in (before, now))
+    # What stands deeper keeps its order, which may be the difference.
+    old, new = (
+        yaml.safe_dump(dict(sorted(fields.items())), sort_keys=False).splitlines()
+        for fields in (before, now)
+    )
     return "\n".join(difflib.unified_diff(old, new, "before", "now", lineterm=""))
 
 
@@ -137,7 +146,7 @@ def _check_size(indices: Iterable[int], planned: PlannedSet, layout: Layout) -> 
     if there > planned.plan.size:
         raise InputError(
             f"{layout.folder} holds samples up to number {there - 1}, and the plan has only "
-            f"{planned.plan.size}; ask for at least {there}"
+            f"{planned.plan.size}; ask for at least {there}, or use another folder"
         )
 
 

@@ -22,14 +22,23 @@ from spisim.config import (
     Count,
     Name,
     NonNegative,
-    Positive,
+    Number,
     Section,
     find_named,
+    not_a_truth_value,
     parse_model,
     read_mapping,
     read_text,
 )
-from spisim.dataset.values import Grid, drawn_value, open_value, openable, possible, set_field
+from spisim.dataset.values import (
+    Grid,
+    drawn_value,
+    open_value,
+    openable,
+    possible,
+    section_of,
+    set_field,
+)
 from spisim.distributions import is_distribution, stream
 from spisim.families import find_family
 from spisim.instrument import Instrument
@@ -37,7 +46,12 @@ from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder
 from spisim.scene.description import SceneDescription
 
-Seed = Annotated[int, Field(ge=0, lt=2**63)]
+#: A run holds the indices of all samples that it is to make.
+MOST_SAMPLES = 10**7
+#: Seeds of scenes are below this.
+SCENE_SEEDS = 2**31
+
+Seed = Annotated[int, BeforeValidator(not_a_truth_value), Field(ge=0, lt=2**63)]
 Drawn = Annotated[Any, BeforeValidator(open_value)]
 Openable = Annotated[Any, BeforeValidator(openable)]
 
@@ -71,7 +85,7 @@ class SceneSource(Section):
     scene: Name | None = None
     family: Name | None = None
     parameters: dict[Name, Drawn] = Field(default_factory=dict)
-    distinct: Count | None = None
+    distinct: Annotated[Count, Field(le=SCENE_SEEDS)] | None = None
     weight: NonNegative = 1.0
 
     @model_validator(mode="after")
@@ -112,7 +126,7 @@ class Plan(Section):
 
     name: Name
     description: str = ""
-    samples: Count | None = None
+    samples: Annotated[Count, Field(le=MOST_SAMPLES)] | None = None
     seed: Seed = 0
     scenes: Annotated[tuple[SceneSource, ...], Field(min_length=1)]
     every_scene: bool = False
@@ -120,8 +134,8 @@ class Plan(Section):
     materials: dict[Name, Openable] = Field(default_factory=dict)
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
     wavelength_nm: Annotated[Any, BeforeValidator(_wavelengths)] = None
-    spp: Count | None = None
-    noise: Positive | None = None
+    spp: Annotated[Count, Field(le=2**20)] | None = None
+    noise: Annotated[Number, Field(ge=1e-5, le=1)] | None = None
     frames: Count = 1
     keep: Keep = Keep()
 
@@ -129,8 +143,20 @@ class Plan(Section):
     def _makes_sense(self) -> Plan:
         if self.spp is not None and self.noise is not None:
             raise PydanticCustomError("plan", "needs spp or noise, not both")
-        if not sum(source.weight for source in self.scenes) > 0:
-            raise PydanticCustomError("plan", "scenes should not all have weight 0")
+        if not 0 < sum(source.weight for source in self.scenes) < math.inf:
+            raise PydanticCustomError(
+                "plan", "scenes should not all have weight 0, and their weights a finite sum"
+            )
+        if self.every_scene and not all(source.weight for source in self.scenes):
+            raise PydanticCustomError(
+                "plan", "every_scene makes scenes of weight 0 too; take them out"
+            )
+        if self.size > MOST_SAMPLES:
+            raise PydanticCustomError(
+                "plan",
+                "the grids have {size} combinations; at most {most} can be made",
+                {"size": self.size, "most": MOST_SAMPLES},
+            )
         paths = list(self.vary)
         for number, path in enumerate(paths):
             _check_path(path, self.vary[path], paths[:number])
@@ -246,7 +272,8 @@ class PlannedSet:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of what the samples depend on: the plan but for their number, and its files."""
-        return hashlib.sha256(yaml.safe_dump([self.fields, self.files]).encode()).hexdigest()
+        content = [self.fields, order_of(self.fields), self.files]
+        return hashlib.sha256(yaml.safe_dump(content).encode()).hexdigest()
 
     def with_samples(self, samples: int) -> PlannedSet:
         """The same plan with another number of samples; its text loses its comments."""
@@ -278,8 +305,8 @@ class PlannedSet:
                 if file in files:
                     set_field(files[file], field, copy.deepcopy(value))  # fields of it may follow
                 elif file == "materials":
-                    scene.setdefault("material_swaps", {})[field] = value
-        name = scene.get("name") or f"{source.family}-{scene['seed']}"
+                    section_of(scene, "material_swaps", path)[field] = value
+        name = scene.get("name") or _name_drawn(scene) or str(source.scene)
         told = {"instrument": instrument} if "instrument" in chosen else {}
         return Sample(
             index,
@@ -319,7 +346,7 @@ class PlannedSet:
             return fields, self._scene_file(source.scene).parent, {}
         assert source.family is not None  # the source demands one of the two
         rng = stream(self.plan.seed, "family", source.family, round_)
-        seed = int(rng.integers(2**31 if source.distinct is None else source.distinct))
+        seed = int(rng.integers(source.distinct or SCENE_SEEDS))
         # Distinct scenes come again with their parameters: those follow from the scene's seed.
         key = ("round", round_) if source.distinct is None else ("distinct", seed)
         parameters = {
@@ -339,10 +366,20 @@ class PlannedSet:
         return str(beside) if beside.is_file() else name
 
 
+def order_of(fields: Mapping[str, Any]) -> list[str]:
+    """Names in those sections of a plan that are gone through in the order given."""
+    return [name for section in ("vary", "materials") for name in fields.get(section) or {}]
+
+
 def load_plan(path: Path, kind: type[Plan] = Plan) -> PlannedSet:
     """Plan from a YAML file; InputError, naming file and field, for whatever is wrong with it."""
     text = read_text(path)
     return PlannedSet(parse_model(text, kind, path), text, path.absolute())
+
+
+def _name_drawn(scene: Mapping[str, Any]) -> str | None:
+    """Name that a scene of a family gets; None for others."""
+    return f"{scene['family']}-{scene.get('seed') or 0}" if scene.get("family") else None
 
 
 def _dump(fields: Mapping[str, Any]) -> str:

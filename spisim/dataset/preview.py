@@ -67,9 +67,9 @@ def check(planned: PlannedSet, at_random: int = 0) -> None:
     used: set[str] = set(shipped_materials().names)
     others = np.random.default_rng(planned.plan.seed).integers(planned.plan.size, size=at_random)
     for index in sorted({*_telling(planned), *map(int, others)}):
+        sample = planned.sample(index)
         with naming(f"{planned.path}: sample {index}"), catch_warnings():
             simplefilter("ignore")
-            sample = planned.sample(index)
             load(sample)
             used |= _own_materials(sample) if planned.plan.materials else set()
     for name in planned.plan.materials:

@@ -227,7 +227,8 @@ class DataSet(Sequence[StoredSample]):
         variables = {}
         for name, values in self.arrays(*names).items():
             field = FIELDS.get(name)
-            dims, told = ((), {}) if field is None else (field.dims, _told(field))
+            own_dims = tuple(f"{name}.{axis}" for axis in range(values.ndim - 1))
+            dims, told = (own_dims, {}) if field is None else (field.dims, _told(field))
             variables[name] = (("sample", *dims), values, told)
         coordinates = {
             name: ("sample", [record.parameters.get(name) for record in self.records])

@@ -15,6 +15,8 @@ DIED = "worker "
 #: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
 NO_SPACE = "no space"
 
+#: What is told of the data set as a whole, besides the version.
+META = ("plan_digest", "name", "samples", "created", "software", "files")
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE samples (
@@ -94,11 +96,19 @@ INSERT = (
 
 
 def meta_of(connection: sqlite3.Connection) -> dict[str, str]:
-    """What a manifest says of the data set as a whole. Raises ValueError for another version."""
+    """What a manifest says of the data set as a whole.
+
+    Raises ValueError for another version, and where something is missing or cannot be.
+    """
     meta = {str(key): str(value) for key, value in connection.execute("SELECT * FROM meta")}
     version = meta.get("schema_version", "unknown")
     if version != str(SCHEMA_VERSION):
         raise ValueError(f"schema_version is {version}; this software reads {SCHEMA_VERSION}")
+    lacking = [key for key in META if key not in meta]
+    if lacking:
+        raise ValueError(f"{lacking[0]} is missing")
+    if int(meta["samples"]) < 1 or not isinstance(json.loads(meta["files"]), dict):
+        raise ValueError("samples or files cannot be")
     return meta
 
 
@@ -113,11 +123,14 @@ def row_of(outcome: Outcome, attempts: int) -> tuple[Any, ...]:
 
 
 def record_of(row: tuple[Any, ...]) -> Record:
-    """Record of a row, as SELECT gives it. Raises ValueError where it holds no JSON."""
+    """Record of a row, as SELECT gives it. Raises ValueError where it holds no JSON, or no time."""
     values = dict(zip(_COLUMNS, row, strict=True))
     for name, nothing in _JSON.items():
         values[name] = json.loads(values[name] or nothing)
+        if not isinstance(values[name], type(json.loads(nothing))):
+            raise ValueError(f"{name} of sample {values['index']} cannot be")
     values["parameters"] = dict(flat(values["parameters"]))
+    datetime.fromisoformat(values["finished"] or datetime.min.isoformat())
     return Record(**values)
 
 

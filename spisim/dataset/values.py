@@ -10,7 +10,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import InputError
-from spisim.config import Section
+from spisim.config import Section, reason
 from spisim.distributions import Distribution, is_distribution, stream
 
 _DISTRIBUTION: TypeAdapter[Any] = TypeAdapter(Distribution)
@@ -40,7 +40,8 @@ def open_value(value: Any) -> Any:
     if _is_grid(value):
         raise PydanticCustomError("grid", "a grid can only stand for a whole field of vary")
     if is_distribution(value):
-        _checked(_DISTRIBUTION, value)
+        for choice in getattr(_checked(_DISTRIBUTION, value), "choice", ()):
+            open_value(choice)
     elif isinstance(value, Mapping):
         for part in value.values():
             open_value(part)
@@ -65,8 +66,9 @@ def drawn_value(value: Any, seed: int, *keys: str | int) -> Any:
     Each distribution has a random stream of its own, named by `keys` and its place in the value.
     """
     if is_distribution(value):
-        # A choice is handed out as it stands in the plan, which no sample may change.
-        return copy.deepcopy(_DISTRIBUTION.validate_python(value).draw(stream(seed, *keys)))
+        drawn = _DISTRIBUTION.validate_python(value).draw(stream(seed, *keys))
+        # A choice stands in the plan, which no sample may change, and may be open itself.
+        return drawn_value(copy.deepcopy(drawn), seed, *keys, "choice")
     if isinstance(value, Mapping):
         return {name: drawn_value(part, seed, *keys, str(name)) for name, part in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):
@@ -83,12 +85,21 @@ def set_field(fields: dict[str, Any], path: str, value: Any) -> None:
     *sections, last = path.split(".")
     place = fields
     for section in sections:
-        if place.get(section) is None:
-            place[section] = {}
-        place = place[section]
-        if not isinstance(place, dict):
-            raise InputError(f"{path}: {section} has no fields; it is {place!r}")
+        place = section_of(place, section, path)
     place[last] = value
+
+
+def section_of(fields: dict[str, Any], name: str, path: str) -> dict[str, Any]:
+    """A section of a configuration file, made where it is missing or null.
+
+    Raises InputError, naming the `path` of what is to be set, where it is no section.
+    """
+    if fields.get(name) is None:
+        fields[name] = {}
+    section = fields[name]
+    if not isinstance(section, dict):
+        raise InputError(f"{path}: {name} has no fields; it is {section!r}")
+    return section
 
 
 def _is_grid(value: Any) -> bool:
@@ -99,10 +110,9 @@ def _checked(kind: TypeAdapter[Any], value: Any) -> Any:
     try:
         return kind.validate_python(value)
     except ValidationError as error:
-        details = error.errors(include_url=False)[0]
-        reason = details["msg"].removeprefix("Input ")
+        details = error.errors(include_url=False)[-1]  # of whole numbers or any: the latter
         raise PydanticCustomError(
             "open_value",
             "{reason}; found {value}",
-            {"reason": reason[0].lower() + reason[1:], "value": str(value)},
+            {"reason": reason(details), "value": str(value)},
         ) from None

@@ -17,6 +17,7 @@ from reconstruction.errors import InputError, nearest
 from spisim.config import Count, Name, Section, parse_model, read_text
 from spisim.dataset.plan import Plan, PlannedSet, is_field
 from spisim.dataset.records import flat
+from spisim.distributions import KINDS
 from spisim.study.metrics import METRICS
 
 #: Fields of a quick setting that add to those of the full one instead of replacing them.
@@ -76,6 +77,10 @@ class StudyPlan(Plan):
         values = list(self._grid_values())
         known = dict.fromkeys(name for each in values for name in each)
         for name in self.study.parameters:
+            if any(f"{name}.{kind}" in known for kind in KINDS):
+                raise InputError(
+                    f"study: {name!r} is drawn; it needs the same values in all rounds"
+                )
             if name not in known:
                 raise InputError(f"study: {name!r} is not among the grids: {nearest(name, known)}")
         self._check_told_apart(values)
@@ -158,6 +163,11 @@ class PlannedStudy:
             raise InputError(f"{self.path}: study.quick is missing; it says what --quick changes")
         for name in _MERGED:
             if name in changes:
+                if not isinstance(changes[name], dict):
+                    raise InputError(
+                        f"{self.path}: study.quick.{name}: should be a mapping of fields; "
+                        f"found {changes[name]!r}"
+                    )
                 changes[name] = {**fields.get(name, {}), **changes[name]}
         if "spp" in changes:
             fields.pop("noise", None)

@@ -211,6 +211,14 @@ def test_xarray_has_axes_units_and_coordinates(data: DataSet) -> None:
     assert set(data[:2].xarray("buckets", "power_w")) == {"buckets", "power_w"}
 
 
+def test_a_parameter_that_is_a_list_has_an_axis_of_its_own(own: Path) -> None:
+    pytest.importorskip("xarray")
+    change(own, "UPDATE samples SET parameters = '{\"offset_m\": [0.1, 0.2, 0.3]}'")
+    offset_m = spisim.dataset.open(own).xarray("offset_m")["offset_m"]
+    assert offset_m.dims == ("sample", "offset_m.0")
+    assert offset_m.values[0].tolist() == [0.1, 0.2, 0.3]
+
+
 @pytest.mark.slow
 def test_tensors_are_loaded_by_workers(data: DataSet) -> None:
     torch = pytest.importorskip("torch")
@@ -258,6 +266,11 @@ def test_a_folder_without_manifest_is_refused(tmp_path: Path) -> None:
         "DROP TABLE meta",
         "ALTER TABLE samples DROP COLUMN sha256",
         "UPDATE samples SET parameters = '{' WHERE \"index\" = 3",
+        "UPDATE samples SET parameters = '[1]' WHERE \"index\" = 3",
+        "UPDATE samples SET finished = 'today' WHERE \"index\" = 3",
+        "DELETE FROM meta WHERE key = 'plan_digest'",
+        "UPDATE meta SET value = 'many' WHERE key = 'samples'",
+        "UPDATE meta SET value = '' WHERE key = 'files'",
     ],
 )
 def test_a_damaged_manifest_is_refused(own: Path, statement: str) -> None:

@@ -188,6 +188,23 @@ def test_another_plan_is_refused_and_what_changed_shown(
     assert (tmp_path / "set" / "plan.yaml").read_text() == PLAN
 
 
+def test_another_order_of_the_grids_is_another_plan(tmp_path: Path) -> None:
+    grids = {"scene.fog.visibility_m": {"grid": [20, 50]}, "scene.fog.albedo": {"grid": [0.9, 1]}}
+    fields = yaml.safe_load(PLAN)
+
+    def ordered(names: list[str]) -> PlannedSet:
+        vary = {name: grids[name] for name in names}
+        return write_plan(tmp_path, yaml.safe_dump({**fields, "vary": vary}, sort_keys=False))
+
+    Run(ordered([*grids]), tmp_path / "set")
+    with pytest.raises(InputError, match="another plan") as caught:
+        Run(ordered([*reversed(grids)]), tmp_path / "set")
+    assert "+  scene.fog.albedo:" in str(caught.value).splitlines()
+    (tmp_path / "set" / "plan.yaml").unlink()
+    with pytest.raises(InputError, match="another plan; use another folder, or the plan of these"):
+        Run(ordered([*reversed(grids)]), tmp_path / "set")
+
+
 def test_another_scene_file_is_refused(tmp_path: Path) -> None:
     scene = tmp_path / "room.yaml"
     scene.write_text("name: room\n")
@@ -233,7 +250,14 @@ def test_a_lock_without_a_name_is_still_one(planned: PlannedSet, tmp_path: Path)
             Run(planned, folder)
 
 
-@pytest.mark.parametrize("content", ["nonsense" * 100, "", "schema"])
+DAMAGE = {
+    "schema": "UPDATE meta SET value = '99' WHERE key = 'schema_version'",
+    "meta": "DELETE FROM meta WHERE key = 'plan_digest'",
+    "row": "UPDATE samples SET parameters = '{' WHERE \"index\" = 3",
+}
+
+
+@pytest.mark.parametrize("content", ["nonsense" * 100, "", *DAMAGE])
 def test_a_damaged_manifest_is_kept_and_rebuilt(
     planned: PlannedSet, tmp_path: Path, capture: Capture, content: str
 ) -> None:
@@ -243,9 +267,9 @@ def test_a_damaged_manifest_is_kept_and_rebuilt(
         own_capture(planned, folder, index, capture)
     Layout(folder).capture(4).unlink()
     manifest = folder / "manifest.sqlite"
-    if content == "schema":
+    if content in DAMAGE:
         with closing(sqlite3.connect(manifest)) as connection, connection:
-            connection.execute("UPDATE meta SET value = '99' WHERE key = 'schema_version'")
+            connection.execute(DAMAGE[content])
     else:
         manifest.write_text(content)
     before = manifest.read_bytes()

@@ -118,6 +118,8 @@ def test_what_cannot_be_exported_is_refused(own: Path, tmp_path: Path) -> None:
     data = spisim.dataset.open(own)
     with pytest.raises(InputError, match="no finished sample to export"):
         write_shards(data[:0], tmp_path / "shards")
+    with pytest.raises(InputError, match="shard_size should be at least 1; found -1"):
+        write_shards(data, tmp_path / "shards", shard_size=-1)
     (own / "samples/000/000003.h5").unlink()
     with pytest.raises(InputError, match=r"000003\.h5: missing"):
         write_shards(data, tmp_path / "shards")

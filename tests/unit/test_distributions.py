@@ -26,6 +26,7 @@ def test_uniform_numbers_have_its_mean_and_spread() -> None:
 def test_whole_bounds_give_whole_numbers_both_included() -> None:
     assert set(draws({"uniform": [1, 4]})) == {1, 2, 3, 4}
     assert len(set(draws({"uniform": [1.0, 4.0]}))) > 1000
+    assert max(draws({"uniform": [1, 10**30]})) > 10**29  # more than whole numbers of 64 bits
 
 
 def test_logarithms_are_uniform() -> None:
@@ -63,9 +64,12 @@ def test_streams_depend_on_seed_and_keys_alone() -> None:
         ({"log_uniform": [0, 2]}, "greater than 0"),
         ({"normal": [0, 0]}, "greater than 0"),
         ({"normal": [0, 1], "within": [10, 12]}, "three standard deviations"),
+        ({"normal": [0, 1], "within": [0, 1e-6]}, "too narrow"),
         ({"choice": []}, "at least 1"),
         ({"choice": [1, 2], "weights": [1]}, "one for each choice"),
         ({"choice": [1, 2], "weights": [0, 0]}, "not all zero"),
+        ({"choice": [1, 2], "weights": [1e308, 1e308]}, "finite sum"),
+        ({"uniform": [-1.7e308, 1.7e308]}, "lower and a higher bound"),
         ({"uniform": [1, 2], "extra": 1}, "unknown field 'extra'"),
     ],
 )

@@ -146,6 +146,10 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"vary": {"scene.fog.visibility_m": {"uniform": [20, 30]}}}, r"needs a grid to compare"),
     ({"samples": 4}, r"samples follow from study.rounds"),
     ({"keep": {"truth": False}}, r"needs keep.truth"),
+    (
+        {"vary": {"scene.fog.visibility_m": {"grid": [{"uniform": [20, 30]}, 50]}}},
+        r"'scene.fog.visibility_m' is drawn; it needs the same values in all rounds",
+    ),
     ({"instrument": 7}, r"instrument: should be a name, or a grid of names"),
     ({"instrument": {"grid": ["paper", 7]}}, r"instrument: should be a name, or a grid of names"),
     (
@@ -184,6 +188,8 @@ def test_a_plan_without_a_study_or_a_quick_setting_is_told(tmp_path: Path) -> No
         InputError, match=r"study.quick: unknown field 'nois': did you mean 'noise'"
     ):
         bad.quick()
+    with pytest.raises(InputError, match=r"study.quick.vary: should be a mapping of fields; found"):
+        planned(tmp_path, study={"quick": {"vary": None}}).quick()
 
 
 # Statistics

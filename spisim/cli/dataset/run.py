@@ -28,7 +28,7 @@ def command(
     ] = None,
     workers: Workers = None,
     samples: Annotated[
-        int | None, number_option(1, 10**9, "Instead of the plan's number of samples.")
+        int | None, number_option(1, 10**7, "Instead of the plan's number of samples.")
     ] = None,
     retry_failed: RetryFailed = False,
     dask: Dask = None,
