@@ -154,7 +154,7 @@ def _report(result: Result, capture: Capture) -> dict[str, Any]:
 
 def _print_tables(result: Result, capture: Capture, files: dict[str, Path]) -> None:
     plan = capture.plan
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     console.print(
         f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
         f"({100 * plan.sampling_ratio:.1f} %), {capture.provenance.source}"

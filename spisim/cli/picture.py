@@ -20,6 +20,7 @@ from .options import (
     Wavelength,
     number_option,
 )
+from .outputs import beside
 
 EXAMPLE = "spisim picture warehouse -o warehouse.exr --fov 50 --clear"
 
@@ -59,13 +60,12 @@ def command(
     Writes an OpenEXR file, and a tone-mapped PNG beside it.
     """
     from reconstruction import InputError
-    from reconstruction.files import require_file
     from reconstruction.patterns import illumination
     from spisim.exr import write_exr
     from spisim.report.pictures import view_scale, write_png
     from spisim.transport import CAMERA_OFFSET_M, camera_view
 
-    require_file(output)
+    picture = beside(output, ".png", "the tone-mapped picture", ".exr")
     carried = instrument_with(instrument, wavelength)
     there, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
     plan = carried.pattern_plan
@@ -84,7 +84,6 @@ def command(
         seed=seed,
     )
     write_exr(output, {"radiance": view}, {"units.radiance": "W m^-2 sr^-1", "scene": there.name})
-    picture = output.with_suffix(".png")
     write_png(picture, view_scale(view).rgba(view))
     if json:
         mean = float(view.mean())

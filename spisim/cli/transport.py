@@ -21,6 +21,7 @@ from .options import (
     Visibility,
     Wavelength,
 )
+from .outputs import beside
 
 EXAMPLE = "spisim transport warehouse -o warehouse.exr --noise 0.002 --frequency 15e6"
 
@@ -66,16 +67,10 @@ def command(
     (rows, columns, bins); `units.*` in either file tells the units. What is longer than 80 m is
     in a histogram's last bin.
     """
-    from reconstruction.errors import InputError
-    from reconstruction.files import require_file
     from spisim.light_files import light_channels, write_histograms, write_truth
     from spisim.transport import LONGEST_PATH_M, PathLengthBins, Wanted, ground_truth, solve
 
-    histograms = output.with_suffix(".npz")
-    if histograms == output:
-        raise InputError(f"{output}: the spots' histograms need that name; call the image .exr")
-    for path in (output, histograms):
-        require_file(path)
+    histograms = beside(output, ".npz", "the file of the spots' histograms", ".exr")
     wanted = Wanted(
         orders=orders,
         frequencies_hz=tuple(frequency or ()),

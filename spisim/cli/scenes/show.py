@@ -69,7 +69,6 @@ def _print(found: Survey) -> None:
         f"\n{found.name}: {found.objects} objects, {found.triangles:,} triangles, {size} m; "
         f"{media or 'clear air'}",
         soft_wrap=True,
-        markup=False,
     )
 
 
