@@ -19,6 +19,7 @@ from .options import (
     Visibility,
     Wavelength,
     number_option,
+    real_option,
 )
 from .outputs import beside
 
@@ -46,10 +47,10 @@ def command(
     height: Annotated[int, number_option(1, 8192, "Pixels down.")] = 512,
     fov: Annotated[
         float | None,
-        typer.Option(min=0.1, max=170, help="Full angle across, degrees; the projector's."),
+        real_option("Full angle across; the projector's.", least=0.1, most=170, metavar="DEG"),
     ] = None,
     pattern: Annotated[
-        int | None, typer.Option(min=0, help="Exposure whose pattern is lit; all on without.")
+        int | None, number_option(0, 2**31, "Exposure whose pattern is lit; all on without.")
     ] = None,
     spp: Annotated[int, number_option(1, 2**20, "Light paths per pixel.")] = 64,
     seed: Seed = 0,

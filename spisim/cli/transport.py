@@ -20,6 +20,7 @@ from .options import (
     Spp,
     Visibility,
     Wavelength,
+    real_option,
 )
 from .outputs import beside
 
@@ -40,7 +41,7 @@ def command(
     noise: Noise = None,
     frequency: Annotated[
         list[float] | None,
-        typer.Option(min=0, metavar="HZ", help="Add the phasor image at this frequency."),
+        real_option("Add the phasor image at this frequency.", least=0, most=1e12, metavar="HZ"),
     ] = None,
     orders: Annotated[
         bool,
@@ -51,11 +52,11 @@ def command(
     ] = False,
     cube: Annotated[
         float | None,
-        typer.Option(
-            min=0.01,
-            max=10,
+        real_option(
+            "Add every pixel's light over path length to the .npz, in bins of M metres.",
+            least=0.01,
+            most=10,
             metavar="M",
-            help="Add every pixel's light over path length to the .npz, in bins of M metres.",
         ),
     ] = None,
     json: Json = False,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..console import messages, print_json, results, warn
-from ..options import Json
+from ..options import Json, real_option
 
 if TYPE_CHECKING:
     from spisim.importing import Import
@@ -41,7 +41,7 @@ def command(
     up: Annotated[
         str | None, typer.Option(metavar="AXIS", help="Axis that is up in the file: x, y or z.")
     ] = None,
-    scale: Annotated[float, typer.Option(metavar="S", help="Scale everything once more.")] = 1.0,
+    scale: Annotated[float, real_option("Scale everything once more.", metavar="S")] = 1.0,
     materials: Annotated[
         Path | None,
         typer.Option(metavar="YAML", help="Lines of `name in the file: material of spisim`."),
