@@ -118,11 +118,15 @@ def _import(options: argparse.Namespace) -> None:
     readings = load_array(options.file, options.variable)
     if options.patterns_variable is None:
         plan = make_plan(options.shape, options.patterns, options.order, options.polarity)
+        sign = np.ones(plan.exposures, np.int8)
     else:
         matrix = load_array(options.file, options.patterns_variable)
-        plan, sign = plan_from_matrix(matrix, options.shape)
-        readings = readings.reshape(-1, plan.exposures) * sign
-    capture = capture_from_readings(readings, plan, options.untrusted)
+        with naming(options.file):
+            plan, sign = plan_from_matrix(matrix, options.shape)
+    with naming(options.file):
+        capture = capture_from_readings(readings, plan, options.untrusted)
+    buckets = capture.buckets
+    capture = replace(capture, buckets=replace(buckets, counts=buckets.counts * sign))
     write_capture(capture, options.output)
     print(f"{options.output}: {capture.frames} frame(s) of {plan.exposures} readings")
 
