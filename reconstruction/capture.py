@@ -204,6 +204,8 @@ def read_capture(path: str | Path) -> Capture:
     Raises InputError, naming the file, if it is missing, damaged, not a capture, of another format
     version, or if a dataset is missing, has another shape or unit, or makes no sense.
     """
+    if Path(path).is_dir():
+        raise InputError(f"{path} is a folder; the name of a capture file is needed")
     if not Path(path).is_file():
         raise InputError(f"{path}: no such capture file")
     with opened(path, FORMAT, "capture") as file:

@@ -118,11 +118,15 @@ def _import(options: argparse.Namespace) -> None:
     readings = load_array(options.file, options.variable)
     if options.patterns_variable is None:
         plan = make_plan(options.shape, options.patterns, options.order, options.polarity)
+        sign = np.ones(plan.exposures, np.int8)
     else:
         matrix = load_array(options.file, options.patterns_variable)
-        plan, sign = plan_from_matrix(matrix, options.shape)
-        readings = readings.reshape(-1, plan.exposures) * sign
-    capture = capture_from_readings(readings, plan, options.untrusted)
+        with naming(options.file):
+            plan, sign = plan_from_matrix(matrix, options.shape)
+    with naming(options.file):
+        capture = capture_from_readings(readings, plan, options.untrusted)
+    buckets = capture.buckets
+    capture = replace(capture, buckets=replace(buckets, counts=buckets.counts * sign))
     write_capture(capture, options.output)
     print(f"{options.output}: {capture.frames} frame(s) of {plan.exposures} readings")
 
@@ -154,7 +158,7 @@ def _report(result: Result, capture: Capture) -> dict[str, Any]:
 
 def _print_tables(result: Result, capture: Capture, files: dict[str, Path]) -> None:
     plan = capture.plan
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False, emoji=False)
     console.print(
         f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
         f"({100 * plan.sampling_ratio:.1f} %), {capture.provenance.source}"

@@ -14,6 +14,8 @@ from scipy import sparse
 
 from .errors import InputError, nearest
 
+#: Beyond the most pixels a shape is a mistake, and its arrays fill any memory.
+MOST_PIXELS = 2**24
 ORDERS = ("natural", "sequency", "sequency-2d")
 POLARITIES = ("differential", "single-ended", "signed")
 
@@ -37,7 +39,7 @@ class PatternPlan:
     order: str = "custom"
 
     def __post_init__(self) -> None:
-        shape = _checked_shape(self.shape)
+        shape = checked_shape(self.shape)
         index = np.asarray(self.index)
         polarity = np.asarray(self.polarity)
         pixels = shape[0] * shape[1]
@@ -141,7 +143,7 @@ def make_plan(
     only, and the projector's dark (M = K + 1); signed is one signed value per index (M = K).
     Raises InputError.
     """
-    shape = _checked_shape(shape)
+    shape = checked_shape(shape)
     pixels = shape[0] * shape[1]
     kept = pixels if patterns is None else patterns
     if not 1 <= kept <= pixels:
@@ -250,10 +252,13 @@ def signed_coefficients(
     return plan.distinct, coefficients.reshape(*values.shape[:-1], plan.sampled)
 
 
-def _checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
+def checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    """Rows and columns of a pattern; InputError where there can be no such patterns."""
     height, width = (int(side) for side in shape)
     if not (_power_of_two(height) and _power_of_two(width)):
         raise InputError(f"pattern shape {height} x {width}: both sides must be powers of two")
+    if height * width > MOST_PIXELS:
+        raise InputError(f"pattern shape {height} x {width}: at most {MOST_PIXELS} pixels")
     return height, width
 
 

@@ -140,6 +140,8 @@ def find_named(name: str, folder: Path, kind: str) -> Path:
     shipped = {path.stem: path for path in folder.glob("*.yaml")}
     if name in shipped:
         return shipped[name]
+    if given.is_dir():
+        raise InputError(f"{name} is a folder; the name of a YAML file is needed")
     raise InputError(
         f"no {kind} {name!r}: neither a file nor the name of a shipped {kind}; "
         f"{nearest(name, sorted(shipped))}"

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..capture import Buckets, Capture, Provenance
 from ..errors import InputError, naming, nearest
-from ..patterns import PatternPlan, fwht
+from ..patterns import PatternPlan, checked_shape, fwht
 
 
 def load_array(path: str | Path, variable: str | None = None) -> NDArray[Any]:
@@ -63,6 +63,7 @@ def plan_from_matrix(
     InputError naming the first row that is something else.
     """
     matrix = np.asarray(patterns, dtype=np.float64)
+    shape = checked_shape(shape)
     pixels = shape[0] * shape[1]
     if matrix.ndim != 2 or matrix.shape[1] != pixels:
         raise InputError(

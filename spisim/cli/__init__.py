@@ -46,7 +46,7 @@ class Commands(TyperGroup):
             message, status = str(error), 2
         except KeyboardInterrupt:
             message, status = "interrupted; no file is left half-written", 130
-        messages.print(f"error: {message}", style="red", markup=False, soft_wrap=True)
+        messages.print(f"error: {message}", style="red", soft_wrap=True)
         raise typer.Exit(status)
 
 

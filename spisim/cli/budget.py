@@ -9,7 +9,7 @@ import typer
 
 from .console import messages, print_json, results, warn
 from .inputs import instrument_with
-from .options import Json, Wavelength
+from .options import Json, Wavelength, real_option
 from .tables import plain_table
 
 if TYPE_CHECKING:
@@ -29,16 +29,14 @@ def command(
     ] = "paper",
     wavelength: Wavelength = None,
     distance: Annotated[
-        float, typer.Option("--range", min=0.01, max=1e4, metavar="M", help="Of the target.")
+        float, real_option("Of the target.", "--range", least=0.01, most=1e4, metavar="M")
     ] = 5.0,
-    reflectance: Annotated[
-        float, typer.Option(min=0.001, max=1, metavar="X", help="Of the target.")
-    ] = 0.5,
+    reflectance: Annotated[float, real_option("Of the target.", least=0.001, most=1)] = 0.5,
     illuminance: Annotated[
-        float, typer.Option(min=0, max=200, metavar="KLX", help="Daylight on the target.")
+        float, real_option("Daylight on the target.", least=0, most=200, metavar="KLX")
     ] = 100.0,
     visibility: Annotated[
-        float | None, typer.Option(metavar="M", help="Fog of this visibility; clear without.")
+        float | None, real_option("Fog of this visibility; clear without.", metavar="M")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="PNG", help="Picture to draw.")

@@ -10,8 +10,9 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-messages = Console(stderr=True, highlight=False)
-results = Console(highlight=False)
+# Brackets and colons in the name of a user's file are no markup.
+messages = Console(stderr=True, highlight=False, markup=False, emoji=False)
+results = Console(highlight=False, markup=False, emoji=False)
 
 
 def print_json(report: Mapping[str, Any]) -> None:
@@ -22,7 +23,7 @@ def print_json(report: Mapping[str, Any]) -> None:
 def warn(warnings: Iterable[str]) -> None:
     """Say what the user should know before believing the results."""
     for warning in warnings:
-        messages.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
+        messages.print(f"warning: {warning}", style="yellow", soft_wrap=True)
 
 
 @contextmanager

@@ -114,6 +114,6 @@ def _print(findings: dict[str, Any]) -> None:
     table.add_row("packages", ", ".join(f"{n} {v}" for n, v in findings["packages"].items()))
     results.print(table)
     for problem in findings["problems"]:
-        messages.print(f"\n{problem}", style="red", markup=False, soft_wrap=True)
+        messages.print(f"\n{problem}", style="red", soft_wrap=True)
     if findings["ready"]:
         results.print("\nReady.", style="green")

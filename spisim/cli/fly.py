@@ -21,6 +21,7 @@ from .options import (
     Seed,
     Spp,
     Visibility,
+    real_option,
 )
 
 if TYPE_CHECKING:
@@ -47,10 +48,10 @@ def command(
         str, typer.Option(help="What quaternions of the path turn: body or optical.")
     ] = "body",
     rate: Annotated[
-        float, typer.Option(min=0.01, max=1e4, metavar="HZ", help="Captures a second.")
+        float, real_option("Captures a second.", least=0.01, most=1e4, metavar="HZ")
     ] = 2.0,
     speed: Annotated[
-        float, typer.Option(min=0.01, max=100, metavar="X", help="Fly the path X times as fast.")
+        float, real_option("Fly the path X times as fast.", least=0.01, most=100)
     ] = 1.0,
     visibility: Visibility = None,
     fog: Fog = None,

@@ -1,6 +1,7 @@
 """Options that several commands share."""
 
 from contextlib import suppress
+from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,21 @@ def number_option(least: int, most: int, text: str) -> Any:
     return typer.Option(parser=parse, metavar="N", help=text)
 
 
+def real_option(
+    text: str, *names: str, least: float = -inf, most: float = inf, metavar: str = "X"
+) -> Any:
+    """An option that takes a number; what it refuses, it names."""
+    limits = f" from {least:g} to {most:g}" if isfinite(most) else ""
+
+    def parse(value: str) -> float:
+        with suppress(ValueError):
+            if least <= float(value) <= most:
+                return float(value)
+        raise typer.BadParameter(f"{value} is not a number{limits}")
+
+    return typer.Option(*names, parser=parse, metavar=metavar, help=text)
+
+
 SceneArgument = Annotated[
     str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a shipped scene.")
 ]
@@ -34,36 +50,33 @@ Spp = Annotated[
 ]
 Noise = Annotated[
     float | None,
-    typer.Option(
+    real_option(
+        "Instead of --spp: trace until the readings' relative standard error is below X.",
         "--noise",
-        metavar="X",
-        min=1e-5,
-        max=1,
-        help="Instead of --spp: trace until the readings' relative standard error is below X.",
+        least=1e-5,
+        most=1,
     ),
 ]
 Visibility = Annotated[
     float | None,
-    typer.Option("--visibility", metavar="M", help="Fog of this visibility, in metres."),
+    real_option("Fog of this visibility, in metres.", "--visibility", metavar="M"),
 ]
 Fog = Annotated[
     str | None,
     typer.Option("--fog", metavar="KIND", help="Fog with these droplets, such as heavy-advection."),
 ]
-Rain = Annotated[
-    float | None, typer.Option("--rain", metavar="MM_PER_H", help="Rain of this rate.")
-]
+Rain = Annotated[float | None, real_option("Rain of this rate.", "--rain", metavar="MM_PER_H")]
 Drops = Annotated[bool, typer.Option("--drops", help="Rain of single drops that cross the beams.")]
 Clear = Annotated[
     bool, typer.Option("--clear", help="Clear air, in place of the scene's fog and weather.")
 ]
 Wavelength = Annotated[
     float | None,
-    typer.Option(
+    real_option(
+        "The instrument moved to this wavelength, 850, 905, 940, 1460 or 1550: its filter "
+        "and LEDs move along, powers and quantum efficiencies stay.",
         "--wavelength",
         metavar="NM",
-        help="The instrument moved to this wavelength, 850, 905, 940, 1460 or 1550: its filter "
-        "and LEDs move along, powers and quantum efficiencies stay.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

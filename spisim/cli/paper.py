@@ -48,19 +48,22 @@ def command(
         around_marks(markdown, "paper")
     names = list(RESULTS) if which is Which.all else [which.value]
     results = {name: RESULTS[name]() for name in names}
-    for name, result in results.items():
-        write_atomically(output / f"{name}.png", png_bytes(result.figure))
+    pictures = {name: output / f"{name}.png" for name in results}
+    for name, picture in pictures.items():
+        write_atomically(picture, png_bytes(results[name].figure))
     checks = [check for result in results.values() for check in result.checks]
     tables = [table for result in results.values() for table in result.tables]
     tables.append(checks_table(checks))
     around = surroundings(PACKAGES)
     if json:
-        print_json(summary(around, tables, checks))
+        written = [*pictures.values(), *([] if markdown is None else [markdown])]
+        print_json(summary(around, tables, checks) | {"written": written})
     else:
         report(around, tables, checks, as_json=False)
     if markdown is not None:
         paste(markdown, "paper", around, tables)
-    pictures = ", ".join(f"{name}.png" for name in results)
-    messages.print(f"Wrote {pictures} into {output}.", soft_wrap=True)
+    if not json:
+        drawn = ", ".join(picture.name for picture in pictures.values())
+        messages.print(f"Wrote {drawn} into {output}.", soft_wrap=True)
     if not all(check.holds for check in checks):
         raise typer.Exit(1)

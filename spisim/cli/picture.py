@@ -19,7 +19,9 @@ from .options import (
     Visibility,
     Wavelength,
     number_option,
+    real_option,
 )
+from .outputs import beside
 
 EXAMPLE = "spisim picture warehouse -o warehouse.exr --fov 50 --clear"
 
@@ -45,10 +47,10 @@ def command(
     height: Annotated[int, number_option(1, 8192, "Pixels down.")] = 512,
     fov: Annotated[
         float | None,
-        typer.Option(min=0.1, max=170, help="Full angle across, degrees; the projector's."),
+        real_option("Full angle across; the projector's.", least=0.1, most=170, metavar="DEG"),
     ] = None,
     pattern: Annotated[
-        int | None, typer.Option(min=0, help="Exposure whose pattern is lit; all on without.")
+        int | None, number_option(0, 2**31, "Exposure whose pattern is lit; all on without.")
     ] = None,
     spp: Annotated[int, number_option(1, 2**20, "Light paths per pixel.")] = 64,
     seed: Seed = 0,
@@ -59,13 +61,12 @@ def command(
     Writes an OpenEXR file, and a tone-mapped PNG beside it.
     """
     from reconstruction import InputError
-    from reconstruction.files import require_file
     from reconstruction.patterns import illumination
     from spisim.exr import write_exr
     from spisim.report.pictures import view_scale, write_png
     from spisim.transport import CAMERA_OFFSET_M, camera_view
 
-    require_file(output)
+    picture = beside(output, ".png", "the tone-mapped picture", ".exr")
     carried = instrument_with(instrument, wavelength)
     there, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
     plan = carried.pattern_plan
@@ -84,7 +85,6 @@ def command(
         seed=seed,
     )
     write_exr(output, {"radiance": view}, {"units.radiance": "W m^-2 sr^-1", "scene": there.name})
-    picture = output.with_suffix(".png")
     write_png(picture, view_scale(view).rgba(view))
     if json:
         mean = float(view.mean())

@@ -1,5 +1,6 @@
 """`spisim simulate`: a scene and an instrument become a capture."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +24,7 @@ from .options import (
     Wavelength,
     number_option,
 )
+from .outputs import beside
 
 EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
 
@@ -62,6 +64,7 @@ def command(
     from spisim.transport import fine_view
 
     require_file(output)
+    page = beside(output, ".html", "the page of --report", ".h5") if report else None
     carried = instrument_with(instrument, wavelength, patterns, order, polarity)
     place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
     seconds: dict[str, float] = {}
@@ -81,10 +84,9 @@ def command(
     warnings = simulation_warnings(carried, simulation.transport)
     warnings += capture_warnings(simulation.capture)
     warn(warnings)
-    if report:
+    if page is not None:
         from spisim.report import write_report
 
-        page = output.with_suffix(".html")
         assert simulation.capture.truth is not None
         with naming(output):
             result = reconstruct(simulation.capture)
@@ -113,4 +115,6 @@ def command(
     else:
         names = " and ".join(map(str, written))
         messages.print(f"Wrote {names} in {seconds['simulate']:.1f} s.", soft_wrap=True)
-        messages.print(f"Next: spisim reconstruct {output} -o {output.with_suffix('')}")
+        folder = output.with_suffix("" if output.suffix else ".result")
+        next_step = shlex.join(["spisim", "reconstruct", str(output), "-o", str(folder)])
+        messages.print(f"Next: {next_step}", soft_wrap=True)

@@ -20,7 +20,9 @@ from .options import (
     Spp,
     Visibility,
     Wavelength,
+    real_option,
 )
+from .outputs import beside
 
 EXAMPLE = "spisim transport warehouse -o warehouse.exr --noise 0.002 --frequency 15e6"
 
@@ -39,7 +41,7 @@ def command(
     noise: Noise = None,
     frequency: Annotated[
         list[float] | None,
-        typer.Option(min=0, metavar="HZ", help="Add the phasor image at this frequency."),
+        real_option("Add the phasor image at this frequency.", least=0, most=1e12, metavar="HZ"),
     ] = None,
     orders: Annotated[
         bool,
@@ -50,11 +52,11 @@ def command(
     ] = False,
     cube: Annotated[
         float | None,
-        typer.Option(
-            min=0.01,
-            max=10,
+        real_option(
+            "Add every pixel's light over path length to the .npz, in bins of M metres.",
+            least=0.01,
+            most=10,
             metavar="M",
-            help="Add every pixel's light over path length to the .npz, in bins of M metres.",
         ),
     ] = None,
     json: Json = False,
@@ -66,16 +68,10 @@ def command(
     (rows, columns, bins); `units.*` in either file tells the units. What is longer than 80 m is
     in a histogram's last bin.
     """
-    from reconstruction.errors import InputError
-    from reconstruction.files import require_file
     from spisim.light_files import light_channels, write_histograms, write_truth
     from spisim.transport import LONGEST_PATH_M, PathLengthBins, Wanted, ground_truth, solve
 
-    histograms = output.with_suffix(".npz")
-    if histograms == output:
-        raise InputError(f"{output}: the spots' histograms need that name; call the image .exr")
-    for path in (output, histograms):
-        require_file(path)
+    histograms = beside(output, ".npz", "the file of the spots' histograms", ".exr")
     wanted = Wanted(
         orders=orders,
         frequencies_hz=tuple(frequency or ()),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import print_json, results, warn
-from .options import Fog, Json, Rain, Visibility
+from .options import Fog, Json, Rain, Visibility, real_option
 from .tables import plain_table
 
 if TYPE_CHECKING:
@@ -52,24 +52,22 @@ def command(
     fog: Fog = None,
     water: Annotated[
         float | None,
-        typer.Option(metavar="G_PER_M3", help="Fog of so much liquid water, for --visibility."),
+        real_option("Fog of so much liquid water, for --visibility.", metavar="G_PER_M3"),
     ] = None,
     definition: Annotated[
         str, typer.Option(help="Of visibility: koschmieder (2 % contrast) or mor (5 %).")
     ] = "koschmieder",
     rain: Rain = None,
-    snow: Annotated[
-        float | None, typer.Option(metavar="MM_PER_H", help="Snow of this rate.")
-    ] = None,
+    snow: Annotated[float | None, real_option("Snow of this rate.", metavar="MM_PER_H")] = None,
     snow_kind: Annotated[str, typer.Option(help="wet or dry.")] = "wet",
     smoke: Annotated[
-        float | None, typer.Option(metavar="M", help="Smoke of this visibility, in metres.")
+        float | None, real_option("Smoke of this visibility, in metres.", metavar="M")
     ] = None,
     smoke_kind: Annotated[
         str, typer.Option(help="biomass, soot, glycol-fine or glycol.")
     ] = "glycol",
     wavelength: Annotated[
-        float, typer.Option(min=700, max=1700, metavar="NM", help="Of the instrument.")
+        float, real_option("Of the instrument.", least=700, most=1700, metavar="NM")
     ] = 1550.0,
     compare: Annotated[
         bool, typer.Option("--compare", help="850, 905, 940, 1460 and 1550 nm side by side.")

@@ -9,7 +9,7 @@ from typing import Any
 
 import trimesh
 
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, naming
 from spisim import families
 from spisim.config import check_fields
 from spisim.scene.assemble import Setting, assemble
@@ -50,6 +50,8 @@ def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
 
 def _sound_draft(described: DrawnDescription, source: Path | str) -> families.Draft:
     """The first one in which the instrument can fly."""
+    with naming(source):
+        families.find_family(described.family)
     problem: str | None = ""
     for attempt in range(ATTEMPTS):
         draft = families.draft(

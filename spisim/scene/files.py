@@ -13,6 +13,8 @@ from reconstruction.errors import InputError, nearest
 
 def check_is_there(path: Path, kind: str) -> None:
     """InputError, naming the nearest file of the same suffix, unless `path` is a file."""
+    if path.is_dir():
+        raise InputError(f"{kind} {path.name!r} is a folder: {path}")
     if not path.is_file():
         others = sorted(other.name for other in path.parent.glob(f"*{path.suffix}"))
         hint = f" in {path.parent}; {nearest(path.name, others)}" if others else f": {path}"

@@ -161,6 +161,20 @@ def test_a_command_that_fails_leaves_no_folder(command: str, tmp_path: Path) -> 
 
 def test_a_folder_is_no_capture(tmp_path: Path) -> None:
     assert "is a folder" in mistake("simulate", "warehouse", "-o", tmp_path)
+    assert "is a folder" in mistake("evaluate", tmp_path)
+
+
+def test_a_folder_is_no_scene_and_no_instrument(tmp_path: Path) -> None:
+    assert f"{tmp_path} is a folder" in mistake("scenes", "show", tmp_path).replace("\n", "")
+    assert f"{tmp_path} is a folder" in mistake("budget", tmp_path).replace("\n", "")
+
+
+def test_an_unknown_family_is_told_with_its_file(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("family: tunel\n")
+    assert f"{scene}: unknown family 'tunel': did you mean 'tunnel'" in mistake(
+        "scenes", "show", scene
+    )
 
 
 @pytest.mark.parametrize("command", ["reconstruct", "evaluate"])

@@ -158,21 +158,22 @@ def scene_file(tmp_path: Path) -> Path:
 
 def test_options_change_the_weather_and_the_scene_s_text(scene_file: Path) -> None:
     scene_file.write_text(SCENE + "fog: {visibility_m: 100, definition: mor, phase: hg}\n")
-    scene = scene_with(str(scene_file), 1550, 50, False, "heavy-radiation", 5)
+    scene, _ = scene_with(str(scene_file), 1550, 50, False, "heavy-radiation", 5)
     expected = combine([fog(50, "heavy-radiation", "mor", phase="hg"), rain(5)])
     assert scene.atmosphere.summary() == expected.summary()
     assert yaml.safe_load(scene.text)["rain"] == {"rate_mm_per_h": 5}
-    thicker = scene_with(str(scene_file), 1550, None, False, "haze-m")
+    thicker, _ = scene_with(str(scene_file), 1550, None, False, "haze-m")
     assert thicker.atmosphere.visibility_m == 100
     assert thicker.atmosphere.kind == "haze-m"
-    clear = scene_with(str(scene_file), 1550, None, True)
+    clear, _ = scene_with(str(scene_file), 1550, None, True)
     assert clear.atmosphere.extinction_per_m == 0
     assert "fog" not in yaml.safe_load(clear.text)
 
 
 def test_options_replace_a_medium_by_coefficients(scene_file: Path) -> None:
     scene_file.write_text(SCENE + "fog: {extinction_per_m: 0.1, phase: {g: 0.5}}\n")
-    assert scene_with(str(scene_file), 1550, 50, False).atmosphere.kind == "moderate-radiation"
+    scene, _ = scene_with(str(scene_file), 1550, 50, False)
+    assert scene.atmosphere.kind == "moderate-radiation"
     with pytest.raises(InputError, match="--fog needs --visibility"):
         scene_with(str(scene_file), 1550, None, False, "haze-m")
 
@@ -206,7 +207,7 @@ def test_an_instrument_moved_to_905_nm_by_its_budget() -> None:
 
 def test_a_scene_is_loaded_at_the_instrument_s_wavelength(scene_file: Path) -> None:
     scene_file.write_text(SCENE)
-    found = scene_with(str(scene_file), 905, 50, False, "haze-l")
+    found, _ = scene_with(str(scene_file), 905, 50, False, "haze-l")
     assert found.wavelength_nm == 905
     expected = fog(50, "haze-l", wavelength_nm=905)
     assert found.atmosphere.extinction_per_m == expected.extinction_per_m

@@ -59,10 +59,11 @@ def test_budget_warns() -> None:
     [
         (["papre"], ["no instrument 'papre'", "did you mean 'paper'"]),
         (["missing.yaml"], ["missing.yaml", "no such file"]),
-        (["--range", "-1"], ["--range"]),
+        (["--range", "-1"], ["--range", "-1 is not a number from 0.01 to 10000"]),
         (["--reflectance", "1.5"], ["--reflectance"]),
         (["--illuminance", "-5"], ["--illuminance"]),
-        (["--range", "nan"], ["--range"]),
+        (["--range", "nan"], ["--range", "nan is not a number"]),
+        (["--visibility", "far"], ["--visibility", "far is not a number"]),
         (["--visibility", "0"], ["visibility_m", "greater than 0"]),
         (["-o", "."], ["folder"]),
     ],

@@ -84,6 +84,11 @@ def test_missing_mesh_names_the_nearest(tmp_path: Path) -> None:
         load_mesh(tmp_path / "a.obj")
 
 
+def test_a_folder_is_no_mesh(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"mesh '{tmp_path.name}' is a folder"):
+        load_mesh(tmp_path)
+
+
 @pytest.mark.parametrize("name", ["garbage.ply", "garbage.obj", "garbage.stl", "empty.ply"])
 def test_garbage_is_no_mesh(tmp_path: Path, name: str) -> None:
     path = tmp_path / name

@@ -77,7 +77,9 @@ def test_paper_draws_and_checks(tmp_path: Path) -> None:
     assert {tuple(check) for check in report["checks"]} == {("name", "value", "limit", "holds")}
     assert all(check["holds"] for check in report["checks"])
     assert "No single T_int" in " ".join(run.stdout.split())
-    assert matplotlib.image.imread(tmp_path / "figures" / "fig2.png").shape[1] > 1000
+    picture = tmp_path / "figures" / "fig2.png"
+    assert report["written"] == [str(picture)]
+    assert matplotlib.image.imread(picture).shape[1] > 1000
 
 
 def test_paper_pastes_its_tables(tmp_path: Path) -> None:

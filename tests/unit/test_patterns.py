@@ -125,6 +125,7 @@ def test_decoding_needs_the_dark_and_the_all_on_exposure():
     ("arguments", "message"),
     [
         (((12, 16),), "12 x 16: both sides must be powers of two"),
+        (((2**16, 2**16), 127), "65536 x 65536: at most 16777216 pixels"),
         (((4, 4), 17), r"patterns = 17: must lie in 1\.\.16"),
         (((4, 4), 0), r"patterns = 0: must lie in 1\.\.16"),
         (((4, 4), 4, "sequncy"), "unknown pattern order 'sequncy': did you mean 'sequency'"),

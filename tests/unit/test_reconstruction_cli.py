@@ -213,6 +213,11 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
     out = str(tmp_path / "out")
     (tmp_path / "text.h5").write_text("no capture")
     (tmp_path / "file").write_text("")
+    readings = tmp_path / "readings.npy"
+    np.save(readings, np.ones(63))
+    rows, of_matrix = hadamard(64), tmp_path / "readings.npz"
+    np.savez(of_matrix, short=np.ones(63), turned=np.ones((64, 2)), rows=rows)
+    by_rows = ["import", str(of_matrix), "-o", out, "--shape", "8x8", "--patterns-variable", "rows"]
     for arguments, message in [
         ([str(tmp_path / "none.h5"), "-o", out], "no such capture file"),
         ([str(tmp_path / "text.h5"), "-o", out], "not an HDF5 file"),
@@ -222,6 +227,11 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         ([str(path), "-o", str(tmp_path / "file" / "x")], "file is not a folder"),
         ([str(path), "-o", str(tmp_path / "file")], "file is not a folder"),
         (["import", str(path), "-o", out, "--shape", "8x8"], "unknown file type"),
+        (["import", str(readings), "-o", out, "--shape", "8x8"], f"{readings}: the readings have"),
+        ([*by_rows, "--variable", "short", "--shape", "7x8"], "7 x 8: both sides must be powers"),
+        ([*by_rows, "--variable", "short"], "the readings have shape (63,)"),
+        ([*by_rows, "--variable", "turned"], "the readings have shape (64, 2)"),
+        ([str(tmp_path), "-o", out], "is a folder; the name of a capture file is needed"),
     ]:
         assert main(arguments) == 2
         error = capsys.readouterr().err

@@ -12,6 +12,7 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 import spisim
+from scenefiles import MINIMAL
 from spisim.cli import app
 from spisim.report.scene_view import survey
 from spisim.report.scene_view.cameras import FARTHEST_CUT_M, Section, cut_m, heading
@@ -78,6 +79,13 @@ def test_survey_of_a_scene_that_the_spots_miss() -> None:
     assert np.isnan(found.nearest_m).all()
     assert found.problem is not None
     assert "laser spot" in found.problem
+
+
+def test_a_sheet_that_is_turned_has_no_thickness(tmp_path: Path) -> None:
+    (tmp_path / "sheet.yaml").write_text(MINIMAL)
+    place = spisim.load_scene(tmp_path / "sheet.yaml")
+    found = survey(place, spisim.load_instrument("paper"), Sight.of(place))
+    assert found.extents_m == (0, 4, 4)
 
 
 def test_clearance_is_the_distance_to_the_nearest_of_all_triangles() -> None:

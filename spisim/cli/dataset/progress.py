@@ -35,7 +35,7 @@ def bar() -> Iterator[Update]:
         TextColumn("Samples"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[told]}"),
+        TextColumn("{task.fields[told]}", markup=False),
     )
     with Progress(*columns, console=messages, transient=True, disable=False) as progress:
         task = progress.add_task("", total=None, told="")

@@ -90,11 +90,11 @@ def _dry_run(planned: PlannedSet, workers: int, json: bool) -> None:
     rows = [dict(flat(sample.parameters)) for sample in told.shown]
     common = {k: v for k, v in rows[0].items() if all(k in row and row[k] == v for row in rows)}
     if common:
-        results.print(f"   all  {_listed(common)}", markup=False, soft_wrap=True)
+        results.print(f"   all  {_listed(common)}", soft_wrap=True)
     for sample, row in zip(told.shown, rows, strict=True):
         own = {name: value for name, value in row.items() if name not in common}
         line = f"{sample.index:6}  {sample.scene_name}  {_listed(own)}"
-        results.print(line.rstrip(), markup=False, soft_wrap=True)
+        results.print(line.rstrip(), soft_wrap=True)
     if told.samples > len(rows):
         results.print(f"   …  and {told.samples - len(rows)} more")
     results.print(

@@ -45,7 +45,7 @@ def explained() -> Iterator[None]:
     try:
         yield
     except OutOfSpace as error:
-        messages.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        messages.print(f"error: {error}", style="red", soft_wrap=True)
         raise typer.Exit(OUT_OF_SPACE) from None
     except KeyboardInterrupt:
         say("interrupted; no file is left half-written. Run the same command again to go on")
@@ -54,4 +54,4 @@ def explained() -> Iterator[None]:
 
 def say(text: str) -> None:
     """A line for the user, on stderr."""
-    messages.print(text, markup=False, soft_wrap=True)
+    messages.print(text, soft_wrap=True)

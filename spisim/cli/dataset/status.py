@@ -23,7 +23,7 @@ def command(folder: Folder, json: Json = False) -> None:
         return
     rate = status.samples_per_minute
     left = f", {_duration(status.missing / rate)} left" if rate and status.runner else ""
-    results.print(f"{status.name}: {status.planned} samples planned", markup=False, soft_wrap=True)
+    results.print(f"{status.name}: {status.planned} samples planned", soft_wrap=True)
     results.print(f"  done     {status.done}")
     results.print(f"  failed   {status.failed}")
     results.print(f"  missing  {status.missing}")

@@ -48,7 +48,7 @@ def command(
         print_json({"written": files, "warnings": written.warnings})
     else:
         messages.print(f"Wrote {output}; its meshes: {len(files) - 1}.", soft_wrap=True)
-        messages.print(f"Look at it: spisim scenes show {output}", soft_wrap=True)
+        messages.print(f"Look at it: spisim scenes show {shlex.quote(str(output))}", soft_wrap=True)
 
 
 def _parameters(settings: list[str]) -> dict[str, object]:

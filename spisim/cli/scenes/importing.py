@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ..console import messages, print_json, results, warn
-from ..options import Json
+from ..options import Json, real_option
 
 if TYPE_CHECKING:
     from spisim.importing import Import
@@ -40,7 +41,7 @@ def command(
     up: Annotated[
         str | None, typer.Option(metavar="AXIS", help="Axis that is up in the file: x, y or z.")
     ] = None,
-    scale: Annotated[float, typer.Option(metavar="S", help="Scale everything once more.")] = 1.0,
+    scale: Annotated[float, real_option("Scale everything once more.", metavar="S")] = 1.0,
     materials: Annotated[
         Path | None,
         typer.Option(metavar="YAML", help="Lines of `name in the file: material of spisim`."),
@@ -130,7 +131,6 @@ def _summary(report: Import) -> dict[str, Any]:
 
 
 def _print(report: Import) -> None:
-    from rich.markup import escape
     from rich.table import Table
 
     size = report.bounds_m[1] - report.bounds_m[0]
@@ -145,22 +145,19 @@ def _print(report: Import) -> None:
         f"({drone.why}); nearest surface {drone.nearest_m:.2f} m, ahead {drone.ahead_m:.2f} m",
     }
     for title, text in lines.items():
-        results.print(f"{title:8} {text}", markup=False, soft_wrap=True)
+        results.print(f"{title:8} {text}", soft_wrap=True)
     table = Table("in the file", "material", "how", "why", "parts", box=None, header_style="dim")
     for match, parts in report.materials:
-        table.add_row(
-            *map(escape, (match.source, match.material, match.how, match.why)), str(parts)
-        )
+        table.add_row(match.source, match.material, match.how, match.why, str(parts))
     results.print()
     results.print(table)
     results.print()
     for note in (*report.notes, TEXTURES):
-        results.print(f"note: {note}", markup=False, soft_wrap=True)
+        results.print(f"note: {note}", soft_wrap=True)
     written = report.written
     messages.print(
         f"Wrote {written.scene_file} and {len(written.mesh_files)} meshes. "
-        f"Look at it: spisim scenes show {written.scene_file}",
-        markup=False,
+        f"Look at it: spisim scenes show {shlex.quote(str(written.scene_file))}",
         soft_wrap=True,
     )
 

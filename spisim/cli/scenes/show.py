@@ -10,7 +10,7 @@ import typer
 
 from ..console import messages, print_json, results, warn
 from ..inputs import instrument_with, scene_with
-from ..options import InstrumentOption, Json, SceneArgument
+from ..options import InstrumentOption, Json, SceneArgument, real_option
 from ..tables import plain_table
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def command(
     ] = None,
     instrument: InstrumentOption = "paper",
     fov: Annotated[
-        float, typer.Option(min=5, max=150, help="Of the drone's view in the picture, degrees.")
+        float, real_option("Of the drone's view in the picture.", least=5, most=150, metavar="DEG")
     ] = 50.0,
     json: Json = False,
 ) -> None:
@@ -69,7 +69,6 @@ def _print(found: Survey) -> None:
         f"\n{found.name}: {found.objects} objects, {found.triangles:,} triangles, {size} m; "
         f"{media or 'clear air'}",
         soft_wrap=True,
-        markup=False,
     )
 
 

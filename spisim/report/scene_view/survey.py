@@ -74,7 +74,7 @@ def survey(scene: Scene, instrument: Instrument, sight: Sight) -> Survey:
     far = int(np.argmax(np.where(hit, field.range_m, -np.inf)))
     points = origin + field.range_m[hit, None] * rays[1][hit]
     bounds = np.array([thing.mesh.bounds for thing in scene.objects])
-    extents = bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)
+    extents = np.round(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0), 9)  # 4e-16 m is none
     return Survey(
         name=scene.name,
         nearest=seen(field.range_m[near], field.object_id[near]),
