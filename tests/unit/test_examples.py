@@ -32,7 +32,8 @@ def slanted_walls(estimator: ModuleType, count: int, seed: int):
     patterns = np.random.default_rng(0).random((60, 64))
     light = (1e6 / depth**2).reshape(count, -1) @ patterns.T
     ranges = depth[:, [2, 2, 6, 6], [2, 6, 2, 6]]
-    return estimator.Readings(light, ranges), depth
+    flat = np.broadcast_to(distance[:, None, None], depth.shape)
+    return estimator.Readings(light, ranges, flat, flat), depth
 
 
 def test_depth_is_learned_from_readings_and_ranges(estimator: ModuleType) -> None:
@@ -47,7 +48,8 @@ def test_depth_is_learned_from_readings_and_ranges(estimator: ModuleType) -> Non
 
 def test_missing_ranges_are_stood_in_for(estimator: ModuleType) -> None:
     ranges = np.array([[2.0, np.nan, 4.0, 6.0], [np.nan] * 4])
-    filled = estimator.Readings(np.ones((2, 9)), ranges).filled_range_m
+    maps = np.full((2, 8, 8), np.nan)
+    filled = estimator.Readings(np.ones((2, 9)), ranges, maps, maps).filled_range_m
     assert filled.tolist() == [[2, 4, 4, 6], [estimator.FALLBACK_M] * 4]
 
 
