@@ -16,6 +16,8 @@ from spisim.families.ropes import hanging
 from spisim.families.shapes import Floats, Mesh, block, grid_mesh, lathe, rod, tube, union
 
 KINDS = ("square", "round", "arch")
+#: From the net to the backdrop.
+NET_M = 1.1
 
 
 class GatesParameters(Parameters):
@@ -146,7 +148,7 @@ def _stand(kind: str, opening: float, border: float, height: float) -> Mesh:
 
 def _net(draft: Draft, parameters: GatesParameters) -> None:
     """Safety net before the backdrop, between poles."""
-    x, high, half = parameters.backdrop_m - 1.1, 3.6, 3.2
+    x, high, half = parameters.backdrop_m - NET_M, 3.6, 3.2
     thick, step = parameters.net_mm / 2000, parameters.net_mesh_m
     cords = [tube([(x, y, 0.05), (x, y, high)], thick, 4) for y in np.arange(-half, half, step)]
     cords += [tube([(x, -half, z), (x, half, z)], thick, 4) for z in np.arange(0.05, high, step)]
@@ -212,7 +214,8 @@ def _on_the_ground(draft: Draft, parameters: GatesParameters, rng: np.random.Gen
         cones.append(((0, 0, rng.uniform(0, 90)), (x, y, 0.0)))
     draft.mesh("cone", "pvc", cone(), copies=cones)
     pad = lathe([(0, 0), (0.45, 0), (0.45, 0.02), (0, 0.02)], sections=32)
-    draft.mesh("landing pad", "rubber-black", pad, (rng.uniform(6.0, 8.0), 0.0, 0.0))
+    x = min(rng.uniform(6.0, 8.0), parameters.backdrop_m - NET_M - 0.5)
+    draft.mesh("landing pad", "rubber-black", pad, (x, 0.0, 0.0))
 
 
 FAMILY = Family(

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 from spisim.families.shapes import Floats, Mesh, grid_mesh
 
 Range = tuple[float, float]
+#: How much deeper than the slope demands a foot goes: the ground's triangles cut its curves.
+DEEPER = 1.2
 
 
 def aside(ahead_m: float, angle_deg: float) -> float:
@@ -47,6 +49,13 @@ class Ground:
     def on(self, x: float, y: float, sunk_m: float = 0.0) -> tuple[float, float, float]:
         """A place on the ground, or so much below it."""
         return (x, y, float(self.height(x, y)) - sunk_m)
+
+    def below(self, x: float, y: float, sunk_m: float, foot_m: float) -> tuple[float, float, float]:
+        """A place so much below the ground, or lower, so that all of a round foot is in it."""
+        turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+        rim = self.height(x + foot_m * np.cos(turn), y + foot_m * np.sin(turn))
+        height = float(self.height(x, y))
+        return (x, y, height - max(sunk_m, DEEPER * (height - float(rim.min()))))
 
     def mesh(self, x: Range, y: Range, step_m: float) -> Mesh:
         """The ground between two x and two y."""

@@ -15,6 +15,8 @@ from spisim.families.shapes import Floats, Mesh, tube, union
 
 #: Thinnest twig.
 TWIG_RADIUS_M = 0.0015
+#: Of a trunk at its foot, relative to its radius.
+FLARE = 1.35
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -72,7 +74,7 @@ def tree(
     lean = rng.normal(0, 0.04, 3) * (1, 1, 0)
     steps = wander(rng, unit(UP + lean), 8, 0.04) * (height_m / 8)
     path = np.vstack([np.zeros(3), steps.cumsum(axis=0)])
-    flare = np.array([1.35, *np.linspace(1.0, 0.35, 8)])
+    flare = np.array([FLARE, *np.linspace(1.0, 0.35, 8)])
     trunk = Limb(path, radius_m * flare)
     limbs = [trunk]
     for height in rng.uniform(lowest_m / height_m, 0.95, branches):

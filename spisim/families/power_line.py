@@ -11,7 +11,7 @@ from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family, Placed, Point
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.families.placing import Ground, aside, rolling
-from spisim.families.plants import leaves, tree, wood
+from spisim.families.plants import FLARE, leaves, tree, wood
 from spisim.families.ropes import hanging
 from spisim.families.shapes import Floats, Mesh, block, lathe, limb, moved, rod, tube, union
 
@@ -206,13 +206,18 @@ def _trees(
     draft: Draft, parameters: PowerLineParameters, rng: np.random.Generator, ground: Ground
 ) -> None:
     """Two kinds of tree on the slope, their crowns about as high as the drone."""
-    copies: list[list[Placed]] = [[], []]
+    places: list[tuple[float, float, float]] = []
     sideways = rng.permutation(np.linspace(-3.0, 3.0, parameters.trees))
-    for n, y in enumerate(sideways + rng.uniform(-0.3, 0.3, parameters.trees)):
+    for y in sideways + rng.uniform(-0.3, 0.3, parameters.trees):
         x = parameters.backdrop_m + rng.uniform(-1.6, 0.8)
-        copies[n % 2].append(((0, 0, rng.uniform(0, 360)), ground.on(x, float(y), 0.4)))
-    for kind, placed in enumerate(copies):
-        grown = tree(rng, rng.uniform(2.5, 5.0), rng.uniform(0.05, 0.1), 10, 0.6, 1.4)
+        places.append((x, float(y), rng.uniform(0, 360)))
+    for kind in range(2):
+        height, radius = rng.uniform(2.5, 5.0), rng.uniform(0.05, 0.1)
+        grown = tree(rng, height, radius, 10, 0.6, 1.4)
+        placed: list[Placed] = [
+            ((0, 0, turn), ground.below(x, y, 0.4, FLARE * radius))
+            for x, y, turn in places[kind::2]
+        ]
         draft.mesh(f"tree {kind + 1}", "bark", wood(grown), copies=placed)
         foliage = leaves(rng, grown, 0.16, 8)
         draft.mesh(f"leaves of tree {kind + 1}", "leaves-green", foliage, copies=placed)

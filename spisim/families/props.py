@@ -112,6 +112,16 @@ def ladder() -> Mesh:
     return union(rails + rungs)
 
 
+def step_ladder() -> Mesh:
+    """Two leaves that stand apart along x and meet 1.87 m above the ground, 0.42 m (y) wide."""
+    leaves = []
+    for way in (-1, 1):
+        leaf = ladder().apply_scale((0.7, 1.0, 0.8))
+        leaf.apply_transform(rotation_matrix(np.radians(-14 * way), (0, 1, 0)))
+        leaves.append(moved(leaf, (0.49 * way, 0, 0.006)))
+    return union(leaves)
+
+
 def pallet_jack() -> Mesh:
     """Hand pallet truck: forks towards +x, handle leaning towards -x."""
     forks = [block((1.15, 0.16, 0.05), (0.575, y, 0.1)) for y in (-0.19, 0.19)]

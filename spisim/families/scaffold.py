@@ -46,11 +46,15 @@ class ScaffoldParameters(Parameters):
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the tubes are: the wall is along y, the near row at x = 0, decks at `levels`."""
+    """Where the tubes are: the wall is along y, the near row at x = 0, decks at `levels`.
+
+    The rope hangs from `top`.
+    """
 
     columns: list[float]
     levels: list[float]
     depth: float
+    top: float
 
     @property
     def rows(self) -> tuple[float, float]:
@@ -70,6 +74,7 @@ def build(parameters: ScaffoldParameters, rng: np.random.Generator) -> Draft:
         [offset + i * parameters.bay_m for i in range(-BAYS, BAYS + 1)],
         np.arange(FOOT_M, top, parameters.lift_m).tolist(),
         parameters.depth_m,
+        top,
     )
     parts = {
         ("tubes", "steel-galvanised"): _tubes(frame, parameters, rng),
@@ -77,7 +82,7 @@ def build(parameters: ScaffoldParameters, rng: np.random.Generator) -> Draft:
         ("planks", "wood-weathered"): _planks(frame, parameters, rng),
         ("toe boards", "wood-dry"): _toe_boards(frame, rng),
         ("window", "glass-painted-back"): _windows(frame, parameters, aim_z),
-        ("rope", "polyester-fabric"): _rope(parameters, aim_z, top, offset),
+        ("rope", "polyester-fabric"): _rope(frame, parameters, aim_z, offset),
         ("bucket", "pvc"): _bucket(aim_z, offset, parameters),
         ("stack of bricks", "brick"): _bricks(frame, aim_z, rng),
     }
@@ -102,7 +107,8 @@ def _tubes(frame: Frame, parameters: ScaffoldParameters, rng: np.random.Generato
     """Standards, ledgers, transoms, guard rails and braces."""
     radius = TUBE_DIAMETER_M / 2
     first, last = frame.columns[0] - 0.3, frame.columns[-1] + 0.3
-    high = frame.levels[-1] + 1.2
+    # As high as braces reach; the rope's bracket is below that.
+    high = frame.levels[-1] + parameters.lift_m + 0.1
     standards = [
         rod((x, y, 0), (x, y, high), radius, SECTIONS) for x in frame.rows for y in frame.columns
     ]
@@ -116,6 +122,9 @@ def _tubes(frame: Frame, parameters: ScaffoldParameters, rng: np.random.Generato
         for z in frame.levels
         for up in GUARD_RAILS_M
     ]
+    rails.append(
+        rod((0.05, first, frame.top - 0.05), (0.05, last, frame.top - 0.05), radius, SECTIONS)
+    )
     transoms = [
         rod((-0.15, y + 0.05, z + 0.05), (frame.depth + 0.12, y + 0.05, z + 0.05), radius, SECTIONS)
         for z in frame.levels
@@ -201,14 +210,14 @@ def _hook(parameters: ScaffoldParameters, offset: float) -> tuple[float, float]:
     return -0.35, float(np.clip(offset + 0.35 * parameters.bay_m, -0.35, 0.35))
 
 
-def _rope(parameters: ScaffoldParameters, aim_z: float, top: float, offset: float) -> Mesh:
-    """Rope from a bracket above down to the handle of the bucket."""
+def _rope(frame: Frame, parameters: ScaffoldParameters, aim_z: float, offset: float) -> Mesh:
+    """Rope from a bracket on the topmost rail down to the handle of the bucket."""
     x, y = _hook(parameters, offset)
     knot = aim_z + 0.05
     bow = np.linspace(0, np.pi, 9)
     handle = np.stack([0 * bow + x, y + 0.14 * np.cos(bow), knot - 0.15 + 0.15 * np.sin(bow)], 1)
-    bracket = rod((0.0, y, top), (x - 0.1, y, top), TUBE_DIAMETER_M / 2, SECTIONS)
-    rope = rod((x, y, knot), (x, y, top), parameters.rope_mm / 2000, 8)
+    bracket = rod((0.15, y, frame.top), (x - 0.1, y, frame.top), TUBE_DIAMETER_M / 2, SECTIONS)
+    rope = rod((x, y, knot), (x, y, frame.top), parameters.rope_mm / 2000, 8)
     return union([rope, bracket, tube(handle, 0.003, 6)])
 
 

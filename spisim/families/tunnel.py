@@ -117,9 +117,15 @@ def _stretch(outline: Floats, start: float, end: float) -> Mesh:
 
 
 def _niche(edge: Floats, start: float, end: float) -> Mesh:
-    """Walls of a recess behind an opening whose edge runs up along (y, z), 0.6 m deep."""
+    """Walls, floor and head of a recess, 0.6 m deep, whose opening runs up along (y, z)."""
     deep = edge[:, 0].max() + 0.6
-    (_, bottom), (head_y, top) = edge[0], edge[-1]
+    (foot_y, bottom), (head_y, top) = edge[0], edge[-1]
+    floor = [
+        (start, foot_y, bottom),
+        (end, foot_y, bottom),
+        (end, deep, bottom),
+        (start, deep, bottom),
+    ]
     back = [(start, deep, bottom), (end, deep, bottom), (end, deep, top), (start, deep, top)]
     head = [(start, head_y, top), (end, head_y, top), (end, deep, top), (start, deep, top)]
     sides = []
@@ -127,7 +133,7 @@ def _niche(edge: Floats, start: float, end: float) -> Mesh:
         front = np.column_stack([np.full(len(edge), x), edge])
         behind = np.column_stack([front[:, 0], np.full(len(edge), deep), edge[:, 1]])
         sides.append(grid_mesh(np.stack([front, behind])))
-    return union([sheet(back), sheet(head), *sides])
+    return union([sheet(floor), sheet(back), sheet(head), *sides])
 
 
 def _ribs(parameters: TunnelParameters, outline: Floats) -> Mesh:

@@ -13,9 +13,12 @@ from spisim.families.placing import aside
 from spisim.families.shapes import Mesh, tube
 
 Place = tuple[float, float, float]
+Add = Callable[[Draft, Place, np.random.Generator], None]
 #: Heights of the decks of a rack, and width and depth of one.
 DECKS_M, RACK_M, RACK_DEPTH_M = (0.15, 1.0, 1.8), 1.8, 0.6
 SKYLIGHT_M = 1.6
+#: Of somebody around the middle, elbows and hands included.
+WORKER_REACH_M = 0.4
 
 
 class WarehouseParameters(Parameters):
@@ -28,7 +31,7 @@ class WarehouseParameters(Parameters):
     first_rack_m: float = drawn(3.0, 5.0, "to the first racks")
     goods: float = drawn(0.3, 0.95, "share of the places on the racks that are taken")
     nearest_m: float = drawn(2.4, 3.4, "to the first thing in the way")
-    things: int = drawn(4, 8, "in the way")
+    things: int = drawn(4, 8, "in the way, where there is room")
     lamps: int = drawn(1, 3, "that hang from the ceiling")
     cable_mm: float = drawn_log(4.0, 16.0, "diameter of a loose cable that hangs into the aisle")
     ceiling_m: float = drawn(3.6, 5.0, "height of the hall")
@@ -106,7 +109,7 @@ def _end(draft: Draft, parameters: WarehouseParameters, rng: np.random.Generator
     """What leans on or stands at the end wall."""
     x = parameters.length_m
     y = rng.uniform(-0.3, 0.3) * parameters.aisle_m
-    draft.mesh("ladder", "aluminium-anodised", props.ladder(), (x - 0.75, y, 0), (0, 15, 0))
+    draft.mesh("ladder", "aluminium-anodised", props.ladder(), (x - 0.66, y, 0.01), (0, 15, 0))
     bottles: list[Placed] = [
         ((0, 0, 0), (x - 0.25, -np.sign(y) * (0.35 + 0.28 * k), 0)) for k in range(2)
     ]
@@ -114,19 +117,41 @@ def _end(draft: Draft, parameters: WarehouseParameters, rng: np.random.Generator
 
 
 def _way(draft: Draft, parameters: WarehouseParameters, rng: np.random.Generator) -> None:
-    """Things in the aisle, alternately on its left and right, each in view."""
+    """Things in the aisle, alternately on its left and right, each in view, where there is room."""
     ahead = np.linspace(parameters.nearest_m, parameters.length_m - 2.0, parameters.things)
     kinds = rng.permutation(sorted(_THINGS))[: parameters.things]
     side = rng.choice([-1, 1])
-    widest = parameters.aisle_m / 2 - 0.2
+    taken: list[tuple[float, float, float]] = []
     for n, (name, x) in enumerate(zip(kinds, ahead, strict=True)):
+        reach, add = _THINGS[str(name)]
+        widest = parameters.aisle_m / 2 - reach
         y = (-1) ** n * side * min(aside(float(x), rng.uniform(3.0, 9.0)), widest)
-        _THINGS[str(name)](draft, (float(x), float(y), 0.0), rng)
+        if _is_free(taken, float(x), float(y), reach):
+            taken.append((float(x), float(y), reach))
+            add(draft, (float(x), float(y), 0.0), rng)
     if parameters.worker == "worker":
-        x = rng.uniform(4.5, 7.0)
-        at = (x, min(aside(x, 6.0), widest) * rng.uniform(-1, 1), 0)
-        turn = (0, 0, rng.uniform(-40, 40))
-        props.add_worker(draft, at, turn)
+        _worker(draft, parameters, taken, rng)
+
+
+def _worker(
+    draft: Draft,
+    parameters: WarehouseParameters,
+    taken: list[tuple[float, float, float]],
+    rng: np.random.Generator,
+) -> None:
+    """Somebody in the first free place of many, if any is."""
+    turn = (0, 0, rng.uniform(-40, 40))
+    widest = parameters.aisle_m / 2 - WORKER_REACH_M
+    for x, across in rng.uniform((4.5, -1.0), (7.0, 1.0), (50, 2)).tolist():
+        y = across * min(aside(x, 6.0), widest)
+        if _is_free(taken, x, y, WORKER_REACH_M):
+            props.add_worker(draft, (x, y, 0), turn)
+            return
+
+
+def _is_free(taken: list[tuple[float, float, float]], x: float, y: float, reach: float) -> bool:
+    """Whether what reaches so far around a place stays clear of all others (x, y, reach)."""
+    return all(np.hypot(x - x_, y - y_) >= reach + reach_ for x_, y_, reach_ in taken)
 
 
 def _above(draft: Draft, parameters: WarehouseParameters, rng: np.random.Generator) -> None:
@@ -141,6 +166,8 @@ def _above(draft: Draft, parameters: WarehouseParameters, rng: np.random.Generat
     line = [(x, y, parameters.ceiling_m), (x + 0.03, y + 0.05, 0.5 * (end + parameters.ceiling_m)),
             (x, y - 0.03, end + 0.3), (x - 0.04, y + 0.02, end)]  # fmt: skip
     draft.mesh("hanging cable", "rubber-black", tube(line, parameters.cable_mm / 2000, 6))
+    bars: list[Placed] = [((0, 0, 0), (float(x), 0, parameters.ceiling_m)) for x in (*spots, x)]
+    draft.box("skylight bar", "steel-painted", (0.06, SKYLIGHT_M, 0.1), copies=bars)
 
 
 def _drum_on_pallets(draft: Draft, at: Place, rng: np.random.Generator) -> None:
@@ -173,7 +200,14 @@ def _tyres(draft: Draft, at: Place, rng: np.random.Generator) -> None:
     draft.mesh("tyre", "rubber-black", props.tyre(), copies=copies)
 
 
-def _single(name: str, material: str, make: Callable[[], Mesh]) -> Callable[..., None]:
+def _pallet_truck(draft: Draft, at: Place, rng: np.random.Generator) -> None:
+    """Along the aisle, its forks upon the place, towards us or away."""
+    turn = float(rng.choice((0, 180)) + rng.uniform(-8, 8))
+    back = 0.4 * np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn)), 0])
+    draft.mesh("pallet truck", "steel-painted", props.pallet_jack(), at - back, (0, 0, turn))
+
+
+def _single(name: str, material: str, make: Callable[[], Mesh]) -> Add:
     """One prop, turned at random."""
 
     def add(draft: Draft, at: Place, rng: np.random.Generator) -> None:
@@ -182,17 +216,19 @@ def _single(name: str, material: str, make: Callable[[], Mesh]) -> Callable[...,
     return add
 
 
-_THINGS: dict[str, Callable[[Draft, Place, np.random.Generator], None]] = {
-    "drum on pallets": _drum_on_pallets,
-    "cartons on a pallet": _cartons_on_a_pallet,
-    "tyres": _tyres,
-    "pallet truck": _single("pallet truck", "steel-painted", props.pallet_jack),
-    "cone": _single("cone", "pvc", props.cone),
-    "gas bottle in the way": _single(
-        "gas bottle in the way", "steel-galvanised", props.gas_cylinder
+#: How far each thing reaches around its place on the floor, and what adds it.
+_THINGS: dict[str, tuple[float, Add]] = {
+    "drum on pallets": (0.75, _drum_on_pallets),
+    "cartons on a pallet": (0.75, _cartons_on_a_pallet),
+    "tyres": (0.36, _tyres),
+    "pallet truck": (0.85, _pallet_truck),
+    "cone": (0.3, _single("cone", "pvc", props.cone)),
+    "gas bottle in the way": (
+        0.12,
+        _single("gas bottle in the way", "steel-galvanised", props.gas_cylinder),
     ),
-    "carton on the floor": _single("carton on the floor", "cardboard", props.open_carton),
-    "step ladder": _single("step ladder", "aluminium-anodised", props.ladder),
+    "carton on the floor": (0.46, _single("carton on the floor", "cardboard", props.open_carton)),
+    "step ladder": (0.57, _single("step ladder", "aluminium-anodised", props.step_ladder)),
 }
 
 FAMILY = Family(

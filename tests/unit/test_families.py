@@ -193,3 +193,13 @@ def test_a_tube_is_closed_and_as_thick_as_told() -> None:
     assert bent.is_watertight
     assert bent.is_winding_consistent
     assert bent.volume > 0
+
+
+@pytest.mark.parametrize("venue", ["hall", "field"])
+def test_the_pad_of_a_racing_course_lies_before_the_net(venue: str) -> None:
+    parameters = {"venue": venue, "backdrop_m": 7.2}
+    for seed in range(3):
+        scene = draw_scene("racing-gates", seed, parameters)
+        objects = {thing.name: thing for thing in scene.objects}
+        pad, net = objects["landing pad"].mesh, objects["net"].mesh
+        assert pad.bounds[1, 0] < net.bounds[0, 0]

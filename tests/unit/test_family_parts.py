@@ -8,6 +8,7 @@ import pytest
 from spisim.families import draft
 from spisim.families.placing import Ground, aside, rolling
 from spisim.families.plants import TWIG_RADIUS_M, grow, leaves, tree, wood
+from spisim.families.scaffold import TUBE_DIAMETER_M
 from spisim.families.shapes import prism
 from spisim.scene import draw_scene, make_scene
 from spisim.scene.bsdf import ThinPane
@@ -131,3 +132,44 @@ def test_stairs_end_on_the_landing() -> None:
     assert top == pytest.approx(10 * 0.18)
     # One more rise than steps: the last one is onto the landing.
     assert made.meshes["flight.ply"].bounds[1, 2] == pytest.approx(9 * 0.18)
+
+
+@pytest.mark.parametrize("profile", ["round", "horseshoe"])
+def test_niches_of_a_tunnel_have_a_floor(profile: str) -> None:
+    lining = draft("tunnel", 1, {"niches": 2, "profile": profile}).meshes["lining.ply"]
+    deep = lining.bounds[1, 1]
+    starts = np.unique(lining.vertices[lining.vertices[:, 1] == deep, 0])[::2]
+    assert len(starts) == 2
+    for start in starts:
+        above = [(start + 0.6, deep - back, 0.5) for back in (0.1, 0.3, 0.55)]
+        assert lining.ray.intersects_any(above, [(0, 0, -1)] * 3).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_braces_end_at_standards_and_the_bracket_of_the_rope_lies_on_a_rail(seed: int) -> None:
+    drawn = draft("scaffold", seed, {"braces": 1.0})
+    tubes, rope = drawn.meshes["tubes.ply"], drawn.meshes["rope.ply"]
+    brace_x = -0.1 - TUBE_DIAMETER_M / 2
+    braces = tubes.vertices[np.abs(tubes.vertices[:, 0] - brace_x) < 0.005]
+    assert braces[:, 2].max() < tubes.bounds[1, 2]
+    middle = rope.bounds.mean(axis=0)
+    lowest = rope.bounds[1, 2] - TUBE_DIAMETER_M
+    start, end = (0.05, middle[1], lowest + 0.01), (0.05, middle[1], lowest - 0.02)
+    inside = tubes.ray.intersects_location([start], np.subtract([end], [start]))[0]
+    assert np.abs(inside[:, 2] - lowest).min() < 0.005
+
+
+#: How far the triangles of steep ground may be from its height.
+CHORD_M = 0.05
+
+
+@pytest.mark.parametrize(("family", "seed"), [("power-line", 0), ("power-line", 30)])
+def test_trunks_on_a_slope_are_in_the_ground_all_around(family: str, seed: int) -> None:
+    scene = draw_scene(family, seed)
+    ground = next(thing.mesh for thing in scene.objects if thing.name == "ground")
+    trees = [thing.mesh for thing in scene.objects if thing.name.startswith("tree ")]
+    assert trees
+    for tree_ in trees:
+        foot = tree_.vertices[:12]  # the first ring of the trunk
+        upwards = np.tile((0.0, 0.0, 1.0), (12, 1))
+        assert ground.ray.intersects_any(foot - (0, 0, CHORD_M), upwards).all()

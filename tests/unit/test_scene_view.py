@@ -1,5 +1,6 @@
 """Looking at a scene before it is simulated: what is where, and a picture of it."""
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from typer.testing import CliRunner
 import spisim
 from scenefiles import MINIMAL
 from spisim.cli import app
-from spisim.report.scene_view import survey
+from spisim.report.scene_view import Look, picture, survey
 from spisim.report.scene_view.cameras import FARTHEST_CUT_M, Section, cut_m, heading
 from spisim.scene import Material, SceneObject, look_at
 from spisim.scene.layout import clearance_m
@@ -140,6 +141,22 @@ def test_show_draws_and_tells(tmp_path: Path) -> None:
     assert pixels.shape[:2] == (720, 1320)
     assert 0.2 < pixels[..., :3].mean() < 0.95
     assert pixels[..., :3].std() > 0.1
+
+
+def test_texts_in_the_view_do_not_overlap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The nearest point is put on, above and below the number of a spot."""
+    monkeypatch.setattr(picture, "_picture", lambda *_: np.zeros((1, 1, 3)))
+    place, instrument = spisim.load_scene("target-plane"), spisim.load_instrument("paper")
+    sight = Sight.of(place)
+    found = survey(place, instrument, sight)
+    for shift in (-0.06, -0.03, 0.0, 0.03):
+        ray = instrument.lasers.directions[0] + (0, shift, 0)
+        nearest_m = place.drone_pose[:3, 3] + 4 * place.drone_pose[:3, :3] @ ray
+        look = Look(place, instrument, sight, replace(found, nearest_m=nearest_m))
+        texts = picture.look_figure(look).axes[0].texts
+        boxes = [text.get_window_extent() for text in texts]
+        assert any("nearest" in text.get_text() for text in texts)
+        assert all(not a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
 
 
 def test_show_of_a_drawn_scene_warns_of_what_makes_it_useless(

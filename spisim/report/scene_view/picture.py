@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.text import Text
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
@@ -28,6 +29,8 @@ INK, PALE_INK = "#20262c", "#5a646e"
 #: Pixels across a panel, and rays per pixel each way.
 PIXELS = 560
 FINE = 2
+#: Around texts, in pixels: their frames, and the discs of the spots' numbers.
+PADDING = 3
 #: Width over height of the plan and the side view.
 RATIO = 2.05
 MARGIN_M = 0.5
@@ -105,18 +108,21 @@ def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
     axis.add_patch(square)
     radius = np.tan(np.radians(min(detector.field_of_view_deg, 179)) / 2)
     axis.add_patch(Circle((0, 0), radius, fill=False, ec=DETECTOR, lw=1.4, ls=(0, (5, 4))))
-    _label(axis, (0, -high), f"projector {projector.fov_deg:g}°", PROJECTOR, (0, 4), "bottom")
+    axis.set(xlim=(-half, half), ylim=(half, -half), xticks=[], yticks=[])
+    text = f"projector {projector.fov_deg:g}°"
+    texts = [_label(axis, (0, -high), text, PROJECTOR, (0, 4), "bottom")]
     if radius < half:
         text = f"detector {detector.field_of_view_deg:g}°"
-        _label(axis, (0, radius), text, DETECTOR, (0, -4), "top")
-    axis.set(xlim=(-half, half), ylim=(half, -half), xticks=[], yticks=[])
-    _mark_nearest(
-        axis, look, _seen_at(look.scene.drone_pose, look.survey.nearest_m), look.survey.nearest
-    )
+        texts.append(_label(axis, (0, radius), text, DETECTOR, (0, -4), "top"))
     for k, spot in enumerate(look.instrument.lasers.directions):
         x, y = spot[:2] / spot[2]
-        _numbered(axis, x, y, k)
-        _label(axis, (x, y), _metres(look.survey.spots[k]), SPOT_COLOURS[k], (9, 0), "center")
+        text = _metres(look.survey.spots[k])
+        texts.append(_numbered(axis, x, y, k))
+        texts.append(_label(axis, (x, y), text, SPOT_COLOURS[k], (9, 0), "center"))
+    nearest = _seen_at(look.scene.drone_pose, look.survey.nearest_m)
+    _mark_nearest(axis, nearest)
+    if np.isfinite(nearest).all():
+        _label_clear(axis, nearest, f"nearest {_metres(look.survey.nearest)}", NEAREST, texts)
     title = f"From the drone, {fov_deg:g}° wide"
     axis.set_title(title, fontsize=10, color=INK, loc="right")
 
@@ -213,7 +219,7 @@ def _draw_section(
     for k, (x, y) in enumerate(ends):
         _numbered(axis, x, y, k)
     axis.plot(*here, marker="o", ms=9, mfc="white", mec=INK, mew=2)
-    _mark_nearest(axis, look, section.place(look.survey.nearest_m), None)
+    _mark_nearest(axis, section.place(look.survey.nearest_m))
 
 
 def _cone(axis: Any, section: Section, pose: Floats, rim: Floats, **style: Any) -> None:
@@ -223,18 +229,15 @@ def _cone(axis: Any, section: Section, pose: Floats, rim: Floats, **style: Any) 
     axis.add_patch(Polygon(flat[ConvexHull(flat).vertices], **style))
 
 
-def _mark_nearest(axis: Any, look: Look, place: Floats, spot: Spot | None) -> None:
-    if not np.isfinite(place).all():
-        return
-    axis.plot(*place, marker="x", ms=8, mec=INK, mew=3.2)
-    axis.plot(*place, marker="x", ms=7, mec=NEAREST, mew=1.6)
-    if spot is not None:
-        _label(axis, place, f"nearest {_metres(spot)}", NEAREST, (0, -9), "top")
+def _mark_nearest(axis: Any, place: Floats) -> None:
+    if np.isfinite(place).all():
+        axis.plot(*place, marker="x", ms=8, mec=INK, mew=3.2)
+        axis.plot(*place, marker="x", ms=7, mec=NEAREST, mew=1.6)
 
 
-def _numbered(axis: Any, x: float, y: float, number: int) -> None:
+def _numbered(axis: Any, x: float, y: float, number: int) -> Text:
     axis.plot(x, y, marker="o", ms=12, mfc=SPOT_COLOURS[number], mec="white", mew=1.2, zorder=5)
-    axis.text(
+    text: Text = axis.text(
         x,
         y,
         str(number),
@@ -245,12 +248,25 @@ def _numbered(axis: Any, x: float, y: float, number: int) -> None:
         va="center_baseline",
         zorder=6,
     )
+    return text
+
+
+def _label_clear(axis: Any, place: Floats, text: str, colour: str, others: list[Text]) -> None:
+    """A label below or above a place, as near as other texts let it be."""
+    taken = [other.get_window_extent().padded(PADDING) for other in others]
+    for away in (9, 24, 39):
+        for way, va in ((-1, "top"), (1, "bottom")):
+            label = _label(axis, place, text, colour, (0, way * away), va)
+            if not label.get_window_extent().padded(PADDING).count_overlaps(taken):
+                return
+            label.remove()
+    _label(axis, place, text, colour, (0, -9), "top")
 
 
 def _label(
     axis: Any, place: Any, text: str, colour: str, offset: tuple[float, float], va: str
-) -> None:
-    axis.annotate(
+) -> Text:
+    label: Text = axis.annotate(
         text,
         place,
         xytext=offset,
@@ -263,6 +279,7 @@ def _label(
         bbox={"boxstyle": "round,pad=0.15", "fc": INK, "ec": "none", "alpha": 0.72},
         zorder=4,
     )
+    return label
 
 
 def _metres(spot: Spot) -> str:
