@@ -9,7 +9,7 @@ from spisim.families.daylight import outdoors
 from spisim.families.draft import Draft, Family, Placed
 from spisim.families.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.families.placing import Ground, aside, rolling
-from spisim.families.plants import UP, Limb, bush, grow, leaves, tree, tuft, unit, wood
+from spisim.families.plants import FLARE, UP, Limb, bush, grow, leaves, tree, tuft, unit, wood
 from spisim.families.shapes import Mesh, limb, union
 
 #: Kinds of tree, bush and tuft that are copied; more would look no different.
@@ -71,13 +71,14 @@ def _trees(
     )
     side = rng.permutation(np.resize([-1, 1], parameters.trunks))
     off = parameters.trail_width_m / 2 + 0.25 + rng.exponential(0.5, parameters.trunks)
-    places = list(zip(ahead, _bend(parameters, ahead) + side * off, strict=True))
-    copies: list[list[Placed]] = [[] for _ in range(TREES)]
-    for n, (x, y) in enumerate(places):
-        turn = (0, 0, rng.uniform(0, 360))
-        copies[n % TREES].append((turn, ground.on(float(x), float(y), 0.1)))
-    for kind, placed in enumerate(copies):
+    beside = _bend(parameters, ahead) + side * off
+    places = list(zip(rng.uniform(0, 360, parameters.trunks), ahead, beside, strict=True))
+    for kind in range(TREES):
         radius = parameters.trunk_mm / 2000 * rng.uniform(0.6, 1.4)
+        placed: list[Placed] = [
+            ((0, 0, turn), ground.below(x, y, 0.1, FLARE * radius))
+            for turn, x, y in places[kind::TREES]
+        ]
         lowest = parameters.drone_height_m + rng.uniform(-0.6, 0.6)
         grown = tree(rng, TREE_HEIGHT_M, radius, 6, lowest, rng.uniform(1.0, 1.8))
         draft.mesh(f"tree {kind + 1}", "bark", wood(grown), copies=placed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -227,19 +228,15 @@ def _bucket(aim_z: float, offset: float, parameters: ScaffoldParameters) -> Mesh
 
 
 def _bricks(frame: Frame, aim_z: float, rng: np.random.Generator) -> Mesh:
-    """Bricks on the deck in view."""
+    """Bricks on the deck in view, in three piles."""
     low = _deck_below(frame, aim_z)
-    return union(
-        [
-            block(
-                (0.102, 0.215, 0.065),
-                (0.25 + rng.uniform(-0.01, 0.01), -0.4 + 0.23 * i, low + 0.0325 + 0.066 * j),
-            )
-            for j in range(4)
-            for i in range(3)
-            if j < 2 or rng.random() < 0.6
-        ]
-    )
+    bricks, high = [], np.zeros(3, int)
+    for j, i in itertools.product(range(4), range(3)):
+        if j < 2 or rng.random() < 0.6:
+            x, z = 0.25 + rng.uniform(-0.01, 0.01), low + 0.0325 + 0.066 * high[i]
+            bricks.append(block((0.102, 0.215, 0.065), (x, -0.4 + 0.23 * i, z)))
+            high[i] += 1
+    return union(bricks)
 
 
 def _bay_in_view(frame: Frame, aim_z: float) -> tuple[float, float, float, float]:

@@ -163,7 +163,10 @@ def test_braces_end_at_standards_and_the_bracket_of_the_rope_lies_on_a_rail(seed
 CHORD_M = 0.05
 
 
-@pytest.mark.parametrize(("family", "seed"), [("power-line", 0), ("power-line", 30)])
+@pytest.mark.parametrize(
+    ("family", "seed"),
+    [("power-line", 0), ("power-line", 30), ("forest-trail", 0), ("forest-trail", 31)],
+)
 def test_trunks_on_a_slope_are_in_the_ground_all_around(family: str, seed: int) -> None:
     scene = draw_scene(family, seed)
     ground = next(thing.mesh for thing in scene.objects if thing.name == "ground")
@@ -173,3 +176,12 @@ def test_trunks_on_a_slope_are_in_the_ground_all_around(family: str, seed: int) 
         foot = tree_.vertices[:12]  # the first ring of the trunk
         upwards = np.tile((0.0, 0.0, 1.0), (12, 1))
         assert ground.ray.intersects_any(foot - (0, 0, CHORD_M), upwards).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_brick_of_a_pile_lies_on_another(seed: int) -> None:
+    bricks = draft("scaffold", seed, {}).meshes["stack-of-bricks.ply"]
+    places = np.array(bricks.vertices).reshape(-1, 8, 3).mean(axis=1)
+    for y in np.unique(places[:, 1].round(3)):
+        heights = np.sort(places[np.abs(places[:, 1] - y) < 0.01, 2])
+        np.testing.assert_allclose(np.diff(heights), 0.066, atol=1e-6)
