@@ -8,8 +8,9 @@ Draws a thumbnail of every shipped scene, and of some draws of every family, int
 
 from __future__ import annotations
 
-import io
+import argparse
 import sys
+import io
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -109,4 +110,6 @@ def _thumbnail(scene: Scene, instrument: Instrument, path: Path) -> tuple[str, S
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else DOCS)
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("docs", nargs="?", type=Path, default=DOCS, help="folder of scenes.md")
+    main(parser.parse_args().docs)

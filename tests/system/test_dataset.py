@@ -214,7 +214,7 @@ def test_one_sample_that_cannot_be_made(tmp_path: Path) -> None:
     told = json.loads(done.stdout)
     assert (told["done"], told["failed"]) == (2, 1)
     reason = told["failures"]["1"]
-    assert "a laser spot meets nothing" in reason
+    assert "every spot must meet a surface" in reason
     assert "\n" not in reason
     assert "Traceback" in (tmp_path / "set/errors/000001.txt").read_text()
     again = run(plan, "-o", tmp_path / "set", "--workers", "1", "--retry-failed")

@@ -33,7 +33,7 @@ def command(folder: Folder, json: Json = False) -> None:
     if status.failures:
         table = plain_table("failed because (# are numbers)", "samples", "such as")
         for reason, indices in status.failures.items():
-            table.add_row(reason.replace("[", r"\["), str(len(indices)), str(indices[0]))
+            table.add_row(reason, str(len(indices)), str(indices[0]))
         results.print()
         results.print(table)
 
