@@ -9,8 +9,8 @@ Draws a thumbnail of every shipped scene, and of some draws of every family, int
 from __future__ import annotations
 
 import argparse
-import sys
 import io
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
