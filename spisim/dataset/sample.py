@@ -118,7 +118,7 @@ def load(sample: Sample) -> tuple[Scene, Instrument]:
     scene = make_scene(
         sample.scene_text,
         sample.scene_folder,
-        "scene",
+        f"scene {sample.scene_name}",
         wavelength_nm=instrument.wavelength_nm,
     )
     return scene, instrument

@@ -366,7 +366,7 @@ def test_a_value_that_fails_late_in_a_grid_is_found_early(tmp_path: Path) -> Non
         "scene.ambient.sky_klx": {"grid": [0.1, 0.2, -5.0]},
     }
     message = mistake(tmp_path, samples=150, vary=vary)
-    assert re.search(r"sample 2: scene: ambient\.sky_klx", message)
+    assert re.search(r"sample 2: scene warehouse: ambient\.sky_klx", message)
 
 
 def test_no_such_plan(tmp_path: Path) -> None:
