@@ -108,6 +108,25 @@ def test_a_uniform_wall_is_flat():
     assert np.abs(mapped / view.depth_m - 1).max() < 0.03
 
 
+def test_where_all_anchors_agree_contrast_is_that_of_the_surface():
+    rows, columns = np.mgrid[:SIDE, :SIDE]
+    checks = np.where((rows // 8 + columns // 8) % 2, 0.8, 0.3)
+    alike = anchored_depth(checks, ANCHORS, np.full(4, 5.0), np.full(4, 0.01))
+    depths = np.array([3.0, 5.0, 5.0, 8.0])
+    differing = anchored_depth(checks, ANCHORS, depths, np.full(4, 0.01))
+    spread = [np.log(m[:8].max() / m[:8].min()) for m in (alike, differing)]
+    assert spread[0] < 0.5 * spread[1]
+
+
+def test_bright_things_may_be_nearer_than_all_anchors_but_dark_ones_no_farther():
+    image = np.full((SIDE, SIDE), 1.0)
+    image[28:36, 28:36] = 4.0
+    image[:6] = 0.1
+    mapped = anchored_depth(image, ANCHORS, np.array([4.0, 4.0, 6.0, 6.0]), np.full(4, 0.01))
+    assert mapped[32, 32] < 4.0
+    assert mapped[:6].max() <= 6.0
+
+
 def test_the_map_passes_near_precise_anchors():
     view = make_view("corridor", 3)
     ranges = at_anchors(view.depth_m) * np.array([0.9, 1.0, 1.1, 1.2])
