@@ -2,20 +2,13 @@
 
 import shlex
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
+from commands import spisim
 from scenefiles import MINIMAL
-from spisim.cli import app
 
 ODD_NAME = "a [red]b[/x] :car:"
-
-
-def spisim(*arguments: str | Path) -> Any:
-    """Run a command in this process."""
-    return CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "100"})
 
 
 @pytest.mark.parametrize(

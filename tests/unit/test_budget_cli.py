@@ -2,22 +2,13 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import matplotlib.image
 import pytest
-from typer.testing import CliRunner
 
-from spisim.budget import (
-    Target,
-    range_sigma_m,
-)
-from spisim.cli import app
+from commands import spisim
+from spisim.budget import Target, range_sigma_m
 from spisim.instrument import list_presets, load_instrument
-
-
-def spisim(*arguments: str | Path) -> Any:
-    return CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "100"})
 
 
 def test_budget_prints_what_dominates() -> None:

@@ -5,13 +5,7 @@ from typing import Any
 import pytest
 
 from instruments import changed
-from spisim.budget import (
-    Target,
-    background_warnings,
-    bucket_link,
-    bucket_noise,
-    budget_warnings,
-)
+from spisim.budget import Target, background_warnings, bucket_link, bucket_noise, budget_warnings
 from spisim.instrument import load_instrument
 
 MODULATED = {"projector__modulation": {"frequencies_hz": [15e6]}}

@@ -7,10 +7,7 @@ import yaml
 
 from instruments import PAPER, load_text
 from reconstruction.errors import InputError
-from spisim.instrument import (
-    Instrument,
-    load_instrument,
-)
+from spisim.instrument import Instrument, load_instrument
 from spisim.instrument.load import PRESETS
 
 

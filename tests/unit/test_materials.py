@@ -10,11 +10,7 @@ import pytest
 from reconstruction.errors import InputError
 from spisim.atmosphere import refractive_index
 from spisim.scene import Material, find_material, material_table
-from spisim.scene.bsdf import (
-    Diffuse,
-    Plastic,
-    make_bsdf,
-)
+from spisim.scene.bsdf import Diffuse, Plastic, make_bsdf
 from spisim.scene.materials import shipped_materials
 from spisim.scene.wetness import mean_fresnel_transmittance, wet_reflectance
 

@@ -2,21 +2,15 @@
 
 import json
 from pathlib import Path
-from typing import Any
 
 import matplotlib.image
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from spisim.cli import app
+from commands import spisim
 from spisim.paper.fig2 import figure_2, fit_total_count, total_count_reach
 from spisim.paper.fig3 import figure_3, reaches
 from spisim.paper.table2 import PAPER, measure, table_2
-
-
-def spisim(*arguments: str | Path) -> Any:
-    return CliRunner().invoke(app, list(map(str, arguments)), env={"COLUMNS": "100"})
 
 
 def test_figure_2_by_total_count() -> None:

@@ -6,9 +6,7 @@ import pytest
 
 from reconstruction.errors import InputError
 from scenefiles import MINIMAL, Load, with_objects
-from spisim.scene import (
-    load_scene,
-)
+from spisim.scene import load_scene
 
 DRONE = "drone: {position_m: [0, 0, 1], look_at_m: [5, 0, 1]}"
 

@@ -9,9 +9,7 @@ import trimesh
 
 from reconstruction.errors import InputError
 from scenefiles import Load, with_objects
-from spisim.scene import (
-    SceneWarning,
-)
+from spisim.scene import SceneWarning
 
 
 def without_warning(load: Load, text: str) -> None:

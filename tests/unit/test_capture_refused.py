@@ -1,0 +1,205 @@
+"""Capture files that are broken, foreign, newer or impossible are refused by name."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from captures import full_capture, make_spots
+from damage import refusals
+from reconstruction.capture import read_capture, write_capture
+from reconstruction.errors import InputError
+from reconstruction.patterns import make_plan
+
+
+@pytest.fixture
+def capture():
+    return full_capture()
+
+
+@pytest.fixture
+def path(capture, tmp_path):
+    write_capture(capture, tmp_path / "capture.h5")
+    return tmp_path / "capture.h5"
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"none\.h5: no such capture file"):
+        read_capture(tmp_path / "none.h5")
+
+
+@pytest.mark.parametrize("length", [0, 100, 3000, -1])
+def test_truncated_files_are_refused(path, length):
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(InputError, match=r"capture\.h5: not an HDF5 file, or truncated or damaged"):
+        read_capture(path)
+
+
+def test_other_hdf5_is_refused(tmp_path):
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["data"] = 1
+        file.attrs["version"] = "2.0"
+    with pytest.raises(InputError, match=r"but not a capture \(attribute 'format' is missing\)"):
+        read_capture(tmp_path / "other.h5")
+    with h5py.File(tmp_path / "other.h5", "r+") as file:
+        file.attrs["format"] = "nexus"
+    with pytest.raises(InputError, match=r"not a capture \(attribute 'format' is 'nexus', not"):
+        read_capture(tmp_path / "other.h5")
+
+
+def test_damaged_files_are_read_or_refused_but_never_anything_else(path):
+    messages = refusals(path, read_capture, InputError)
+    assert len(messages) > 20
+    assert all(message.startswith(f"{path}: ") for message in messages)
+
+
+@pytest.mark.parametrize(
+    "error", [KeyError("x"), ValueError, TypeError, UnicodeDecodeError("utf-8", b"", 0, 1, "bad")]
+)
+def test_what_damage_raises_is_an_input_error(path, monkeypatch, error):
+    def broken(*_):
+        raise error
+
+    monkeypatch.setattr("reconstruction.capture.get", broken)
+    with pytest.raises(InputError, match=r"capture\.h5: .*damaged"):
+        read_capture(path)
+
+
+def test_a_text_that_is_not_utf_8_is_damage(path):
+    with h5py.File(path, "r+") as file:
+        del file["patterns/basis"]
+        file["patterns/basis"] = np.bytes_(b"\xff\xfe")
+        file["patterns/basis"].attrs["units"] = "1"
+    with pytest.raises(InputError, match=r"damaged .*utf-8"):
+        read_capture(path)
+
+
+@pytest.mark.parametrize("version", ["2.1", "3.0", "10.0"])
+def test_newer_versions_are_refused_naming_both(path, version):
+    with h5py.File(path, "r+") as file:
+        file.attrs["version"] = version
+    with pytest.raises(InputError, match=rf"newer format version {version}.*reads up to 2\.0"):
+        read_capture(path)
+
+
+@pytest.mark.parametrize("version", ["0.9", "1.0", "1.7"])
+def test_older_versions_are_refused_naming_both(path, version):
+    with h5py.File(path, "r+") as file:
+        file.attrs["version"] = version
+    with pytest.raises(InputError, match=rf"older format version {version}.*reads 2\.0 to 2\.0"):
+        read_capture(path)
+
+
+@pytest.mark.parametrize("version", ["one", "1", "1.0.0"])
+def test_malformed_versions_are_refused(path, version):
+    with h5py.File(path, "r+") as file:
+        file.attrs["version"] = version
+    with pytest.raises(InputError, match="not of the form"):
+        read_capture(path)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["patterns/index", "patterns/basis", "buckets/counts", "spots/taps", "provenance/scene"],
+)
+def test_a_missing_dataset_is_named(path, name):
+    with h5py.File(path, "r+") as file:
+        del file[name]
+    with pytest.raises(InputError, match=f"dataset {name} is missing"):
+        read_capture(path)
+
+
+def replace_dataset(path, name, value, units=None):
+    with h5py.File(path, "r+") as file:
+        kept = file[name].attrs["units"]
+        del file[name]
+        file[name] = value
+        file[name].attrs["units"] = kept if units is None else units
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("buckets/counts", np.zeros((2, 19)), r"shape \(2, 19\).*frames = 2, exposures = 20"),
+        ("buckets/counts", np.full((2, 20), np.nan), "not finite"),
+        ("buckets/counts", b"text", "must hold numbers"),
+        ("buckets/exposure_time_s", 0.0, "must be positive"),
+        ("buckets/offset_counts", np.zeros(2), "expected .a scalar"),
+        ("spots/taps", np.zeros((1, 4, 3)), r"shape \(1, 4, 3\), expected \(frames = 2"),
+        ("spots/directions", np.eye(3), r"shape \(3, 3\), expected \(4 = 4, 3 = 3\)"),
+        ("spots/directions", np.tile([0, 0, 57.0], (4, 1)), "unit vectors"),
+        ("spots/tap_frequencies_hz", np.full(3, -1.0), "must be positive"),
+        ("spots/tap_frequencies_hz", [1e6, 1e6, 2e6], "1e.06 Hz has 2 tap.* at least 3"),
+        ("spots/tap_phases_rad", [0, 1, 1 + 2 * np.pi], "fewer than 3 different phases"),
+        ("spots/method", "pulse", "did you mean 'pulsed'. allowed: cw, pulsed, dtof"),
+        ("buckets/dead_time_s", -1e-9, "must be not negative"),
+        ("buckets/excess_noise_factor", 0.0, "must be positive"),
+        ("buckets/exposure_time_s", np.nan, "exposure_time_s must be known"),
+        ("buckets/electrons_per_count", np.nan, "electrons_per_count must be known"),
+        ("pattern_taps/taps", np.zeros((2, 19, 6)), r"exposures = 20, pattern taps = 6"),
+        ("pattern_taps/tap_frequencies_hz", np.arange(1.0, 7), "at least 3"),
+        ("truth/depth_m", np.zeros((8, 4)), "height = 4, width = 8"),
+        ("patterns/index", np.full(20, 32), r"outside 0\.\.31"),
+        ("patterns/shape", np.array([4, 8, 1]), r"patterns/shape has shape \(3,\)"),
+        ("patterns/shape", np.array([4, 7]), "powers of two"),
+        ("patterns/basis", "fourier", "'fourier'; allowed: hadamard"),
+    ],
+)
+def test_a_wrong_dataset_is_named(path, name, value, message):
+    replace_dataset(path, name, value)
+    with pytest.raises(InputError, match=message) as error:
+        read_capture(path)
+    assert str(error.value).startswith(str(path))
+    assert name.split("/")[1] in str(error.value) or "pattern" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("method", "changes", "message"),
+    [
+        ("pulsed", {"taps": np.zeros((2, 4, 4))}, r"spots/taps has shape \(2, 4, 4\)"),
+        ("pulsed", {"window_starts_s": np.array([-70e-9, 0, 60e-9])}, "must start where the first"),
+        ("pulsed", {"window_starts_s": np.array([64e-9, 0, 65e-9])}, "background window overlaps"),
+        ("pulsed", {"pulse_width_s": 0.0}, "spots/pulse_width_s is 0.0, must be positive"),
+        ("dtof", {"counts": np.zeros((2, 4, 2))}, "spots/counts has 2 bins.*at least 3"),
+        ("dtof", {"counts": np.full((2, 4, 50), 201)}, "10050 arrivals.*pulses = 10000 cycles"),
+        ("dtof", {"counts": np.full((2, 4, 50), -1)}, "spots/counts is -1, must be not negative"),
+        ("dtof", {"saturated": np.zeros((2, 4, 50), bool)}, "spots/saturated has shape"),
+        ("dtof", {"response_sigma_s": 0.0}, "spots/response_sigma_s is 0.0, must be positive"),
+    ],
+)
+def test_readings_that_cannot_be_are_refused(capture, method, changes, message):
+    with pytest.raises(InputError, match=message):
+        replace(capture, spots=replace(make_spots(method), **changes))
+
+
+@pytest.mark.parametrize("start", [-65e-9, 130e-9])
+def test_the_background_window_may_touch_the_others(capture, start):
+    spots = replace(make_spots("pulsed"), window_starts_s=np.array([start, 0, 65e-9]))
+    assert replace(capture, spots=spots).spots is spots
+
+
+def test_dead_time_needs_counted_readings(capture):
+    plan = replace(capture.plan, polarity=np.zeros(20, dtype=np.int8))
+    with pytest.raises(InputError, match=r"patterns/polarity 0 marks readings as differences"):
+        replace(capture, plan=plan)
+
+
+def test_a_wrong_unit_is_refused(path):
+    replace_dataset(path, "spots/detector_positions_m", np.zeros((4, 3)), units="mm")
+    with pytest.raises(InputError, match="detector_positions_m has units 'mm', expected 'm'"):
+        read_capture(path)
+
+
+def test_parts_that_do_not_fit_are_refused_before_writing(capture):
+    with pytest.raises(InputError, match="buckets/counts"):
+        replace(capture, plan=make_plan((4, 8), 9))
+    empty = replace(
+        capture.buckets, counts=np.zeros((0, 20)), saturated=np.zeros((0, 20), dtype=bool)
+    )
+    with pytest.raises(InputError, match="holds no frame"):
+        replace(capture, buckets=empty, spots=None, pattern_taps=None)
+    with pytest.raises(InputError, match="source is 'rig'; allowed: simulation, hardware"):
+        replace(capture, provenance=replace(capture.provenance, source="rig"))
+    with pytest.raises(InputError, match="beyond 32 bits"):
+        replace(capture, buckets=replace(capture.buckets, counts=np.full((2, 20), 2**40)))
