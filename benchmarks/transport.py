@@ -25,7 +25,7 @@ from efficiency import Floats, Method, Series, measure, ratio, z_score
 from scipy.constants import c
 
 import spisim
-from reconstruction.patterns import expose, illumination, make_plan
+from reconstruction.operators import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR, Atmosphere, fog
 from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume

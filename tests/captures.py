@@ -6,11 +6,14 @@ from reconstruction.capture import (
     Buckets,
     Capture,
     Optics,
+    PatternTaps,
     Provenance,
     Truth,
 )
-from reconstruction.patterns import make_plan
-from reconstruction.spots import CwSpots, HistogramSpots, PatternTaps, PulsedSpots
+from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.capture.readings.pulsed import PulsedSpots
+from reconstruction.operators import make_plan
 
 DIRECTIONS = np.tile([0.0, 0.6, 0.8], (4, 1))
 CHARGE = {

@@ -6,8 +6,8 @@ from scipy.constants import c
 
 from reconstruction import Capture, PatternPlan, make_plan
 from reconstruction.capture import Buckets, Optics, Provenance, Truth
-from reconstruction.patterns import expose
-from reconstruction.spots import CwSpots
+from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.operators import expose
 
 SHAPE = (16, 16)
 PERIOD_S = 1 / 15_000

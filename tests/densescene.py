@@ -4,10 +4,9 @@ import numpy as np
 from scipy.constants import c
 
 from reconstruction import Capture, PatternPlan, make_plan
-from reconstruction.capture import Buckets, Optics, Provenance, Truth
+from reconstruction.capture import Buckets, Optics, PatternTaps, Provenance, Truth
 from reconstruction.depth import pixel_rays
-from reconstruction.patterns import expose
-from reconstruction.spots import PatternTaps
+from reconstruction.operators import expose
 
 SHAPE = (32, 32)
 OPTICS = Optics(tan_half_width=0.3, tan_half_height=0.3)

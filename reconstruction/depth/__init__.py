@@ -1,7 +1,20 @@
-"""From four ranges and an image to a depth map."""
+"""From image, ranges and readings to depth maps: methods, rays, point clouds."""
 
-from .anchored import anchored_depth, nearest_range
+from .method import Context, DepthMethod, DepthSolver, View
+from .methods import DEPTH_METHODS, depth_method, lacks
 from .pointcloud import point_cloud_ply
-from .rays import pixel_of, pixel_rays
+from .rays import pixel_of, pixel_rays, range_over_depth
 
-__all__ = ["anchored_depth", "nearest_range", "pixel_of", "pixel_rays", "point_cloud_ply"]
+__all__ = [
+    "DEPTH_METHODS",
+    "Context",
+    "DepthMethod",
+    "DepthSolver",
+    "View",
+    "depth_method",
+    "lacks",
+    "pixel_of",
+    "pixel_rays",
+    "point_cloud_ply",
+    "range_over_depth",
+]

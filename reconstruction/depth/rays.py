@@ -27,3 +27,8 @@ def pixel_of(directions: Floats, optics: Optics, shape: tuple[int, int]) -> Floa
     row = directions[:, 1] / directions[:, 2] / optics.tan_half_height
     column = directions[:, 0] / directions[:, 2] / optics.tan_half_width
     return np.stack([(row + 1) * height / 2 - 0.5, (column + 1) * width / 2 - 0.5], axis=1)
+
+
+def range_over_depth(optics: Optics, shape: tuple[int, int]) -> Floats:
+    """Length of each pixel's ray per unit of depth, (H, W)."""
+    return np.asarray(np.linalg.norm(pixel_rays(optics, shape), axis=-1))

@@ -1,8 +1,28 @@
-"""From Walsh-Hadamard coefficients to an image."""
+"""From coefficients to an image: methods, dictionaries, priors."""
 
-from .linear import zero_filled
+from .coefficients import CoefficientDecoder, Coefficients
+from .dictionaries import DICTIONARIES
+from .dictionary import Dictionary
+from .imaging import Imaging, UsableReadings
+from .method import ImageMethod, ImageSolver
+from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp
-from .shared import without_shared_errors
-from .weighted import WeightedPursuit, pursuit_for
+from .prior import Prior, fit_variance
+from .shared_errors import without_shared_errors
 
-__all__ = ["WeightedPursuit", "batch_omp", "pursuit_for", "without_shared_errors", "zero_filled"]
+__all__ = [
+    "DICTIONARIES",
+    "IMAGE_METHODS",
+    "CoefficientDecoder",
+    "Coefficients",
+    "Dictionary",
+    "ImageMethod",
+    "ImageSolver",
+    "Imaging",
+    "Prior",
+    "UsableReadings",
+    "batch_omp",
+    "fit_variance",
+    "image_method",
+    "without_shared_errors",
+]

@@ -21,19 +21,19 @@ def batch_omp(
     *,
     ridge: float = 0.0,
     tolerance: float = 0.0,
-    budget: int,
+    max_atoms: int,
 ) -> tuple[NDArray[np.intp], NDArray[Any]]:
     """Greedy minimisation of J(u) = |y - Phi u|^2 + ridge |u|^2 over few atoms.
 
     ``gram`` (n, n) is Phi^T Phi, ``correlation`` (n,) is Phi^T y, ``energy`` |y|^2. Each step takes
     the atom with the largest correlation with the residual, then solves for all atoms taken so far.
-    It ends when J <= ``tolerance``, after ``budget`` atoms, or when no atom helps. Returns the
+    It ends when J <= ``tolerance``, after ``max_atoms`` atoms, or when no atom helps. Returns the
     atoms and their coefficients. Columns need not be normalised: the longer ones are preferred. The
     measurements, and with them the coefficients, may be complex.
     """
     # With G + ridge I = L L^T on the chosen set S, keep F = G[:, S] L^-T. Then the residual's
     # correlation is correlation - F z and J = energy - |z|^2, where L z = correlation[S].
-    count = min(budget, len(correlation))
+    count = min(max_atoms, len(correlation))
     factor = np.empty((len(correlation), count), order="F")
     lower = np.zeros((count, count))
     z = np.empty(count, dtype=correlation.dtype)

@@ -1,8 +1,24 @@
-"""From time-of-flight readings to ranges of the four spots, or of every virtual pixel."""
+"""From time-of-flight readings to ranges of the four spots: methods, and what they share."""
 
-from .dense import dense_range
-from .measure import measure_ranges
-from .ranges import Ranges, Status
-from .unwrap import unambiguous_path_m
+from .geometry import range_from_path
+from .method import RangingMethod, RangingSolver
+from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads
+from .ranges import MIN_SIGNAL, Paths, Ranges, Status, ranges_from_paths
+from .unwrap import path_from_phases, unambiguous_path_m
 
-__all__ = ["Ranges", "Status", "dense_range", "measure_ranges", "unambiguous_path_m"]
+__all__ = [
+    "MIN_SIGNAL",
+    "RANGING_METHODS",
+    "Paths",
+    "Ranges",
+    "RangingMethod",
+    "RangingSolver",
+    "Status",
+    "measure_ranges",
+    "path_from_phases",
+    "range_from_path",
+    "ranges_from_paths",
+    "ranging_method",
+    "reads",
+    "unambiguous_path_m",
+]

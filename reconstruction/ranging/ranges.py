@@ -6,11 +6,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..capture import Spots
+from .geometry import range_from_path
+
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Status = Literal["ok", "saturated", "no signal", "too close", "ambiguous"]
 
-LEAST_SIGNAL = 3.0
+MIN_SIGNAL = 3.0
 """A spot counts as seen when its signal exceeds its own standard deviation this many times."""
 
 
@@ -55,3 +58,22 @@ class Ranges:
     def valid(self) -> NDArray[np.bool_]:
         """Where there is a range (4,)."""
         return np.array(self.status) == "ok"
+
+
+def ranges_from_paths(paths: Paths, spots: Spots) -> Ranges:
+    """Ranges along the spots' directions; where there is none, the status is the first reason."""
+    range_m, slope = range_from_path(paths.path_m, spots.directions, spots.detector_positions_m)
+    reasons = {
+        "saturated": paths.saturated,
+        "no signal": paths.no_signal,
+        "ambiguous": paths.ambiguous,
+        "too close": paths.path_m <= np.linalg.norm(spots.detector_positions_m, axis=1),
+    }
+    status = np.select(list(reasons.values()), list(reasons), "ok")
+    return Ranges(
+        range_m=np.where(status == "ok", range_m, np.nan),
+        sigma_m=np.where(status == "ok", slope * paths.sigma_m, np.nan),
+        signal_electrons=paths.signal_electrons,
+        background_electrons=paths.background_electrons,
+        status=tuple(status.tolist()),
+    )

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import c
 
-from .ranges import LEAST_SIGNAL
+from .ranges import MIN_SIGNAL
 
 Floats = NDArray[np.float64]
 
 PHASE_ERROR_RAD = 0.05
 """Systematic error that a phase may have beside its noise: harmonics, echoes of fog."""
-LONGEST_PATH_M = 80.0
+MAX_PATH_M = 80.0
 """Paths beyond this are not considered where several frequencies could tell them."""
 
 
@@ -28,7 +28,7 @@ def path_from_phases(
 
     ``phases`` 2 pi f L / c and their standard deviations are (J, ...), the J frequencies (J,)
     differ. A path is ambiguous where the frequencies contradict each other, or agree on another
-    path nearly as well: by LEAST_SIGNAL standard deviations, noise and PHASE_ERROR_RAD together.
+    path nearly as well: by MIN_SIGNAL standard deviations, noise and PHASE_ERROR_RAD together.
     """
     columns = (-1,) + (1,) * (phases.ndim - 1)
     metres_per_radian = (c / (2 * np.pi * frequencies_hz)).reshape(columns)
@@ -49,8 +49,8 @@ def path_from_phases(
 
     best = misfit.argmin(axis=0)[None]
     least, *others = np.sort(misfit, axis=0)[:2]
-    contradicted = least > LEAST_SIGNAL**2 * max(frequencies_hz.size - 1, 1)
-    rivalled = np.any([other - least < LEAST_SIGNAL**2 for other in others], axis=0)
+    contradicted = least > MIN_SIGNAL**2 * max(frequencies_hz.size - 1, 1)
+    rivalled = np.any([other - least < MIN_SIGNAL**2 for other in others], axis=0)
     path = np.take_along_axis(candidates, best, axis=0)[0]
     correction = np.take_along_axis(off, best[None], axis=1)[:, 0]
     total = precise.sum(axis=0)
@@ -62,15 +62,15 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
     """Path length at which the phases of all frequencies repeat, in metres.
 
     That is c / f of a single one. Of several it is the first multiple of the shortest wavelength at
-    which no phase differs by more than `path_from_phases` could tell, LONGEST_PATH_M at most.
+    which no phase differs by more than `path_from_phases` could tell, MAX_PATH_M at most.
     """
     shortest = c / float(frequencies_hz.max())
-    unlike = LEAST_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
+    unlike = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
     path = shortest
     while True:
         cycles = path * frequencies_hz / c
         if np.abs(cycles - np.round(cycles)).max() < unlike:
             return path
-        if path > LONGEST_PATH_M:
-            return LONGEST_PATH_M
+        if path > MAX_PATH_M:
+            return MAX_PATH_M
         path += shortest

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.patterns import mean_illumination
+from reconstruction.operators import mean_illumination
 from spisim.instrument import Detector, Instrument
 
 Floats = NDArray[np.float64]

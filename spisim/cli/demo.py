@@ -46,9 +46,8 @@ def command(
     with timed(seconds, "scene view"):
         view = fine_view(scene, instrument)
     capture, light = simulation.capture, simulation.transport
-    assert capture.truth is not None
     result = reconstruct(capture)
-    metrics = evaluate(result, capture.truth)
+    metrics = evaluate(result, capture)
 
     write_capture(capture, output / "capture.h5")
     write_truth(output / "truth.exr", simulation.truth, {"transport": light.image})
@@ -68,7 +67,7 @@ def command(
     warn(warnings)
     written = ["capture.h5", "truth.exr", *pictures, "overview.png", "report.html"]
     if json:
-        timings = seconds | result.timings_s
+        timings = {**seconds, **result.timings_s}
         report = {"folder": output, "files": written, "warnings": warnings}
         print_json(report | {"metrics": metrics, "seconds": timings})
     else:

@@ -23,21 +23,19 @@ def command(
 
     Without the folder of a result, the capture is reconstructed first.
     """
-    from reconstruction import InputError, evaluate, read_capture, read_result, reconstruct
+    from reconstruction import evaluate, read_capture, read_result, reconstruct
     from reconstruction.errors import naming
 
     recording = read_capture(capture)
-    if recording.truth is None:
-        raise InputError(f"{capture} holds no truth to compare with; simulated captures do")
+    file = None
     if folder is None:
         with naming(capture):
             result = reconstruct(recording)
     else:
         file = folder / "result.h5"
         result = read_result(file)
-        if result.recording != recording.digest:
-            raise InputError(f"{file} is the result of another recording than {capture}")
-    metrics = evaluate(result, recording.truth)
+    with naming(capture if file is None else file):
+        metrics = evaluate(result, recording)
     if json:
         print_json(metrics)
     else:

@@ -135,8 +135,7 @@ def _look(instant: Instant, capture: Capture, folder: Path) -> Sighting:
 
     with naming(folder / instant.file):
         result = reconstruct(capture)
-    assert capture.truth is not None
-    return Sighting(instant, capture, result, evaluate(result, capture.truth))
+    return Sighting(instant, capture, result, evaluate(result, capture))
 
 
 def _warnings(seen: list[Sighting]) -> list[str]:

@@ -61,7 +61,7 @@ def command(
     Writes an OpenEXR file, and a tone-mapped PNG beside it.
     """
     from reconstruction import InputError
-    from reconstruction.patterns import illumination
+    from reconstruction.operators import illumination
     from spisim.exr import write_exr
     from spisim.report.pictures import view_scale, write_png
     from spisim.transport import CAMERA_OFFSET_M, camera_view

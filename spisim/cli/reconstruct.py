@@ -35,5 +35,5 @@ def command(
     if patterns is not None:
         recording = first_patterns(recording, patterns, order)
     result = read_result(output / "result.h5")
-    metrics = None if recording.truth is None else evaluate(result, recording.truth)
+    metrics = None if recording.truth is None else evaluate(result, recording)
     write_report(output / "report.html", recording, result, metrics=metrics, title=capture.stem)

@@ -87,14 +87,13 @@ def command(
     if page is not None:
         from spisim.report import write_report
 
-        assert simulation.capture.truth is not None
         with naming(output):
             result = reconstruct(simulation.capture)
         write_report(
             page,
             simulation.capture,
             result,
-            metrics=evaluate(result, simulation.capture.truth),
+            metrics=evaluate(result, simulation.capture),
             transport=simulation.transport,
             view=fine_view(place, carried),
             timings=seconds,

@@ -5,31 +5,33 @@ from typing import Any
 
 from rich.table import Table
 
+from reconstruction.depth import DEPTH_METHODS
+from reconstruction.image import image_method
+
 from .console import results
 
 
 def print_errors(metrics: Mapping[str, Any]) -> None:
     """Print image, range and depth errors, as `reconstruction.evaluate` returns them."""
-    image = metrics["image"]
-    table = plain_table("image", "reconstructed", "zero-filled")
+    images = metrics["images"].values()
+    table = plain_table("image", *(image_method(name).title for name in metrics["images"]))
     names = {"correlation": "correlation", "nrmse": "NRMSE", "psnr_db": "PSNR, dB"}
     for key, name in names.items():
-        table.add_row(name, _number(image[key]), _number(image["zero_filled"][key]))
+        table.add_row(name, *(_number(values[key]) for values in images))
     results.print(table)
-    noise = _percent(metrics["truth"]["image_noise"])
-    results.print(f"noise of the true image, RMS: {noise}\n", style="dim")
-    if metrics.get("spots"):
+    error = _percent(metrics["truth"]["image_error"])
+    results.print(f"standard error of the true image, RMS: {error}\n", style="dim")
+    for spots in metrics["spots"].values():
         table = plain_table("spot", "true, m", "measured, m", "error, cm", "sigma, cm")
-        for k, spot in enumerate(metrics["spots"]):
+        for k, spot in enumerate(spots):
             measured = _number(spot["range_m"]) if spot["status"] == "ok" else spot["status"]
             metres = _number(spot["true_m"]), measured
             centimetres = (_centimetres(spot[key]) for key in ("error_m", "sigma_m"))
             table.add_row(str(k), *metres, *centimetres)
         results.print(table)
-    if metrics.get("depth"):
-        titles = {"anchored": "anchored", "nearest": "nearest spot", "dense": "every pixel"}
-        maps = metrics["depth"].items()
-        table = plain_table("depth", *(titles[title] for title, _ in maps))
+    if metrics["depths"]:
+        maps = metrics["depths"].items()
+        table = plain_table("depth", *(DEPTH_METHODS[name].title for name, _ in maps))
         names = {"mae_m": "mean error, m", "rmse_m": "RMS error, m"}
         shares = {
             "median_relative": "median error",

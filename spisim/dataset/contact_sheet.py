@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from reconstruction import Capture, InputError, Result, evaluate, reconstruct
-from reconstruction.capture import Truth
+from reconstruction.capture import FrameTruth
 from reconstruction.files import require_file, write_atomically
 from spisim.dataset.reader import DataSet, StoredSample
 from spisim.report.markup import length, number, page
@@ -26,7 +26,7 @@ class _Shown:
 
     sample: StoredSample
     result: Result | None = None
-    truth: Truth | None = None
+    truth: FrameTruth | None = None
     weather: str = ""
     problem: str = ""
 
@@ -77,7 +77,8 @@ def evenly(count: int, limit: int) -> list[int]:
 def _show(sample: StoredSample) -> _Shown:
     try:
         capture = sample.capture
-        return _Shown(sample, reconstruct(capture), capture.truth, _weather(capture))
+        truth = None if capture.truth is None else capture.truth.at(0)
+        return _Shown(sample, reconstruct(capture), truth, _weather(capture))
     except InputError as error:
         return _Shown(sample, problem=str(error))
 
@@ -155,10 +156,11 @@ def _told(shown: _Shown) -> str:
         return f'<p class="told">{escape(shown.problem)}</p>'
     told = [escape(shown.weather)]
     if shown.truth is not None:
-        metrics = evaluate(shown.result, shown.truth)
-        told.insert(0, f"correlation {number(metrics['image']['correlation'], 2)}")
-        if metrics["depth"] and "anchored" in metrics["depth"]:
-            error = metrics["depth"]["anchored"]["mae_m"]
+        metrics = evaluate(shown.result, shown.sample.capture)
+        correlation = next(iter(metrics["images"].values()))["correlation"]
+        told.insert(0, f"correlation {number(correlation, 2)}")
+        if metrics["depths"]:
+            error = next(iter(metrics["depths"].values()))["mae_m"]
             told.insert(0, f"<b>{length(error)}</b> mean depth error")
     return f'<p class="told">{" · ".join(told)}</p>'
 

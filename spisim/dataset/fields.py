@@ -28,7 +28,13 @@ def _spots(name: str) -> Callable[[Capture], NDArray[Any] | None]:
 
 
 def _truth(name: str) -> Callable[[Capture], NDArray[Any] | None]:
-    return lambda capture: None if capture.truth is None else getattr(capture.truth, name)
+    def read(capture: Capture) -> NDArray[Any] | None:
+        truth = capture.truth
+        if truth is None:
+            return None
+        return np.stack([getattr(truth.at(frame), name) for frame in range(capture.frames)])
+
+    return read
 
 
 def _ranges(name: str) -> Callable[[Capture], NDArray[Any] | None]:
@@ -43,7 +49,7 @@ def _ranges(name: str) -> Callable[[Capture], NDArray[Any] | None]:
 
 _EXPOSURES = ("frame", "exposure")
 _SPOTS = ("frame", "spot")
-_PIXELS = ("row", "column")
+_PIXELS = ("frame", "row", "column")
 
 FIELDS = {
     "buckets": Field(
@@ -72,5 +78,5 @@ FIELDS = {
     "true_range_m": Field(_PIXELS, "m", "along the ray of each pixel", _truth("range_m")),
     "true_depth_m": Field(_PIXELS, "m", "along the optical axis", _truth("depth_m")),
     "true_reflectance": Field(_PIXELS, "1", "at the laser's wavelength", _truth("reflectance")),
-    "true_spot_range_m": Field(("spot",), "m", "ranges of the spots", _truth("spot_range_m")),
+    "true_spot_range_m": Field(_SPOTS, "m", "ranges of the spots", _truth("spot_range_m")),
 }

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from scipy.constants import c, elementary_charge, h
 
 from reconstruction.errors import InputError
-from reconstruction.patterns import PatternPlan, make_plan
+from reconstruction.operators import PatternPlan, make_plan
 from spisim.config import Number, Positive, Section, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector

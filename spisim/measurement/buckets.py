@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.capture import Buckets
-from reconstruction.spots import PatternTaps
+from reconstruction.capture import Buckets, PatternTaps
 from spisim.instrument import Instrument, Modulation, Spad
 from spisim.measurement.counting import dead_time_per_primary, draw_counts, expected_counts
 from spisim.measurement.electronics import expected_readings, read_out

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from reconstruction.capture import Capture, Optics, Provenance, Truth
+from reconstruction.capture import Capture, FrameTruth, Optics, Provenance, Truth
 from spisim import __version__
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
@@ -132,12 +132,17 @@ def record(
             seed=seed,
             settings=yaml.safe_dump(settings, sort_keys=False),
         ),
-        truth=Truth(
-            image=mean.image.astype(np.float32),
-            image_error=mean.image_error.astype(np.float32),
-            range_m=truth.range_m,
-            depth_m=truth.depth_m,
-            reflectance=truth.reflectance,
-            spot_range_m=truth.spot_range_m,
+        truth=Truth.of(
+            [
+                FrameTruth(
+                    image=mean.image.astype(np.float32),
+                    image_error=mean.image_error.astype(np.float32),
+                    range_m=truth.range_m,
+                    depth_m=truth.depth_m,
+                    reflectance=truth.reflectance,
+                    spot_range_m=truth.spot_range_m,
+                )
+            ],
+            still=not scene.moves,
         ),
     )

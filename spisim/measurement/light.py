@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import c
 
-from reconstruction.patterns import expose
+from reconstruction.operators import expose
 from spisim.instrument import Instrument, Modulation
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.model import Source

@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from scipy.constants import c
 from scipy.signal import lfilter
 
-from reconstruction.spots import CwSpots, HistogramSpots, PulsedSpots, Spots
+from reconstruction.capture import Spots
+from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.capture.readings.pulsed import PulsedSpots
 from spisim.instrument import CwTof, DirectTof, Instrument, PulsedTof, Spad, TofDetector
 from spisim.measurement.arrivals import tcspc_arrivals, threshold_arrivals
 from spisim.measurement.drops import FallingDrops, on_spots

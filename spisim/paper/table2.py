@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from reconstruction.image import pursuit_for
-from reconstruction.patterns import expose, make_plan, signed_coefficients
+from reconstruction.image import IMAGE_METHODS, Coefficients
+from reconstruction.operators import decoder_for, expose, make_plan
 from spisim.checks import Check, Table
 from spisim.paper.result import Result, percent
 
@@ -82,13 +82,14 @@ def measure(row: Row, repetitions: int = REPETITIONS) -> float:
     """Median time of a frame's reconstruction, without the set-up that all frames share."""
     shape = (row.height, row.width)
     plan = make_plan(shape, row.patterns - 1, "sequency-2d", "single-ended")
-    index, coefficients = signed_coefficients(plan, expose(plan, _image(shape)))
-    pursuit = pursuit_for(shape, index)
-    noise = 1e-3 * float(np.abs(coefficients).max())
+    decoder = decoder_for(plan)
+    solve = IMAGE_METHODS["pursuit"].compile(decoder.operator)
+    values = decoder.decode(expose(plan, _image(shape)))
+    coefficients = Coefficients(values, np.full(values.size, 1e-3 * np.abs(values).max()))
     durations = []
     for _ in range(repetitions + 1):  # the first is slower
         began = time.perf_counter()
-        pursuit.reconstruct(coefficients, noise)
+        solve(coefficients)
         durations.append(time.perf_counter() - began)
     return float(np.median(durations[1:]))
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from reconstruction import Capture, Result
-from reconstruction.capture import Truth
+from reconstruction.capture import FrameTruth
 from reconstruction.files import write_atomically
 from spisim.flight import Instant
 
@@ -38,10 +38,10 @@ class Sighting:
     metrics: dict[str, Any]
 
     @property
-    def truth(self) -> Truth:
+    def truth(self) -> FrameTruth:
         """What was there."""
         assert self.capture.truth is not None
-        return self.capture.truth
+        return self.capture.truth.at(0)
 
     @property
     def pose(self) -> np.ndarray:

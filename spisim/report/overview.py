@@ -23,17 +23,18 @@ def write_overview(
     Raises OSError where the file cannot be written.
     """
     assert capture.truth is not None
+    truth = capture.truth.at(result.frame)
     assert result.depth_m is not None
-    depth = depth_scale(capture.truth.depth_m)
+    depth = depth_scale(truth.depth_m)
     height, width = result.image.shape
     panels: list[tuple[str, ArrayLike, Scale]] = [
         ("scene, with more pixels", view, view_scale(view)),
         (
             f"image from {100 * capture.plan.sampling_ratio:.3g} % of the patterns",
             result.image,
-            intensity_scale(capture.truth.image, unit=""),
+            intensity_scale(truth.image, unit=""),
         ),
-        ("true depth", capture.truth.depth_m, depth),
+        ("true depth", truth.depth_m, depth),
         ("depth from four spots", result.depth_m, depth),
     ]
     sheet = Figure(figsize=(13, 3.0 * height / width + 0.3), dpi=150, layout="constrained")

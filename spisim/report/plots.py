@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import c
 
-from reconstruction.spots import HistogramSpots
+from reconstruction.capture.readings.dtof import HistogramSpots
 
 Floats = NDArray[np.float64]
 

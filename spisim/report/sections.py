@@ -9,7 +9,12 @@ import yaml
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result, capture_warnings
-from reconstruction.spots import CwSpots, HistogramSpots, PatternTaps, PulsedSpots, Spots
+from reconstruction.capture import PatternTaps, Spots
+from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.capture.readings.pulsed import PulsedSpots
+from reconstruction.depth import DEPTH_METHODS
+from reconstruction.image import image_method
 
 from .markup import card, details, duration, length, number, section, table
 from .pictures import (
@@ -137,20 +142,21 @@ def weather(capture: Capture) -> str:
 
 def image(capture: Capture, result: Result, metrics: Metrics | None) -> str:
     """True, reconstructed and zero-filled image."""
-    true = None if capture.truth is None else capture.truth.image
+    true = None if capture.truth is None else capture.truth.at(result.frame).image
     scale = intensity_scale(
-        *([result.image, result.image_zero_filled] if true is None else [true]),
+        *(result.images.values() if true is None else [true]),
         unit=f"{result.unit}s",
     )
-    quality = (metrics or {}).get("image", {})
+    quality = (metrics or {}).get("images", {})
     pictures = [
-        figure(result.image, scale, "Reconstructed", _quality(quality), spot_marks(capture)),
         figure(
-            result.image_zero_filled,
+            image,
             scale,
-            "Zero-filled inverse",
-            _quality(quality.get("zero_filled", {})),
-        ),
+            image_method(name).title.capitalize(),
+            _quality(quality.get(name, {})),
+            spot_marks(capture),
+        )
+        for name, image in result.images.items()
     ]
     if true is not None:
         pictures.insert(0, figure(true, scale, "True", "What each pixel alone would give."))
@@ -165,15 +171,12 @@ def image(capture: Capture, result: Result, metrics: Metrics | None) -> str:
 
 def depth(capture: Capture, result: Result) -> str:
     """True, anchored, nearest-anchor and dense depth, and their errors."""
-    maps = {
-        "Anchored by the spots": result.depth_m,
-        "Nearest spot": result.depth_nearest_m,
-        "Measured in every pixel": result.depth_dense_m,
+    known = {
+        DEPTH_METHODS[name].title.capitalize(): values for name, values in result.depths.items()
     }
-    known = {title: values for title, values in maps.items() if values is not None}
     if not known:
         return ""
-    true = None if capture.truth is None else capture.truth.depth_m
+    true = None if capture.truth is None else capture.truth.at(result.frame).depth_m
     scale = depth_scale(*([true] if true is not None else known.values()))
     marks = spot_marks(capture)
     pictures = [figure(values, scale, title, over=marks) for title, values in known.items()]
@@ -198,7 +201,7 @@ def depth(capture: Capture, result: Result) -> str:
             "Four measured ranges spread over the image, beside the plain choice: each pixel "
             "takes the depth of the spot nearest to it."
         )
-    if result.depth_dense_m is not None:
+    if "dense" in result.depths:
         lead.append("From time of flight of every pattern, each pixel has a depth of its own.")
     return section("Depth", " ".join([*lead, "Hatched where there is none."]), body)
 
@@ -208,7 +211,7 @@ def spots(capture: Capture, result: Result, transport: SpotHistograms | None) ->
     if result.ranges is None or capture.spots is None:
         return ""
     ranges = result.ranges
-    true = None if capture.truth is None else capture.truth.spot_range_m
+    true = None if capture.truth is None else capture.truth.at(result.frame).spot_range_m
     rows = []
     for k, measured in enumerate(ranges.range_m):
         expected = np.nan if true is None else true[k]

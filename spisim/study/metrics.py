@@ -53,7 +53,7 @@ def _image_metrics() -> dict[str, Metric]:
     made = {}
     for key, (quantity, unit, better, meaning) in kinds.items():
         made[f"image_{key}"] = Metric(
-            quantity, unit, "matching pursuit", better, meaning, _field("image", key)
+            quantity, unit, "matching pursuit", better, meaning, _field("images", "pursuit", key)
         )
         made[f"image_zero_filled_{key}"] = Metric(
             quantity,
@@ -61,7 +61,7 @@ def _image_metrics() -> dict[str, Metric]:
             "zero-filled",
             better,
             meaning,
-            _field("image", "zero_filled", key),
+            _field("images", "zero-filled", key),
         )
     return made
 
@@ -99,7 +99,7 @@ def _depth_metrics() -> dict[str, Metric]:
     }
     return {
         f"depth_{prefix}{name}": Metric(
-            quantity, unit, method, better, meaning, _field("depth", which, key)
+            quantity, unit, method, better, meaning, _field("depths", which, key)
         )
         for prefix, (which, method) in methods.items()
         for name, (key, quantity, unit, better, meaning) in kinds.items()
@@ -122,14 +122,18 @@ def _over_spots(key: str, fold: Callable[[list[float]], Any]) -> Callable[[Evalu
     """Fold a value of all spots that have a range; None where none has."""
 
     def read(evaluated: Evaluated) -> float | None:
-        values = [s[key] for s in evaluated["spots"] if s["status"] == "ok" and s[key] is not None]
+        values = [s[key] for s in _spots(evaluated) if s["status"] == "ok" and s[key] is not None]
         return float(fold(values)) if values else None
 
     return read
 
 
+def _spots(evaluated: Evaluated) -> list[Any]:
+    return next(iter(evaluated["spots"].values()), [])
+
+
 def _valid_spots(evaluated: Evaluated) -> float | None:
-    spots = evaluated["spots"]
+    spots = _spots(evaluated)
     return float(sum(spot["status"] == "ok" for spot in spots)) if spots else None
 
 
@@ -184,7 +188,7 @@ def measure(capture: Capture, results: Sequence[Result]) -> dict[str, float | No
     frames = []
     for result in results:
         unusable = 1 - float(capture.buckets.usable[result.frame].mean())
-        frames.append({**evaluate(result, capture.truth), "saturated": unusable})
+        frames.append({**evaluate(result, capture), "saturated": unusable})
     return {name: _mean([metric.read(each) for each in frames]) for name, metric in METRICS.items()}
 
 

@@ -25,15 +25,11 @@ MAPS = {"anchored": "anchored on the spots", "nearest": "nearest spot"}
 
 def depth_profile(results: Sequence[Result], truth: Truth) -> Profile:
     """Mean estimated depth by true depth, over the pixels of all frames."""
-    maps = {
-        "anchored": [result.depth_m for result in results],
-        "nearest": [result.depth_nearest_m for result in results],
-    }
     profiles = {}
-    for name, depths in maps.items():
-        known = [depth for depth in depths if depth is not None]
-        true_m = np.tile(truth.depth_m.ravel(), len(known))
-        estimated_m = np.array(known, np.float64).ravel()
+    for name in MAPS:
+        known = [result for result in results if name in result.depths]
+        true_m = np.array([truth.at(result.frame).depth_m for result in known]).ravel()
+        estimated_m = np.array([result.depths[name] for result in known], np.float64).ravel()
         profiles[name] = _means(true_m, estimated_m)
     return profiles
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.constants import c
 
 from reconstruction.errors import InputError
-from reconstruction.patterns import expose, mean_illumination
+from reconstruction.operators import expose, mean_illumination
 from spisim.instrument import CwTof, DirectTof, Instrument, Tof
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import worlds
-from reconstruction.patterns import expose, illumination, make_plan
+from reconstruction.operators import expose, illumination, make_plan
 from spisim.transport.estimator import Strategy
 from spisim.transport.reference import bucket_powers
 from spisim.transport.world import build_world

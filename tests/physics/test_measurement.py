@@ -9,7 +9,7 @@ from scipy.constants import c
 
 import worlds
 from reconstruction.capture import Capture
-from reconstruction.patterns import expose, illumination, make_plan, signed_coefficients
+from reconstruction.operators import expose, illumination, make_plan, signed_coefficients
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import fog
 from spisim.instrument import Instrument, load_instrument

@@ -7,7 +7,7 @@ import pytest
 from scipy.constants import c
 
 import worlds
-from reconstruction.patterns import expose, illumination, make_plan
+from reconstruction.operators import expose, illumination, make_plan
 from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Tabulated, explicit
 from spisim.scene import Volume
 from spisim.transport.effort import Paths

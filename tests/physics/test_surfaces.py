@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 import worlds
-from reconstruction.patterns import expose, illumination, make_plan
+from reconstruction.operators import expose, illumination, make_plan
 from spisim.scene import Material, SceneObject
 from spisim.scene.bsdf import (
     Mirror,

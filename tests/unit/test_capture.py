@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from captures import full_capture, make_spots
-from reconstruction.capture import PARTS, Provenance, read_capture, write_capture
-from reconstruction.patterns import make_plan
-from reconstruction.schema import stored_fields
-from reconstruction.spots import METHODS
+from reconstruction.capture import METHODS, PARTS, Provenance, read_capture, write_capture
+from reconstruction.capture.schema import stored_fields
+from reconstruction.operators import make_plan
 
 FORMAT_PAGE = Path(__file__).parents[2] / "docs" / "capture-format.md"
 

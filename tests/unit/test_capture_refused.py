@@ -10,7 +10,7 @@ from captures import full_capture, make_spots
 from damage import refusals
 from reconstruction.capture import read_capture, write_capture
 from reconstruction.errors import InputError
-from reconstruction.patterns import make_plan
+from reconstruction.operators import make_plan
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reconstruction.decoding import decode
 from scipy.constants import c
 from scipy.stats import binomtest
 
@@ -20,10 +21,9 @@ from reconstruction import (
 )
 from reconstruction import reconstruct as run
 from reconstruction.cli import main
-from reconstruction.decoding import decode
-from reconstruction.patterns import fwht
+from reconstruction.depth.methods.dense import phasor_image, phasors
+from reconstruction.operators import fwht
 from reconstruction.ranging import dense_range
-from reconstruction.ranging.dense import phasor_image, phasors
 
 LIGHT, RANGE_M = scene()
 LIT = LIGHT > 0

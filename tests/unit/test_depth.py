@@ -12,9 +12,9 @@ from reconstruction.depth import (
     pixel_rays,
     point_cloud_ply,
 )
-from reconstruction.depth.anchored import NEARER
+from reconstruction.depth.methods.anchored import NEARER
 from reconstruction.image import pursuit_for
-from reconstruction.patterns import fwht, make_plan
+from reconstruction.operators import fwht, make_plan
 
 SIDE = 64
 OPTICS = Optics(tan_half_width=0.36, tan_half_height=0.36)

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.constants import c
 
 from reconstruction import Capture, capture_warnings
-from reconstruction.spots import PatternTaps, PulsedSpots
+from reconstruction.capture import PatternTaps
+from reconstruction.capture.readings.pulsed import PulsedSpots
 
 
 def test_a_good_capture_has_none(capture: Capture) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from reconstruction.image import zero_filled
-from reconstruction.patterns import fwht, make_plan
+from reconstruction.operators import fwht, make_plan
 
 
 def test_all_coefficients_give_the_image_back():

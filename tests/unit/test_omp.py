@@ -7,9 +7,15 @@ import numpy as np
 import pytest
 
 from images import correlation, natural_image
-from reconstruction.image import WeightedPursuit, batch_omp, pursuit_for, zero_filled
-from reconstruction.image.weighted import fit_variance, natural_image_deviation
-from reconstruction.patterns import fwht, make_plan
+from reconstruction.image import (
+    WeightedPursuit,
+    batch_omp,
+    fit_variance,
+    natural_image_deviation,
+    pursuit_for,
+    zero_filled,
+)
+from reconstruction.operators import fwht, make_plan
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 

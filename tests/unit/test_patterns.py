@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import hadamard
 
 from reconstruction.errors import InputError, nearest
-from reconstruction.patterns import (
+from reconstruction.operators import (
     POLARITIES,
     PatternPlan,
     expose,

@@ -17,10 +17,10 @@ from fourspots import (
     charge,
     counts,
 )
+from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.ranging import measure_ranges
-from reconstruction.ranging.cw import demodulate
 from reconstruction.ranging.geometry import range_from_path
-from reconstruction.spots import CwSpots
+from reconstruction.ranging.methods.cw import demodulate
 
 FREQUENCY = 15e6
 

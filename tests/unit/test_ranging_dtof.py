@@ -9,9 +9,9 @@ from scipy.constants import c
 from scipy.stats import binomtest, norm
 
 from fourspots import GEOMETRY, PATHS, RANGES, assert_scatter
+from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.ranging import measure_ranges
 from reconstruction.ranging.histogram import coates, find_pulses
-from reconstruction.spots import HistogramSpots
 
 BINS = 120
 DELAY, WIDTH = 50.3, 2.0

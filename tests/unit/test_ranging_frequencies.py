@@ -7,9 +7,9 @@ import pytest
 from scipy.constants import c
 
 from fourspots import CHARGE, GEOMETRY, PATHS, RANGES, assert_scatter, charge, counts
+from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.ranging import measure_ranges
 from reconstruction.ranging.unwrap import path_from_phases, unambiguous_path_m
-from reconstruction.spots import CwSpots
 
 FREQUENCIES = np.array([30e6, 40e6])  # alone, ranges repeat after 5.0 and 3.7 m
 TAP_FREQUENCIES = np.array([40e6, 30e6, 40e6, 30e6, 40e6, 30e6, 40e6])

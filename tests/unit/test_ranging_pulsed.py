@@ -17,10 +17,10 @@ from fourspots import (
     charge,
     counts,
 )
+from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.ranging import measure_ranges
 from reconstruction.ranging.geometry import range_from_path
-from reconstruction.ranging.pulsed import share_in_second
-from reconstruction.spots import PulsedSpots
+from reconstruction.ranging.methods.pulsed import share_in_second
 
 WIDTH_S = 65e-9  # ranges up to 9.7 m
 STARTS_S = np.array([-70e-9, 3e-9, 68e-9])

@@ -27,9 +27,9 @@ from reconstruction import (
     write_outputs,
 )
 from reconstruction.capture import Buckets, Optics, Provenance
+from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.cli import main
-from reconstruction.patterns import expose
-from reconstruction.spots import CwSpots
+from reconstruction.operators import expose
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 SHAPE = (16, 32)

@@ -13,7 +13,9 @@ import yaml
 
 from densescene import make_capture
 from reconstruction import Capture, InputError, Result, evaluate, make_plan, reconstruct
-from reconstruction.spots import HistogramSpots, PulsedSpots, Spots
+from reconstruction.capture import Spots
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.capture.readings.pulsed import PulsedSpots
 from spisim.report import write_overview, write_report
 from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
 from spisim.report.plots import arrival_plot, spot_plot

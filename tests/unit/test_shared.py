@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reconstruction.pipeline import measured_coefficients
 
 from images import correlation, natural_image
 from reconstruction import Capture, PatternPlan, make_plan, reconstruct
 from reconstruction.capture import Buckets
 from reconstruction.image import without_shared_errors
-from reconstruction.patterns import expose, fwht
-from reconstruction.pipeline import measured_coefficients
+from reconstruction.operators import expose, fwht
 
 SHAPE = (32, 32)
 NOISE = 300.0

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.patterns import illumination
+from reconstruction.operators import illumination
 from spisim.measurement.drops.discs import (
     Shares,
     disc_points,

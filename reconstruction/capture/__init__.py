@@ -1,0 +1,44 @@
+"""The capture file that rig and simulator share: one recording, its frames, its truth."""
+
+from .buckets import Buckets, Unit
+from .charge import Charge, check_taps
+from .file import CaptureFile, open_capture, read_capture, write_capture
+from .model import (
+    PARTS,
+    Capture,
+    Frames,
+    FrameTruth,
+    Optics,
+    Provenance,
+    Recording,
+    Setup,
+    Truth,
+)
+from .pattern_taps import PatternTaps
+from .readings import READINGS
+from .selection import first_patterns
+from .spots import Spots
+
+__all__ = [
+    "PARTS",
+    "READINGS",
+    "Buckets",
+    "Capture",
+    "CaptureFile",
+    "Charge",
+    "FrameTruth",
+    "Frames",
+    "Optics",
+    "PatternTaps",
+    "Provenance",
+    "Recording",
+    "Setup",
+    "Spots",
+    "Truth",
+    "Unit",
+    "check_taps",
+    "first_patterns",
+    "open_capture",
+    "read_capture",
+    "write_capture",
+]

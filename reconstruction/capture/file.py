@@ -1,0 +1,253 @@
+"""The capture file (see docs/capture-format.md): written whole, read whole or frame by frame."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import h5py
+import numpy as np
+
+from ..errors import InputError, naming
+from ..files import write_atomically
+from ..operators import BASES, PatternPlan
+from . import hdf5
+from .buckets import Buckets
+from .model import (
+    PARTS,
+    SOURCES,
+    Capture,
+    Frames,
+    Optics,
+    Provenance,
+    Setup,
+    Truth,
+    axis_sizes,
+    check_frames,
+    check_parts,
+)
+from .pattern_taps import PatternTaps
+from .readings import READINGS
+from .schema import FRAMES, check_shape, check_values, stored_fields
+from .spots import Spots
+
+FORMAT = "spisim-capture"
+VERSION = (3, 0)
+OLDEST = (2, 0)
+TEXTS = ("instrument", "scene", "settings")
+
+Part = TypeVar("Part")
+
+
+def write_capture(capture: Capture, path: str | Path) -> None:
+    """Write a capture to HDF5, whole or not at all; equal captures give byte-equal files.
+
+    Raises OSError if the file cannot be written.
+    """
+    write_atomically(path, hdf5.content(lambda file: _write(file, capture)))
+
+
+def read_capture(path: str | Path) -> Capture:
+    """Read a capture.
+
+    Raises InputError, naming the file, if it is missing, damaged, not a capture, of another format
+    version, or if a dataset is missing, has another shape or unit, or makes no sense.
+    """
+    with open_capture(path) as file, naming(path):
+        readings = file.batch(0, file.frames)
+        return Capture(
+            plan=file.setup.plan,
+            optics=file.setup.optics,
+            buckets=readings.buckets,
+            spots=readings.spots,
+            pattern_taps=readings.pattern_taps,
+            provenance=file.provenance,
+            truth=file.truth(),
+        )
+
+
+@contextmanager
+def open_capture(path: str | Path) -> Iterator["CaptureFile"]:
+    """Open a capture whose frames are read when they are asked for; raises as `read_capture`."""
+    if Path(path).is_dir():
+        raise InputError(f"{path} is a folder; the name of a capture file is needed")
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no such capture file")
+    with hdf5.opened(path, FORMAT, "capture") as file:
+        yield CaptureFile(file)
+
+
+class CaptureFile:
+    """A capture in its file, which is open.
+
+    ``setup``, ``frames`` and ``provenance`` are as those of a `Capture`; readings and truth are
+    read, and their values checked, when they are asked for. Raises InputError as `read_capture`.
+    """
+
+    def __init__(self, file: h5py.File) -> None:
+        self._file = file
+        self._version = _checked_version(hdf5.get_attribute(file, "version"))
+        self.provenance = _read_provenance(file)
+        plan = _read_plan(file)
+        sizes = axis_sizes(plan)
+        self._spots = _spots_class(file)
+        groups: dict[str, type | None] = {
+            "buckets": Buckets,
+            "spots": self._spots,
+            "pattern_taps": PatternTaps,
+            "optics": Optics,
+        }
+        for group, part in groups.items():
+            if part is not None and (group == "buckets" or hdf5.has(file, group)):
+                _check_shapes(file, group, part, sizes)
+        self.frames = sizes[FRAMES]
+        if self.frames < 1:
+            raise InputError("buckets/counts holds no frame")
+        none = self._readings(0, 0)
+        optics = _read(file, "optics", Optics) if hdf5.has(file, "optics") else None
+        self.setup = Setup(plan, optics, none.buckets, none.spots, none.pattern_taps)
+        check_parts(self.setup)
+
+    def frame(self, frame: int = 0) -> Frames:
+        """Readings of one frame; InputError if there is no such frame."""
+        return self.batch(frame, frame + 1)
+
+    def batch(self, start: int, stop: int) -> Frames:
+        """Frames ``start`` to ``stop``, the last not included; InputError if there are none."""
+        check_frames(start, stop, self.frames)
+        readings = self._readings(start, stop)
+        check_parts(readings)
+        return readings
+
+    def truth(self) -> Truth | None:
+        """What a simulation knows, or None."""
+        if not hdf5.has(self._file, "truth"):
+            return None
+        if self._version >= (3, 0):
+            return _read(self._file, "truth", Truth)
+        values: dict[str, Any] = {}
+        for name, stored in stored_fields(Truth):
+            if name not in ("frame", "still"):  # version 2 has the truth of the first frame alone
+                value = hdf5.get(self._file, f"truth/{name}", stored.units)[None]
+                values[name] = stored.kept(f"truth/{name}", value)
+        return Truth(frame=np.zeros(1, np.int64), still=self.frames == 1, **values)
+
+    def _readings(self, start: int, stop: int) -> Frames:
+        rows = slice(start, stop)
+        file = self._file
+        taps = hdf5.has(file, "pattern_taps")
+        return Frames(
+            first=start,
+            buckets=_read(file, "buckets", Buckets, rows),
+            spots=None if self._spots is None else _read(file, "spots", self._spots, rows),
+            pattern_taps=_read(file, "pattern_taps", PatternTaps, rows) if taps else None,
+        )
+
+
+def _write(file: h5py.File, capture: Capture) -> None:
+    provenance, plan = capture.provenance, capture.plan
+    hdf5.put_attribute(file, "format", FORMAT)
+    hdf5.put_attribute(file, "version", _dotted(VERSION))
+    for name in ("source", "software", "created"):
+        hdf5.put_attribute(file, name, getattr(provenance, name))
+    hdf5.put(file, "patterns/shape", np.array(plan.shape, np.int32), "1")
+    for name in ("index", "polarity", "basis", "order"):
+        hdf5.put(file, f"patterns/{name}", getattr(plan, name), "1")
+    for name in plan.patterns.arrays:
+        hdf5.put(file, f"patterns/{name}", getattr(plan.patterns, name), "1")
+    for group in PARTS:
+        part = getattr(capture, group)
+        if part is not None:
+            for name, stored in stored_fields(type(part)):
+                value = stored.kept(f"{group}/{name}", np.asarray(getattr(part, name)))
+                on_disk = value.astype(np.uint8) if value.dtype.kind == "b" else value
+                hdf5.put(file, f"{group}/{name}", on_disk, stored.units)
+    if capture.spots is not None:
+        hdf5.put(file, "spots/method", capture.spots.method, "1")
+    for name in TEXTS:
+        hdf5.put(file, f"provenance/{name}", getattr(provenance, name), "1")
+    if provenance.seed is not None:
+        hdf5.put(file, "provenance/seed", np.int64(provenance.seed), "1")
+
+
+def _read_plan(file: h5py.File) -> PatternPlan:
+    basis = BASES[hdf5.get_text(file, "patterns/basis")]
+    shape = hdf5.get(file, "patterns/shape", "1")
+    if shape.shape != (2,) or shape.dtype.kind not in "iu":
+        raise InputError(
+            f"patterns/shape has shape {shape.shape} and type {shape.dtype}, expected 2 integers"
+        )
+    height, width = (int(side) for side in shape)
+    arrays = {name: hdf5.get(file, f"patterns/{name}", "1") for name in basis.arrays}
+    return PatternPlan(
+        shape=(height, width),
+        index=hdf5.get(file, "patterns/index", "1"),
+        polarity=hdf5.get(file, "patterns/polarity", "1"),
+        order=hdf5.get_text(file, "patterns/order"),
+        patterns=basis.restored((height, width), arrays),
+    )
+
+
+def _read_provenance(file: h5py.File) -> Provenance:
+    source = hdf5.get_attribute(file, "source")
+    if source not in SOURCES:
+        raise InputError(f"source is {source!r}; allowed: {', '.join(SOURCES)}")
+    seeded = hdf5.has(file, "provenance/seed")
+    return Provenance(
+        source=source,
+        software=hdf5.get_attribute(file, "software"),
+        created=hdf5.get_attribute(file, "created"),
+        seed=int(hdf5.get_scalar(file, "provenance/seed")) if seeded else None,
+        **{name: hdf5.get_text(file, f"provenance/{name}") for name in TEXTS},
+    )
+
+
+def _spots_class(file: h5py.File) -> type[Spots] | None:
+    if not hdf5.has(file, "spots"):
+        return None
+    try:
+        return READINGS[hdf5.get_text(file, "spots/method")]
+    except InputError as error:
+        raise InputError(f"spots/method: {error}") from error
+
+
+def _check_shapes(file: h5py.File, group: str, part: type, sizes: dict[str, int]) -> None:
+    for name, stored in stored_fields(part):
+        shape = hdf5.get_shape(file, f"{group}/{name}", stored.units)
+        check_shape(f"{group}/{name}", shape, stored, sizes)
+
+
+def _read(
+    file: h5py.File, group: str, part: Callable[..., Part], rows: slice | None = None
+) -> Part:
+    """A part of the capture, of what there is for each frame only some ``rows``."""
+    values: dict[str, Any] = {}
+    for name, stored in stored_fields(part):
+        where = f"{group}/{name}"
+        value = hdf5.get(file, where, stored.units, rows if stored.by_frame else None)
+        array = stored.kept(where, value)
+        check_values(where, array, stored)
+        values[name] = array.item() if not stored.axes and array.size == 1 else array
+    return part(**values)
+
+
+def _checked_version(text: str) -> tuple[int, int]:
+    try:
+        major, minor = (int(number) for number in text.split("."))
+    except ValueError:
+        raise InputError(f"the format version {text!r} is not of the form 3.0") from None
+    if (major, minor) > VERSION:
+        raise InputError(
+            f"written in the newer format version {text}; this software reads up to "
+            f"{_dotted(VERSION)}: update it"
+        )
+    if (major, minor) < OLDEST:
+        raise InputError(
+            f"written in the older format version {text}; this software reads "
+            f"{_dotted(OLDEST)} to {_dotted(VERSION)}: record, simulate or import it again"
+        )
+    return major, minor
+
+
+def _dotted(version: tuple[int, int]) -> str:
+    return ".".join(map(str, version))

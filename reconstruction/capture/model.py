@@ -1,0 +1,284 @@
+"""One recording, real or simulated: its parts, and its frames one by one.
+
+The annotations of the data classes are the file's schema (docs/capture-format.md): reading, writing
+and checking follow them. Everything geometric is in the projector's optical frame: x right, y down,
+z forward, origin at its pinhole.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Annotated, Any, Literal, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..operators import PatternPlan
+from .buckets import Buckets
+from .pattern_taps import PatternTaps
+from .schema import FRAMES, Stored, between, check_shape, check_values, stored_fields
+from .spots import Spots
+
+Image = NDArray[np.float32]
+Reals = NDArray[np.float64]
+
+
+SOURCES = ("simulation", "hardware")
+
+
+@dataclass(frozen=True, eq=False)
+class Optics:
+    """Projector pinhole: tangents of the half angles to the outer edges of the pattern."""
+
+    tan_half_width: Annotated[float, Stored("1", sign="positive")]
+    tan_half_height: Annotated[float, Stored("1", sign="positive")]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTruth:
+    """What a simulation knows of one frame; nan where nothing is hit.
+
+    ``image`` (H, W) is the electrons per exposure that each virtual pixel alone, fully on,
+    contributes, ``image_error`` the standard error of the light transport that found it;
+    ``spot_range_m`` (4,).
+    """
+
+    image: Image
+    image_error: Image
+    range_m: Image
+    depth_m: Image
+    reflectance: Image
+    spot_range_m: Reals
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a simulation knows of its frames: only evaluation reads it.
+
+    ``frame`` (T,) are the frames that the other fields, (T, ...) as in `FrameTruth`, are the truth
+    of; ``still``: nothing moves, and one truth is that of every frame.
+    """
+
+    frame: Annotated[NDArray[np.int64], Stored("1", ("truths",), "int64", sign="not negative")]
+    still: Annotated[bool, Stored("1", dtype="bool")]
+    image: Annotated[Image, Stored("electron", ("truths", "height", "width"), "float32", nan=True)]
+    image_error: Annotated[
+        Image, Stored("electron", ("truths", "height", "width"), "float32", nan=True)
+    ]
+    range_m: Annotated[Image, Stored("m", ("truths", "height", "width"), "float32", nan=True)]
+    depth_m: Annotated[Image, Stored("m", ("truths", "height", "width"), "float32", nan=True)]
+    reflectance: Annotated[Image, Stored("1", ("truths", "height", "width"), "float32", nan=True)]
+    spot_range_m: Annotated[Reals, Stored("m", ("truths", 4), nan=True)]
+
+    @classmethod
+    def of(cls, frames: Sequence[FrameTruth], *, still: bool = False) -> Self:
+        """Truth of the first frames, in turn; ``still``: one, of all frames."""
+        names = [field.name for field in fields(FrameTruth)]
+        stacked = {name: np.stack([getattr(each, name) for each in frames]) for name in names}
+        return cls(np.arange(len(frames)), still, **stacked)
+
+    def knows(self, frame: int) -> bool:
+        """Whether the truth of a frame is known."""
+        return bool(self.still or frame in self.frame)
+
+    def at(self, frame: int) -> FrameTruth:
+        """The truth of one frame; InputError if it is not known."""
+        found = np.zeros(1, int) if self.still else np.flatnonzero(self.frame == frame)
+        if not found.size:
+            known = ", ".join(map(str, self.frame.tolist()))
+            raise InputError(f"frame {frame}: the capture holds the truth of frames {known} alone")
+        names = (field.name for field in fields(FrameTruth))
+        return FrameTruth(**{name: getattr(self, name)[found[0]] for name in names})
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a capture comes from: ``created`` is an ISO time, or empty.
+
+    ``instrument``, ``scene`` and the ``settings`` of the simulator are YAML text.
+    """
+
+    source: Literal["simulation", "hardware"]
+    software: str
+    created: str
+    instrument: str
+    scene: str = ""
+    seed: int | None = None
+    settings: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What all frames of a recording have in common. Its parts hold no readings."""
+
+    plan: PatternPlan
+    optics: Optics | None
+    buckets: Buckets
+    spots: Spots | None
+    pattern_taps: PatternTaps | None
+
+    @cached_property
+    def digest(self) -> bytes:
+        """SHA-256 over the pattern plan."""
+        plan = self.plan
+        arrays = [getattr(plan.patterns, name) for name in plan.patterns.arrays]
+        return _digest(np.array(plan.shape), plan.index, plan.polarity, *arrays).digest()
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Readings of frames that follow each other, ``first`` the number of the first of them."""
+
+    first: int
+    buckets: Buckets
+    spots: Spots | None
+    pattern_taps: PatternTaps | None
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return int(self.buckets.counts.shape[0])
+
+    def between(self, start: int, stop: int) -> "Frames":
+        """Some of them, counted from the first of these."""
+        parts = (self.buckets, self.spots, self.pattern_taps)
+        cut = (None if part is None else between(part, start, stop) for part in parts)
+        return Frames(self.first + start, *cut)  # type: ignore[arg-type]
+
+    def digest(self, setup: Setup) -> str:
+        """SHA-256 over patterns and readings, by which a result knows its frames."""
+        readings = [self.buckets.counts]
+        if self.spots is not None:
+            readings.append(self.spots.readings)
+        if self.pattern_taps is not None:
+            readings.append(self.pattern_taps.taps)
+        digest = _digest(*readings)
+        digest.update(setup.digest)
+        return digest.hexdigest()
+
+
+class Recording(Protocol):
+    """A capture in memory or in its file: frames on demand."""
+
+    @property
+    def setup(self) -> Setup:
+        """What its frames have in common."""
+        ...
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        ...
+
+    def batch(self, start: int, stop: int) -> Frames:
+        """Frames ``start`` to ``stop``, the last not included; InputError if there are none."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """One recording in memory. Raises InputError if its parts do not fit together.
+
+    Where there are ``pattern_taps``, the buckets hold their sums over the taps.
+    """
+
+    plan: PatternPlan
+    buckets: Buckets
+    spots: Spots | None
+    optics: Optics | None
+    provenance: Provenance
+    truth: Truth | None = None
+    pattern_taps: PatternTaps | None = None
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return int(self.buckets.counts.shape[0])
+
+    @cached_property
+    def setup(self) -> Setup:
+        """What its frames have in common."""
+        none = self._all.between(0, 0)
+        return Setup(self.plan, self.optics, none.buckets, none.spots, none.pattern_taps)
+
+    def frame(self, frame: int = 0) -> Frames:
+        """Readings of one frame; InputError if there is no such frame."""
+        return self.batch(frame, frame + 1)
+
+    def batch(self, start: int, stop: int) -> Frames:
+        """Frames ``start`` to ``stop``, the last not included; InputError if there are none."""
+        check_frames(start, stop, self.frames)
+        return self._all.between(start, stop)
+
+    @property
+    def _all(self) -> Frames:
+        return Frames(0, self.buckets, self.spots, self.pattern_taps)
+
+
+PARTS = ("buckets", "spots", "pattern_taps", "optics", "truth")
+"""Names of the parts that are data classes, of capture and file."""
+
+
+def check(capture: Capture) -> None:
+    """Raise InputError unless the parts fit together and their numbers make sense."""
+    if capture.provenance.source not in SOURCES:
+        raise InputError(f"source is {capture.provenance.source!r}; allowed: {', '.join(SOURCES)}")
+    sizes = axis_sizes(capture.plan)
+    for group in PARTS:
+        part = getattr(capture, group)
+        if part is not None:
+            for name, stored in stored_fields(type(part)):
+                value = np.asarray(getattr(part, name))
+                check_shape(f"{group}/{name}", value.shape, stored, sizes)
+                check_values(f"{group}/{name}", value, stored)
+    if sizes[FRAMES] < 1:
+        raise InputError("buckets/counts holds no frame")
+    check_parts(capture)
+
+
+def check_parts(capture: "Capture | Frames | Setup") -> None:
+    """Raise InputError unless the values of each part fit together."""
+    plan = getattr(capture, "plan", None)
+    if plan is not None and capture.buckets.dead_time_s > 0:
+        _check_dead_time(capture.buckets, plan)
+    for readings in (capture.spots, capture.pattern_taps):
+        if readings is not None:
+            readings.check()
+
+
+def check_frames(start: int, stop: int, frames: int) -> None:
+    """Raise InputError unless there are frames ``start`` to ``stop``."""
+    if not 0 <= start < stop <= frames:
+        wanted = f"frame {start}" if stop == start + 1 else f"frames {start} to {stop}"
+        raise InputError(f"{wanted}: the capture has frames 0..{frames - 1}")
+
+
+def axis_sizes(plan: PatternPlan) -> dict[str, int]:
+    """Sizes of the named axes that the plan sets."""
+    height, width = plan.shape
+    return {"exposures": plan.exposures, "height": height, "width": width}
+
+
+def _check_dead_time(buckets: Buckets, plan: PatternPlan) -> None:
+    """Raise InputError unless readings can be corrected for the dead time."""
+    dead = f"buckets/dead_time_s is {buckets.dead_time_s:g} s"
+    for name in ("exposure_time_s", "electrons_per_count"):
+        if not np.isfinite(getattr(buckets, name)):
+            raise InputError(f"{dead}; then buckets/{name} must be known, not nan")
+    if (plan.polarity == 0).any():
+        raise InputError(
+            f"{dead}, but patterns/polarity 0 marks readings as differences, which cannot be "
+            "corrected for it: store what was counted, or dead_time_s 0"
+        )
+
+
+def _digest(*arrays: NDArray[Any]) -> Any:
+    digest = hashlib.sha256()
+    for values in arrays:
+        digest.update(f"{values.shape}".encode())
+        digest.update(values.astype(np.float64).tobytes())  # of whichever type the file has
+    return digest

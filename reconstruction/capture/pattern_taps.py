@@ -1,0 +1,36 @@
+"""Continuous-wave time of flight of every displayed pattern."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .charge import Charge, check_taps
+from .schema import Stored
+
+Reals = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class PatternTaps(Charge):
+    """CW time of flight of every exposure on the bucket detector, for ranges of all pixels.
+
+    Taps as those of `CwSpots`, of the light of one displayed pattern at ``detector_position_m``.
+    """
+
+    taps: Annotated[
+        NDArray[Any], Stored("count", ("frames", "exposures", "pattern taps"), "int32 or float64")
+    ]
+    saturated: Annotated[Mask, Stored("1", ("frames", "exposures", "pattern taps"), "bool")]
+    tap_frequencies_hz: Annotated[Reals, Stored("Hz", ("pattern taps",), sign="positive")]
+    tap_phases_rad: Annotated[Reals, Stored("rad", ("pattern taps",))]
+    phase_offsets_rad: Annotated[Reals, Stored("rad", ("pattern taps",))]
+    detector_position_m: Annotated[Reals, Stored("m", (3,))]
+
+    def check(self) -> None:
+        """Raise InputError unless every phase can be solved for."""
+        check_taps(
+            "pattern_taps", self.tap_frequencies_hz, self.tap_phases_rad - self.phase_offsets_rad
+        )

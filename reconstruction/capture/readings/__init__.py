@@ -1,0 +1,11 @@
+"""Kinds of time-of-flight readings, one module each, named as the method that makes them."""
+
+from ...registry import Registry
+from ..spots import Spots
+
+READINGS: Registry[type[Spots]] = Registry(
+    "method of time of flight",
+    package=__name__,
+    attribute="READINGS",
+    group="reconstruction.readings",
+)

@@ -1,0 +1,61 @@
+"""Direct time of flight: histograms of single arrivals."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ..schema import Stored
+from ..spots import Spots
+
+Reals = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class HistogramSpots(Spots):
+    """Direct time of flight: arrivals per time bin, at most one in each of ``pulses`` cycles.
+
+    Bin k covers start_s + [k, k + 1) bin_width_s after the pulse's centre leaves; light arrives
+    L / c + delay_offset after that moment. The detector sees nothing before the first bin.
+    ``response_sigma_s`` is the rms width of pulse and jitter together, a Gaussian; nan: unknown.
+    ``piles_up`` where the first of many photons ends a cycle, so that later light is hidden by
+    earlier; not where each stamp is that of a whole pulse, as of one that crosses a threshold.
+    """
+
+    method = "dtof"
+
+    counts: Annotated[
+        NDArray[Any],
+        Stored("count", ("frames", 4, "bins"), "int32 or float64", sign="not negative"),
+    ]
+    saturated: Annotated[Mask, Stored("1", ("frames", 4), "bool")]
+    bin_width_s: Annotated[float, Stored("s", sign="positive")]
+    start_s: Annotated[float, Stored("s")]
+    pulses: Annotated[int, Stored("1", dtype="int64", sign="positive")]
+    response_sigma_s: Annotated[float, Stored("s", sign="positive", nan=True)]
+    delay_offset_s: Annotated[float, Stored("s")]
+    piles_up: Annotated[bool, Stored("1", dtype="bool")] = True
+
+    @property
+    def readings(self) -> NDArray[Any]:
+        """The histograms."""
+        return self.counts
+
+    def check(self) -> None:
+        """Raise InputError unless directions are unit vectors and the histograms can be true."""
+        super().check()
+        bins = self.counts.shape[-1]
+        if bins < 3:
+            raise InputError(f"spots/counts has {bins} bins; a histogram needs at least 3")
+        most = self.counts.sum(axis=-1, dtype=np.float64).max(initial=0.0)
+        if most > self.pulses * (1 + 1e-9):
+            raise InputError(
+                f"spots/counts holds {most:g} arrivals in one histogram of spots/pulses = "
+                f"{self.pulses} cycles; there is at most one arrival per cycle"
+            )
+
+
+READINGS = HistogramSpots

@@ -1,0 +1,86 @@
+"""Data classes as a file's schema: how a field is stored is part of its type annotation."""
+
+from dataclasses import fields, replace
+from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+
+FRAMES = "frames"
+"""Name of the axis along which readings follow each other."""
+
+Part = TypeVar("Part")
+
+_known: dict[type, tuple[tuple[str, "Stored"], ...]] = {}
+
+
+class Stored(NamedTuple):
+    """How a field is stored: unit, axes (named or of fixed size), type, and what is allowed."""
+
+    units: str
+    axes: tuple[str | int, ...] = ()
+    dtype: Literal["float64", "float32", "int64", "bool", "int32 or float64"] = "float64"
+    sign: Literal["any", "not negative", "positive"] = "any"
+    nan: bool = False
+
+    @property
+    def by_frame(self) -> bool:
+        """Whether there is a value for each frame."""
+        return self.axes[:1] == (FRAMES,)
+
+    def type_of(self, value: NDArray[Any]) -> np.dtype[Any]:
+        """The type in which these numbers are kept."""
+        if self.dtype == "int32 or float64":
+            return np.dtype(np.int32 if value.dtype.kind in "iu" else np.float64)
+        return np.dtype(self.dtype)
+
+    def kept(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
+        """The values in the type in which they are kept; InputError where they do not fit it."""
+        dtype = self.type_of(value)
+        if value.dtype.kind not in "iufb":
+            raise InputError(f"{name} must hold numbers, found {value.dtype}")
+        if dtype.kind == "i" and value.size:
+            limits = np.iinfo(dtype)
+            if not (value.min() >= limits.min and value.max() <= limits.max):
+                raise InputError(f"{name} holds integers beyond {8 * dtype.itemsize} bits")
+        return value.astype(dtype)
+
+
+def stored_fields(part: type) -> tuple[tuple[str, Stored], ...]:
+    """The datasets of a part of the capture, a data class: name, and how it is stored."""
+    if part not in _known:
+        hints = get_type_hints(part, include_extras=True)
+        names = (field.name for field in fields(part))
+        _known[part] = tuple((name, get_args(hints[name])[-1]) for name in names)
+    return _known[part]
+
+
+def between(part: Part, start: int, stop: int) -> Part:
+    """A part of the capture with the readings of frames ``start`` to ``stop`` alone."""
+    by_frame = [name for name, stored in stored_fields(type(part)) if stored.by_frame]
+    cut = {name: getattr(part, name)[start:stop] for name in by_frame}
+    return replace(part, **cut)  # type: ignore[type-var]
+
+
+def check_shape(name: str, shape: tuple[int, ...], stored: Stored, sizes: dict[str, int]) -> None:
+    """Check the shape of one dataset; the first to use a named axis sets its size."""
+    if len(shape) == len(stored.axes):
+        for axis, size in zip(stored.axes, shape, strict=True):
+            if isinstance(axis, str):
+                sizes.setdefault(axis, size)
+    expected = tuple(sizes.get(str(axis), axis) for axis in stored.axes)
+    if shape != expected:
+        axes = ", ".join(f"{axis} = {sizes.get(str(axis), axis)}" for axis in stored.axes)
+        raise InputError(f"{name} has shape {shape}, expected ({axes or 'a scalar'})")
+
+
+def check_values(name: str, value: NDArray[Any], stored: Stored) -> None:
+    """Check the values of one dataset."""
+    if not stored.nan and not np.isfinite(value).all():
+        raise InputError(f"{name} holds values that are not finite")
+    stored.kept(name, value)
+    bad = value <= 0 if stored.sign == "positive" else value < 0
+    if stored.sign != "any" and bad.any():
+        raise InputError(f"{name} is {value[bad].flat[0]}, must be {stored.sign}")

@@ -1,0 +1,177 @@
+"""Capture -> image, ranges, depth map, point cloud."""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..capture import Capture, Truth, first_patterns, open_capture
+from ..depth import DEPTH_METHODS
+from ..diagnostics import capture_warnings
+from ..errors import naming
+from ..files import require_folder
+from ..image import IMAGE_METHODS
+from ..operators import ORDERS
+from ..outputs import write_outputs
+from ..ranging import RANGING_METHODS, Ranges
+from ..reconstructor import reconstruct
+from ..result import Result
+
+HELP = "capture -> image, ranges, depth map, point cloud"
+EXAMPLE = "python -m reconstruction capture.h5 -o result"
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of this command."""
+    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
+    parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="folder")
+    parser.add_argument("--frame", type=int, default=0, help="frame of the capture (0)")
+    parser.add_argument("--patterns", metavar="K", type=int, help="use the first K patterns only")
+    parser.add_argument(
+        "--order", default="sequency-2d", help=f"... of this order: {', '.join(ORDERS)}"
+    )
+    stations: dict[str, Iterable[str]] = {
+        "image": IMAGE_METHODS,
+        "ranging": RANGING_METHODS,
+        "depth": DEPTH_METHODS,
+    }
+    for station, methods in stations.items():
+        parser.add_argument(
+            f"--{station}",
+            metavar="METHOD[,METHOD]",
+            help=f"methods, the default one first: all, {', '.join(methods)}",
+        )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Reconstruct a capture."""
+    require_folder(options.output)
+    recording = capture = _one_frame(options.capture, options.frame)
+    with naming(options.capture):
+        if options.patterns is not None:
+            capture = first_patterns(recording, options.patterns, options.order)
+        result = reconstruct(
+            capture,
+            image=names(options.image),
+            ranging=names(options.ranging),
+            depth=names(options.depth),
+        )
+    # However many of its patterns are used, it is a result of this recording.
+    digest = recording.frame().digest(recording.setup)
+    result = replace(result, recording=digest, frame=options.frame)
+    files = write_outputs(result, capture, options.output)
+    warnings = capture_warnings(capture)
+    if find_spec("matplotlib") is None:
+        warnings.append("Matplotlib is not installed: there are no pictures")
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    if options.json:
+        written = {name: str(path) for name, path in files.items()}
+        report = _report(result, capture) | {"warnings": warnings, "files": written}
+        print(json.dumps(report, allow_nan=False))
+    else:
+        _print(result, capture, files)
+
+
+def names(text: str | None) -> str | Sequence[str] | None:
+    """Methods as `Reconstructor` takes them, from what stands behind an option."""
+    return text if text in (None, "all") else text.split(",")
+
+
+def _one_frame(path: Path, frame: int) -> Capture:
+    """A capture of one frame of those in a file; of the truth that of this frame, if known."""
+    with open_capture(path) as file, naming(path):
+        readings, truth = file.frame(frame), file.truth()
+        return Capture(
+            plan=file.setup.plan,
+            optics=file.setup.optics,
+            buckets=readings.buckets,
+            spots=readings.spots,
+            pattern_taps=readings.pattern_taps,
+            provenance=file.provenance,
+            truth=None if truth is None or not truth.knows(frame) else Truth.of([truth.at(frame)]),
+        )
+
+
+def _report(result: Result, capture: Capture) -> dict[str, Any]:
+    plan = capture.plan
+    return {
+        "source": capture.provenance.source,
+        "frame": result.frame,
+        "shape": list(plan.shape),
+        "patterns": plan.sampled,
+        "pixels": plan.pixels,
+        "sampling_ratio": plan.sampling_ratio,
+        "images": list(result.images),
+        "spots": {name: _spots(ranges) for name, ranges in result.rangings.items()},
+        "depth_coverage": _coverage(result),
+        "timings_s": dict(result.timings_s),
+    }
+
+
+def _spots(ranges: Ranges) -> list[dict[str, Any]]:
+    return [
+        {
+            "range_m": float(range_m) if status == "ok" else None,
+            "sigma_m": float(sigma_m) if status == "ok" else None,
+            "status": status,
+        }
+        for range_m, sigma_m, status in zip(
+            ranges.range_m, ranges.sigma_m, ranges.status, strict=True
+        )
+    ]
+
+
+def _coverage(result: Result) -> dict[str, float]:
+    """Share of the pixels that have a depth, by method."""
+    return {name: float(np.isfinite(depth).mean()) for name, depth in result.depths.items()}
+
+
+def _print(result: Result, capture: Capture, files: dict[str, Path]) -> None:
+    plan = capture.plan
+    print(
+        f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
+        f"({100 * plan.sampling_ratio:.1f} %), {capture.provenance.source}"
+    )
+    for name, ranges in result.rangings.items():
+        _print_ranges(name, ranges)
+    if not result.rangings and not result.depths:
+        print("no time of flight in this capture: image only, no ranges, no depth map")
+    elif not result.depths:
+        print("no depth map: no spot has a range, or the optics are not known")
+    for name, share in _coverage(result).items():
+        print(f"depth, {DEPTH_METHODS[name].title}: {100 * share:.1f} % of all pixels")
+    print(", ".join(f"{stage} {1e3 * s:.1f} ms" for stage, s in result.timings_s.items()))
+    for path in files.values():
+        print(f"wrote {path}")
+
+
+def _print_ranges(name: str, ranges: Ranges) -> None:
+    rows = [(name, "range / m", "sigma / m", "signal / electrons", "background / electrons")]
+    for spot, status in enumerate(ranges.status):
+        rows.append(
+            (
+                f"spot {spot}",
+                f"{ranges.range_m[spot]:.3f}" if status == "ok" else status,
+                f"{ranges.sigma_m[spot]:.3f}" if status == "ok" else "",
+                f"{ranges.signal_electrons[spot]:.4g}",
+                f"{ranges.background_electrons[spot]:.4g}",
+            )
+        )
+    for line in _aligned(rows):
+        print(line)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> Iterable[str]:
+    """Columns as wide as their widest cell, the first one to the left."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    for first, *others in rows:
+        cells = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
+        yield "  ".join([first.ljust(widths[0]), *cells])

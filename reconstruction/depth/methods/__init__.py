@@ -1,0 +1,25 @@
+"""Methods of making depth maps, one module each."""
+
+from ...capture import Setup
+from ...errors import InputError
+from ...registry import Registry
+from ..method import DepthMethod, Need
+
+DEPTH_METHODS: Registry[DepthMethod] = Registry(
+    "depth method", package=__name__, attribute="METHOD", group="reconstruction.depths"
+)
+
+
+def depth_method(name: str, setup: Setup) -> DepthMethod:
+    """Method of this name; InputError if there is none, or the recording lacks what it needs."""
+    method = DEPTH_METHODS[name]
+    missing = lacks(method, setup)
+    if missing:
+        parts = " and ".join(part.replace("_", " ") for part in missing)
+        raise InputError(f"depth method {name!r} needs {parts}, which the recording lacks")
+    return method
+
+
+def lacks(method: DepthMethod, setup: Setup) -> tuple[Need, ...]:
+    """What a method needs and a recording has not."""
+    return tuple(need for need in method.needs if getattr(setup, need) is None)

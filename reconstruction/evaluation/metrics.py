@@ -1,0 +1,110 @@
+"""How good a result is, against the truth that a simulation knows."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..capture import Capture, FrameTruth
+from ..errors import InputError
+from ..ranging import Ranges
+from ..result import Result
+
+
+def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
+    """Metrics of a result against the truth of its frame, as plain numbers, ready for JSON.
+
+    ``frame``: its number. ``images``, by method: correlation, nrmse and psnr_db. ``truth``: the
+    rms standard error of its image over the image's rms, ``image_error``, below which an nrmse
+    tells nothing. ``spots``, by method: for each spot range_m, true_m, error_m, sigma_m and status.
+    ``depths``, by method: see `depth_metrics`. What does not exist is empty or None.
+
+    Raises InputError where the result is of other readings than this capture's frame of the same
+    number, and where the truth of that frame is not known.
+    """
+    if recording.truth is None:
+        raise InputError("the capture holds no truth to compare with; simulated captures do")
+    frame = recording.frame(result.frame)
+    if result.recording != frame.digest(recording.setup):
+        raise InputError(
+            f"the result is not one of frame {result.frame} of this capture: patterns or readings "
+            "are different"
+        )
+    truth = recording.truth.at(result.frame)
+    return {
+        "frame": result.frame,
+        "images": {
+            name: image_metrics(image, truth.image) for name, image in result.images.items()
+        },
+        "truth": {"image_error": _relative_rms(truth.image_error, truth.image)},
+        "spots": {name: _spots(ranges, truth) for name, ranges in result.rangings.items()},
+        "depths": {
+            name: depth_metrics(depth_m, truth.depth_m) for name, depth_m in result.depths.items()
+        },
+    }
+
+
+def image_metrics(image: ArrayLike, true_image: ArrayLike) -> dict[str, float | None]:
+    """Pearson correlation, rms error over the truth's rms, and PSNR with the truth's peak."""
+    true_values = np.asarray(true_image, dtype=np.float64)
+    known = np.isfinite(true_values)
+    true_values = true_values[known]
+    values = np.asarray(image, dtype=np.float64)[known]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squared_error = np.mean((values - true_values) ** 2)
+        spread = values.std() * true_values.std()
+        covariance = np.mean((values - values.mean()) * (true_values - true_values.mean()))
+        return {
+            "correlation": _number(covariance / spread),
+            "nrmse": _number(np.sqrt(squared_error / np.mean(true_values**2))),
+            "psnr_db": _number(10 * np.log10(true_values.max() ** 2 / squared_error)),
+        }
+
+
+def _relative_rms(error: ArrayLike, image: ArrayLike) -> float | None:
+    noise, signal = (np.nanmean(np.asarray(a, dtype=np.float64) ** 2) for a in (error, image))
+    return _number(np.sqrt(noise / signal)) if signal > 0 else None
+
+
+def depth_metrics(depth_m: ArrayLike, true_m: ArrayLike) -> dict[str, float | None]:
+    """Mean absolute and rms error in metres, median relative error, share within 25 per cent.
+
+    Over the pixels that have a depth and where something is hit; ``coverage`` is the share of the
+    latter that have one.
+    """
+    values = np.asarray(depth_m, dtype=np.float64)
+    true_values = np.asarray(true_m, dtype=np.float64)
+    hit = np.isfinite(true_values)
+    known = np.isfinite(values) & hit
+    coverage = _number(known.sum() / hit.sum()) if hit.any() else None
+    if not known.any():
+        nothing = dict.fromkeys(("mae_m", "rmse_m", "median_relative", "within_25_percent"))
+        return nothing | {"coverage": coverage}
+    error = np.abs(values - true_values)[known]
+    relative = error / true_values[known]
+    return {
+        "mae_m": _number(error.mean()),
+        "rmse_m": _number(np.sqrt((error**2).mean())),
+        "median_relative": _number(np.median(relative)),
+        "within_25_percent": _number((relative < 0.25).mean()),
+        "coverage": coverage,
+    }
+
+
+def _spots(ranges: Ranges, truth: FrameTruth) -> list[dict[str, float | str | None]]:
+    return [
+        {
+            "range_m": _number(measured),
+            "true_m": _number(true),
+            "error_m": _number(measured - true),
+            "sigma_m": _number(sigma),
+            "status": status,
+        }
+        for measured, true, sigma, status in zip(
+            ranges.range_m, truth.spot_range_m, ranges.sigma_m, ranges.status, strict=True
+        )
+    ]
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,8 @@
+"""Dictionaries in which images are sparse, one module each."""
+
+from ...registry import Registry
+from ..dictionary import Dictionary
+
+DICTIONARIES: Registry[Dictionary] = Registry(
+    "dictionary", package=__name__, attribute="DICTIONARY", group="reconstruction.dictionaries"
+)

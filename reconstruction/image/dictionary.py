@@ -1,0 +1,27 @@
+"""What images are made of."""
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Dictionary(Protocol):
+    """Orthonormal atoms that are outer products of those of either axis, and how strong each is."""
+
+    def atoms(self, side: int) -> Floats:
+        """Orthonormal atoms of one axis, one in each column: (side, side)."""
+        ...
+
+    def deviation(self, shape: tuple[int, int]) -> Floats:
+        """Relative standard deviation of the atoms' coefficients in natural images, (H, W).
+
+        0 for the constant image, whose level is measured by itself.
+        """
+        ...
+
+    def synthesise(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """Image (H, W) of the atoms' coefficients (H, W), real or complex."""
+        ...

@@ -1,0 +1,26 @@
+"""What a method of making images is."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
+
+from ..operators import MeasurementOperator
+from .coefficients import Coefficients
+
+ImageSolver = Callable[[Coefficients], NDArray[Any]]
+"""From the coefficients of one frame to the image (H, W), complex where they are."""
+
+
+class ImageMethod(Protocol):
+    """A way from coefficients to an image; everything that frames share is done by `compile`."""
+
+    title: str
+    """A few words for plots and tables."""
+
+    def compile(self, operator: MeasurementOperator) -> ImageSolver:
+        """Solver of this operator's coefficients.
+
+        Raises InputError where the method cannot use the operator.
+        """
+        ...

@@ -1,0 +1,38 @@
+"""What was shown, and what its readings say of an image: pattern plans and linear operators."""
+
+from .bases import BASES
+from .basis import Basis, checked_shape
+from .decoder import Decoder, decoder_for, signed_coefficients
+from .hadamard import fwht, sequency
+from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
+from .orders import ORDERS
+from .plan import (
+    POLARITIES,
+    PatternPlan,
+    expose,
+    illumination,
+    make_plan,
+    mean_illumination,
+)
+
+__all__ = [
+    "BASES",
+    "ORDERS",
+    "POLARITIES",
+    "Basis",
+    "Decoder",
+    "MatrixOperator",
+    "MeasurementOperator",
+    "PatternPlan",
+    "RowOperator",
+    "SeenAtoms",
+    "checked_shape",
+    "decoder_for",
+    "expose",
+    "fwht",
+    "illumination",
+    "make_plan",
+    "mean_illumination",
+    "sequency",
+    "signed_coefficients",
+]

@@ -1,0 +1,55 @@
+"""Hadamard patterns, by their fast transform.
+
+Row k of the natural-order (Sylvester) Hadamard matrix of size N = H*W, reshaped to (H, W), is the
+outer product of row k // W of the size-H matrix and row k % W of the size-W matrix.
+"""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ..basis import Basis, Floats
+from ..hadamard import fwht, power_of_two
+
+
+class Hadamard(Basis):
+    """All N rows; both sides of the shape must be powers of two (InputError otherwise)."""
+
+    name = "hadamard"
+    orthogonal = True
+    level = 0
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        super().__init__(shape)
+        if not all(power_of_two(side) for side in self.shape):
+            height, width = self.shape
+            raise InputError(f"pattern shape {height} x {width}: both sides must be powers of two")
+
+    @cached_property
+    def factors(self) -> tuple[Floats, Floats]:  # type: ignore[override]
+        """The Hadamard matrices of either side."""
+        height, width = self.shape
+        return fwht(np.eye(height)), fwht(np.eye(width))
+
+    def row(self, k: int) -> Floats:
+        """The k-th row, (H, W)."""
+        unit = np.zeros(self.pixels)
+        unit[k] = 1
+        return fwht(unit).reshape(self.shape)
+
+    def project(self, images: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
+        """Sum over the pixels of the rows ``index`` (K,) times images (..., N): (..., K)."""
+        return fwht(images)[..., index]
+
+    def combine(self, weights: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
+        """Sum of the rows ``index`` (K,) times their weights (..., K): (..., N)."""
+        dtype = np.result_type(weights, np.float64)
+        full = np.zeros((*np.shape(weights)[:-1], self.pixels), dtype)
+        full[..., index] = weights
+        return fwht(full)
+
+
+BASIS = Hadamard

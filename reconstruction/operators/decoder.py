@@ -1,0 +1,191 @@
+"""From readings of displayed patterns to coefficients of an image, free of background.
+
+A row of the decoder averages the readings of one pattern: y where the recorder formed the
+difference, y+ - y- where both polarities were shown, and otherwise 2 (y - dark) - (all - dark) (or
+its complement), with the all-on row at both polarities as the all-on and the dark reading. Patterns
+without these two are compared with their mean (F. Ferri et al., Phys. Rev. Lett. 104, 253603
+(2010)); of an orthogonal basis that is refused, for one more reading would do better.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+
+from ..errors import InputError
+from .operator import MatrixOperator, MeasurementOperator, RowOperator
+from .plan import PatternPlan
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RANK = 1e-6
+"""Directions that patterns excite by less than this share of the strongest are not measured."""
+LEVEL_SHARE = 0.5
+"""Share of the energy of a row that must be constant for it to tell the level of an image."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decoder:
+    """``matrix`` (K, M) takes readings to the coefficients of ``operator`` (K, N).
+
+    ``index`` (K,): rows of the plan's basis that they rest on; of a dense basis all that were
+    shown. ``shared`` (M,): readings that enter several coefficients of an orthogonal basis.
+    """
+
+    matrix: sparse.csr_array | Floats
+    operator: MeasurementOperator
+    index: NDArray[np.int32]
+    shared: Mask
+
+    @property
+    def level(self) -> bool:
+        """Whether the mean level of an image is told."""
+        return self.operator.level is not None
+
+    def decode(self, signal: NDArray[Any]) -> NDArray[Any]:
+        """Coefficients (..., K) of the readings (..., M) in their unit, real or complex."""
+        flat = np.asarray(signal).reshape(-1, self.matrix.shape[1])
+        return np.asarray((self.matrix @ flat.T).T).reshape(*np.shape(signal)[:-1], -1)
+
+    def own_variance(self, variance: Floats) -> Floats:
+        """Variance (..., K) of the coefficients from readings of ``variance`` (..., M) not shared.
+
+        The covariance of all is S V S^T + diag(own), with S the columns of the shared readings
+        and V = diag of their variance.
+        """
+        alone = ~self.shared
+        squared = self.matrix[:, alone] ** 2
+        flat = variance[..., alone].reshape(-1, np.count_nonzero(alone))
+        return np.asarray((squared @ flat.T).T).reshape(*variance.shape[:-1], -1)
+
+    def shared_columns(self) -> Floats:
+        """Columns (K, S) of the readings that many coefficients share."""
+        columns = self.matrix[:, self.shared]
+        return np.asarray(columns.toarray() if sparse.issparse(columns) else columns)
+
+
+def decoder_for(plan: PatternPlan, usable: Mask | None = None) -> Decoder:
+    """Decoder of a plan of which only ``usable`` (M,) readings count; all if None.
+
+    Coefficients that rest on other readings are left out, which may leave none. Raises InputError
+    where the plan does not tell the background.
+    """
+    usable = np.ones(plan.exposures, dtype=bool) if usable is None else usable
+    if not plan.patterns.orthogonal:
+        return _dense_decoder(plan, usable)
+    matrix = _row_decoder(plan)
+    complete = rows_resting_on(matrix, usable)
+    matrix, index = matrix[complete], plan.distinct[complete]
+    shared = np.bincount(matrix.indices, minlength=plan.exposures) > 1
+    return Decoder(matrix, RowOperator(plan.patterns, index), index, shared)
+
+
+def rows_resting_on(matrix: sparse.csr_array, usable: Mask) -> Mask:
+    """Which rows (K,) rest on ``usable`` (M,) readings alone."""
+    return np.asarray(abs(matrix) @ (~usable).astype(float) == 0)
+
+
+def signed_coefficients(
+    plan: PatternPlan, readings: ArrayLike
+) -> tuple[NDArray[np.int32], NDArray[Any]]:
+    """Coefficients sum_u h_k(u) image(u) of bucket readings (..., M) of an orthogonal basis.
+
+    Returns the distinct indices (K,) and the coefficients (..., K), in the readings' unit, free
+    of background. Raises InputError where the plan cannot remove it.
+    """
+    decoder = decoder_for(plan)
+    return decoder.index, decoder.decode(np.asarray(readings, dtype=np.float64))
+
+
+def _row_decoder(plan: PatternPlan) -> sparse.csr_array:
+    """The (K, M) matrix that turns M readings into K signed coefficients."""
+    rows = {int(k): row for row, k in enumerate(plan.distinct)}
+    shown = {
+        (k, p): np.flatnonzero((plan.index == k) & (plan.polarity == p))
+        for k, p in set(zip(plan.index.tolist(), plan.polarity.tolist(), strict=True))
+    }
+    entries: list[tuple[int, NDArray[np.intp], float]] = []
+    level = plan.patterns.level
+    for k, row in rows.items():
+        signed, plus, minus = ((k, p) in shown for p in (0, 1, -1))
+        if signed:
+            entries.append((row, shown[k, 0], 1.0))
+        elif plus and minus:
+            entries += [(row, shown[k, 1], 1.0), (row, shown[k, -1], -1.0)]
+        elif (level, 1) in shown and (level, -1) in shown:
+            sign = 1.0 if plus else -1.0
+            entries += [
+                (row, shown[k, 1 if plus else -1], 2 * sign),
+                (row, shown[level, 1], -sign),
+                (row, shown[level, -1], -sign),
+            ]
+        else:
+            raise InputError(
+                f"the background cannot be removed from pattern index {k}: it is shown with one "
+                "polarity only, and the plan lacks the all-on and the dark exposure (index "
+                f"{level} with polarity +1 and -1)"
+            )
+    row_of = np.concatenate([np.full(at.size, row) for row, at, _ in entries])
+    column_of = np.concatenate([at for _, at, _ in entries])
+    value = np.concatenate([np.full(at.size, weight / at.size) for _, at, weight in entries])
+    return sparse.csr_array((value, (row_of, column_of)), shape=(len(rows), plan.exposures))
+
+
+def _dense_decoder(plan: PatternPlan, usable: Mask) -> Decoder:
+    """Any patterns: readings that know no background, made orthonormal."""
+    difference = _without_background(plan, usable)
+    matrix, rows = _orthonormal(difference, difference @ _shown(plan))
+    operator = MatrixOperator(rows, plan.shape)
+    index = np.unique(plan.index[usable]) if len(rows) else plan.index[:0]
+    return Decoder(matrix, operator, index, np.zeros(plan.exposures, dtype=bool))
+
+
+def _shown(plan: PatternPlan) -> Floats:
+    """What every exposure shows, (M, N)."""
+    eye = np.eye(plan.pixels)
+    signed = plan.patterns.project(eye, plan.index).T
+    polarity = plan.polarity[:, None]
+    return np.where(polarity == 0, signed, (1 + polarity * signed) / 2)
+
+
+def _without_background(plan: PatternPlan, usable: Mask) -> Floats:
+    """Combinations (K, M) of usable readings in which what all have in common cancels.
+
+    Differences of both polarities of a pattern, then the others less their mean.
+    """
+    rows = []
+    alone = []
+    for k in plan.distinct:
+        at = {p: usable & (plan.index == k) & (plan.polarity == p) for p in (0, 1, -1)}
+        plus, minus = (at[p] / max(np.count_nonzero(at[p]), 1) for p in (1, -1))
+        if at[0].any():
+            rows.append(at[0] / np.count_nonzero(at[0]))
+        elif at[1].any() and at[-1].any():
+            rows.append(plus - minus)
+        elif at[1].any() or at[-1].any():
+            alone.append(plus + minus)
+    if alone:
+        rows += list(np.array(alone) - np.mean(alone, axis=0))
+    return np.array(rows).reshape(-1, plan.exposures)
+
+
+def _orthonormal(decoder: Floats, rows: Floats) -> tuple[Floats, Floats]:
+    """Combine decoder (K, M) and rows (K, N) so that the rows are orthonormal.
+
+    Only the first row sees a constant image; where it is not mostly constant itself it tells the
+    level badly, and is left out.
+    """
+    left, strength, right = np.linalg.svd(rows, full_matrices=False)
+    kept = strength > RANK * strength.max(initial=0.0)
+    rows, decoder = right[kept], (left[:, kept] / strength[kept]).T @ decoder
+    constant = rows.sum(axis=1) / np.sqrt(rows.shape[1])
+    share = float(constant @ constant)
+    if share < RANK:
+        return decoder, rows
+    mirror = constant + np.copysign(np.sqrt(share), constant[0]) * np.eye(len(constant))[0]
+    turn = np.eye(len(constant)) - 2 * np.outer(mirror, mirror) / (mirror @ mirror)
+    first = 0 if share > LEVEL_SHARE else 1
+    return (turn @ decoder)[first:], (turn @ rows)[first:]

@@ -1,0 +1,156 @@
+"""What decoded readings say of an image: linear operators with orthogonal rows of one length."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
+
+from .basis import Basis
+
+Floats = NDArray[np.float64]
+
+
+class MeasurementOperator(LinearOperator):
+    """y = A x of images x (N,) as K coefficients, with A A^T = row_length^2 I.
+
+    ``image_shape`` (H, W); ``level`` is the row that alone sees a constant image, or None. As a
+    `LinearOperator` it acts on flat images; `forward` and `back_project` on stacks of (H, W).
+    """
+
+    image_shape: tuple[int, int]
+    row_length: float
+    level: int | None
+
+    def __init__(self, rows: int, image_shape: tuple[int, int]) -> None:
+        self.image_shape = image_shape
+        super().__init__(np.dtype(np.float64), (rows, image_shape[0] * image_shape[1]))  # type: ignore[call-arg]
+
+    def forward(self, images: NDArray[Any]) -> NDArray[Any]:
+        """Coefficients (..., K) of images (..., H, W), real or complex."""
+        flat = np.asarray(images).reshape(*np.shape(images)[:-2], self.shape[1])
+        return self._project(flat)
+
+    def back_project(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        """A^T of coefficients (..., K): images (..., H, W)."""
+        flat = self._combine(np.asarray(coefficients))
+        return flat.reshape(*flat.shape[:-1], *self.image_shape)
+
+    def least_energy(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        """Of all images that fit coefficients (..., K) the one of least energy: (..., H, W)."""
+        return self.back_project(coefficients) / self.row_length**2
+
+    @property
+    def varying(self) -> NDArray[np.bool_]:
+        """Rows (K,) other than the level."""
+        return np.arange(self.shape[0]) != (-1 if self.level is None else self.level)
+
+    def in_atoms(self, vertical: Floats, horizontal: Floats) -> "SeenAtoms":
+        """What rows other than the level see of outer products of atoms.
+
+        ``vertical`` (H, H) and ``horizontal`` (W, W) have an atom in each column.
+        """
+        rows = self.back_project(np.eye(self.shape[0])[self.varying])
+        return SeenAtoms(vertical.T @ rows @ horizontal / self.row_length)
+
+    def _project(self, flat: NDArray[Any]) -> NDArray[Any]:
+        raise NotImplementedError
+
+    def _combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        raise NotImplementedError
+
+    def _matvec(self, x: NDArray[Any]) -> NDArray[Any]:
+        return self._project(np.ravel(x))
+
+    def _rmatvec(self, x: NDArray[Any]) -> NDArray[Any]:
+        return self._combine(np.ravel(x))
+
+    def _matmat(self, x: NDArray[Any]) -> NDArray[Any]:
+        return self._project(x.T).T
+
+    def _rmatmat(self, x: NDArray[Any]) -> NDArray[Any]:
+        return self._combine(x.T).T
+
+
+class SeenAtoms:
+    """Products of K orthonormal rows with the (H, W) atoms of a separable dictionary."""
+
+    def __init__(self, products: Floats) -> None:
+        self._products = products  # (K, H, W)
+
+    def by_row(self, variance: Floats) -> Floats:
+        """Sum over atoms of squared products times ``variance`` (H, W): (K,)."""
+        return np.einsum("khw,hw->k", self._products**2, variance)
+
+    def by_atom(self) -> Floats:
+        """Sum over rows of squared products: (H, W)."""
+        return np.asarray((self._products**2).sum(axis=0))
+
+    def of(self, atoms: tuple[NDArray[np.intp], ...]) -> Floats:
+        """Products with the atoms at these rows and columns (A,) of the dictionary: (K, A)."""
+        return self._products[:, atoms[0], atoms[1]]
+
+
+class RowOperator(MeasurementOperator):
+    """Rows of an orthogonal basis, by its fast transform."""
+
+    def __init__(self, basis: Basis, index: NDArray[np.int32]) -> None:
+        super().__init__(len(index), basis.shape)
+        self.basis = basis
+        self.index = index
+        self.row_length = float(np.sqrt(basis.pixels))
+        place = np.flatnonzero(index == (-1 if basis.level is None else basis.level))
+        self.level = int(place[0]) if place.size else None
+
+    def in_atoms(self, vertical: Floats, horizontal: Floats) -> SeenAtoms:
+        """As any operator does, by factors where the basis has them."""
+        if self.basis.factors is None:
+            return super().in_atoms(vertical, horizontal)
+        height, width = self.basis.shape
+        tall, wide = self.basis.factors
+        products = tall @ vertical / np.sqrt(height), wide @ horizontal / np.sqrt(width)
+        return _SeenFactors(*products, np.unravel_index(self.index[self.varying], (height, width)))
+
+    def _project(self, flat: NDArray[Any]) -> NDArray[Any]:
+        return self.basis.project(flat, self.index)
+
+    def _combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        return self.basis.combine(coefficients, self.index)
+
+
+class _SeenFactors(SeenAtoms):
+    """The same where rows are outer products: both sides apart, so that no array is K x N."""
+
+    def __init__(
+        self, vertical: Floats, horizontal: Floats, rows: tuple[NDArray[np.intp], ...]
+    ) -> None:
+        self._vertical, self._horizontal, self._rows = vertical, horizontal, rows
+
+    def by_row(self, variance: Floats) -> Floats:
+        return (self._vertical**2 @ variance @ self._horizontal.T**2)[self._rows]
+
+    def by_atom(self) -> Floats:
+        sampled = np.zeros((len(self._vertical), len(self._horizontal)))
+        sampled[self._rows] = 1
+        return self._vertical.T**2 @ sampled @ self._horizontal**2
+
+    def of(self, atoms: tuple[NDArray[np.intp], ...]) -> Floats:
+        tall, wide = self._rows
+        return self._vertical[tall[:, None], atoms[0]] * self._horizontal[wide[:, None], atoms[1]]
+
+
+class MatrixOperator(MeasurementOperator):
+    """Orthonormal rows as a matrix (K, N), of which at most the first sees the level."""
+
+    row_length = 1.0
+
+    def __init__(self, matrix: Floats, image_shape: tuple[int, int]) -> None:
+        super().__init__(len(matrix), image_shape)
+        self.matrix = matrix
+        self.level = 0 if len(matrix) and abs(matrix[0].sum()) > 1e-6 else None
+
+    def _project(self, flat: NDArray[Any]) -> NDArray[Any]:
+        return flat @ self.matrix.T
+
+    def _combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        return coefficients @ self.matrix

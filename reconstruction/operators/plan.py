@@ -1,0 +1,161 @@
+"""Pattern plans: which pattern each exposure shows."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError, nearest
+from .bases import BASES
+from .bases.hadamard import Hadamard
+from .basis import Basis
+from .orders import ORDERS
+
+POLARITIES = ("differential", "single-ended", "signed")
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PatternPlan:
+    """The sequence of displayed patterns.
+
+    ``shape`` (H, W) of the patterns in virtual pixels. ``index`` (M,): row of the basis per
+    exposure. ``polarity`` (M,): +1 shows (1 + h)/2 of a row h; -1 its complement (1 - h)/2; 0
+    stands for the signed pattern h itself, a difference that the recorder has formed. ``order``
+    names how ``index`` was ordered, for people. ``patterns``: the basis, of natural-order Hadamard
+    rows where None. Raises InputError if the parts do not fit together.
+    """
+
+    shape: tuple[int, int]
+    index: NDArray[np.int32]
+    polarity: NDArray[np.int8]
+    order: str = "custom"
+    patterns: Basis = field(default=None)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        patterns = Hadamard(self.shape) if self.patterns is None else self.patterns
+        height, width = shape = patterns.shape
+        index = np.asarray(self.index)
+        polarity = np.asarray(self.polarity)
+        if shape != tuple(self.shape):
+            raise InputError(f"patterns of {shape} in a plan of shape {tuple(self.shape)}")
+        if index.ndim != 1 or index.size == 0 or (index != np.floor(index)).any():
+            raise InputError("pattern index must be a non-empty 1-D array of integers")
+        if index.min() < 0 or index.max() >= patterns.rows:
+            raise InputError(
+                f"pattern index {index.max() if index.min() >= 0 else index.min()} is outside "
+                f"0..{patterns.rows - 1} for {height} x {width} patterns"
+            )
+        if polarity.shape != index.shape or not np.isin(polarity, (-1, 0, 1)).all():
+            raise InputError(
+                f"pattern polarity must be -1, 0 or +1 for each of the {index.size} exposures"
+            )
+        object.__setattr__(self, "patterns", patterns)
+        object.__setattr__(self, "shape", shape)
+        object.__setattr__(self, "index", index.astype(np.int32))
+        object.__setattr__(self, "polarity", polarity.astype(np.int8))
+
+    @property
+    def basis(self) -> str:
+        """Name of the pattern basis."""
+        return self.patterns.name
+
+    @property
+    def pixels(self) -> int:
+        """Number of virtual pixels, N = H*W."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def exposures(self) -> int:
+        """Number of displayed patterns, M."""
+        return self.index.size
+
+    @cached_property
+    def distinct(self) -> NDArray[np.int32]:
+        """The K distinct indices, in the order of their first exposure."""
+        values, first = np.unique(self.index, return_index=True)
+        return values[np.argsort(first)]
+
+    @property
+    def sampled(self) -> int:
+        """Number of distinct rows, K."""
+        return self.distinct.size
+
+    @property
+    def sampling_ratio(self) -> float:
+        """Patterns kept over pixels, K / N."""
+        return self.sampled / self.pixels
+
+    def only(self, exposures: NDArray[np.bool_]) -> "PatternPlan":
+        """The plan of some of the exposures (M,)."""
+        return PatternPlan(
+            self.shape, self.index[exposures], self.polarity[exposures], self.order, self.patterns
+        )
+
+
+def make_plan(
+    shape: tuple[int, int],
+    patterns: int | None = None,
+    order: str = "sequency-2d",
+    polarity: str = "differential",
+    basis: str | Basis = "hadamard",
+) -> PatternPlan:
+    """Plan that shows the first ``patterns`` rows of a basis (all if None) in a named order.
+
+    ``order``: natural, sequency (sign changes of the row of length N) or sequency-2d (smallest
+    sum of vertical and horizontal spatial frequency first), or one of another package; those begin
+    with row 0 of Hadamard's, all on. ``polarity``: differential shows each index twice, +1 then -1
+    (M = 2K); single-ended shows +1 only, and the projector's dark (M = K + 1); signed is one
+    signed value per index (M = K). ``basis``: the name of one that a shape tells, or one itself.
+    Raises InputError.
+    """
+    rows_of = BASES[basis].restored(shape, {}) if isinstance(basis, str) else basis
+    rows = rows_of.rows
+    kept = rows if patterns is None else patterns
+    if not 1 <= kept <= rows:
+        height, width = rows_of.shape
+        raise InputError(f"patterns = {kept}: must lie in 1..{rows} for {height} x {width} pixels")
+    chosen = ORDERS[order](rows_of)[:kept]
+    if polarity == "differential":
+        index, sign = np.repeat(chosen, 2), np.tile([1, -1], kept)
+    elif polarity == "single-ended":
+        dark = [] if rows_of.level is None else [rows_of.level]
+        index = np.append(chosen, dark)
+        sign = np.append(np.ones(kept), -np.ones(len(dark)))
+    elif polarity == "signed":
+        index, sign = chosen, np.zeros(kept)
+    else:
+        raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
+    return PatternPlan(shape, index.astype(np.int32), sign.astype(np.int8), order, rows_of)
+
+
+def expose(plan: PatternPlan, image: ArrayLike) -> Floats:
+    """Light that each displayed pattern collects, sum_u P_k(u) image(u): (..., H, W) -> (..., M).
+
+    The image holds what each virtual pixel contributes when fully on.
+    """
+    pixels = np.asarray(image, dtype=np.float64)
+    if pixels.shape[-2:] != plan.shape:
+        raise ValueError(f"image {pixels.shape} does not end in the plan's shape {plan.shape}")
+    flat = pixels.reshape(*pixels.shape[:-2], plan.pixels)
+    signed = plan.patterns.project(flat, plan.index)
+    total = flat.sum(axis=-1, keepdims=True)
+    return np.where(plan.polarity == 0, signed, (total + plan.polarity * signed) / 2)
+
+
+def illumination(plan: PatternPlan, k: int) -> NDArray[np.float32]:
+    """The k-th displayed pattern, (H, W): 0..1, or -1..1 where the polarity is 0."""
+    row = plan.patterns.row(int(plan.index[k]))
+    polarity = int(plan.polarity[k])
+    return (row if polarity == 0 else (1 + polarity * row) / 2).astype(np.float32)
+
+
+def mean_illumination(plan: PatternPlan) -> NDArray[np.float64]:
+    """Mean of all displayed patterns, (H, W)."""
+    weight = np.where(plan.polarity == 0, 1.0, plan.polarity / 2)
+    shown, position = np.unique(plan.index, return_inverse=True)
+    rows = plan.patterns.combine(np.bincount(position, weight), shown)
+    steady = np.count_nonzero(plan.polarity) / 2
+    return np.asarray((rows + steady) / plan.exposures).reshape(plan.shape)

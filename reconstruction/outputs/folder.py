@@ -1,0 +1,62 @@
+"""What a reconstruction leaves in a folder: pictures, point cloud, and the result itself."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from ..capture import Recording, Setup
+from ..depth import DEPTH_METHODS, pixel_rays, point_cloud_ply
+from ..files import write_atomically
+from ..image import IMAGE_METHODS, image_method
+from ..result import Result
+from .result_file import result_bytes
+
+
+def write_outputs(result: Result, recording: Recording, directory: str | Path) -> dict[str, Path]:
+    """Write result.h5, cloud.ply, and a picture of each image and depth map; return their paths.
+
+    image.png and depth.png show what the default methods found, others have the method in their
+    names. Pictures need Matplotlib; without it there are none. Everything is made before the first
+    file is written; each appears whole or not at all, and pictures and clouds of an earlier result
+    that have no successor are removed. Raises InputError where the folder cannot be written into,
+    OSError where a file cannot be written.
+    """
+    setup = recording.setup
+    contents = _pictures(result, setup) if find_spec("matplotlib") is not None else {}
+    contents["result.h5"] = result_bytes(result)
+    if result.depth_m is not None and setup.optics is not None:
+        points = pixel_rays(setup.optics, setup.plan.shape) * result.depth_m[..., None]
+        contents["cloud.ply"] = point_cloud_ply(points, result.image.astype(np.float64))
+    folder = Path(directory)
+    for name, content in contents.items():
+        write_atomically(folder / name, content)
+    for name in _possible() - set(contents):
+        (folder / name).unlink(missing_ok=True)
+    return {name: folder / name for name in contents}
+
+
+def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
+    from .pictures import depth_picture, image_picture
+
+    pictures = {}
+    for number, (name, image) in enumerate(result.images.items()):
+        title = f"Image ({image_method(name).title})"
+        pictures[_file("image", name, number)] = image_picture(image, title, result.unit)
+    for number, (name, depth_m) in enumerate(result.depths.items()):
+        title = f"Depth ({DEPTH_METHODS[name].title})"
+        file = _file("depth", name, number)
+        pictures[file] = depth_picture(depth_m, title, setup, result.ranges)
+    return pictures
+
+
+def _possible() -> set[str]:
+    """Names of the files that a result may have."""
+    images = (_file("image", name, number) for name in IMAGE_METHODS for number in (0, 1))
+    depths = (_file("depth", name, number) for name in DEPTH_METHODS for number in (0, 1))
+    return {*images, *depths, "cloud.ply"}
+
+
+def _file(kind: str, method: str, number: int) -> str:
+    """Name of the picture of the ``number``-th method."""
+    return f"{kind}.png" if number == 0 else f"{kind}_{method.replace(':', '-')}.png"

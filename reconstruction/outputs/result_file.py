@@ -1,0 +1,106 @@
+"""The result as a file, result.h5."""
+
+from pathlib import Path
+from typing import Any, get_args
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Unit, hdf5
+from ..errors import InputError
+from ..ranging import Ranges, Status
+from ..result import Result
+
+FORMAT = "spisim-result"
+VERSION = "3.0"
+RANGES = {
+    "range_m": "m",
+    "sigma_m": "m",
+    "signal_electrons": "electron",
+    "background_electrons": "electron",
+}
+GROUPS = ("images", "rangings", "depths")
+
+
+def result_bytes(result: Result) -> bytes:
+    """The bytes of a result.h5."""
+    return hdf5.content(lambda file: _write(file, result))
+
+
+def read_result(path: str | Path) -> Result:
+    """Read a result.h5. Raises InputError if it is missing, damaged or not a result."""
+    if not Path(path).is_file():
+        raise InputError(f"{path}: no result there; run spisim reconstruct CAPTURE -o DIR")
+    with hdf5.opened(path, FORMAT, "result") as file:
+        if hdf5.get_attribute(file, "version").partition(".")[0] != VERSION.partition(".")[0]:
+            raise InputError("a result of another format version; reconstruct the capture again")
+        names = {group: _names(file, group) for group in GROUPS}
+        if not names["images"]:
+            raise InputError("the result holds no image")
+        first = f"images/{names['images'][0]}"
+        unit: Unit = "count" if hdf5.get_units(file, first) == "count" else "electron"
+        shape = hdf5.get_shape(file, first, unit)
+        stretched = hdf5.has(file, "range_over_depth")
+        timings = hdf5.names_in(file, "timings_s")
+        return Result(
+            images={name: _map(file, f"images/{name}", unit, shape) for name in names["images"]},
+            rangings={name: _ranges(file, f"rangings/{name}") for name in names["rangings"]},
+            depths={name: _map(file, f"depths/{name}", "m", shape) for name in names["depths"]},
+            range_over_depth=_map(file, "range_over_depth", "1", shape) if stretched else None,
+            timings_s={n: float(hdf5.get_scalar(file, f"timings_s/{n}", "s")) for n in timings},
+            unit=unit,
+            recording=hdf5.get_text(file, "recording"),
+            frame=int(hdf5.get_scalar(file, "frame")),
+            patterns=int(hdf5.get_scalar(file, "patterns")),
+        )
+
+
+def _names(file: h5py.File, group: str) -> list[str]:
+    """Methods of a group, the default one first."""
+    text = hdf5.get_attribute(file, group)
+    names = text.split("\n") if text else []
+    missing = [name for name in names if not hdf5.has(file, f"{group}/{name}")]
+    if missing:
+        raise InputError(f"{group}/{missing[0]} is missing")
+    return names
+
+
+def _map(file: h5py.File, name: str, units: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    values = hdf5.get(file, name, units)
+    if values.ndim != 2 or values.shape != shape:
+        raise InputError(f"dataset {name} has shape {values.shape}, the image {shape}")
+    return values
+
+
+def _ranges(file: h5py.File, group: str) -> Ranges:
+    values = {name: hdf5.get(file, f"{group}/{name}", units) for name, units in RANGES.items()}
+    status = tuple(hdf5.as_text(text) for text in hdf5.get(file, f"{group}/status", "1").flat)
+    for name, array in values.items():
+        if array.shape != (len(status),):
+            raise InputError(f"dataset {group}/{name} has shape {array.shape}, expected (4,)")
+    unknown = set(status) - set(get_args(Status))
+    if unknown:
+        raise InputError(f"dataset {group}/status holds {', '.join(map(repr, unknown))}")
+    return Ranges(**values, status=status)  # type: ignore[arg-type]
+
+
+def _write(file: h5py.File, result: Result) -> None:
+    hdf5.put_attribute(file, "format", FORMAT)
+    hdf5.put_attribute(file, "version", VERSION)
+    for name in ("recording", "frame", "patterns"):
+        hdf5.put(file, name, getattr(result, name), "1")
+    for group in GROUPS:
+        hdf5.put_attribute(file, group, "\n".join(getattr(result, group)))
+    for name, image in result.images.items():
+        hdf5.put(file, f"images/{name}", image, result.unit)
+    for name, depth_m in result.depths.items():
+        hdf5.put(file, f"depths/{name}", depth_m, "m")
+    for name, ranges in result.rangings.items():
+        for quantity, units in RANGES.items():
+            hdf5.put(file, f"rangings/{name}/{quantity}", getattr(ranges, quantity), units)
+        hdf5.put(file, f"rangings/{name}/status", np.array(ranges.status, dtype="S"), "1")
+    if result.range_over_depth is not None:
+        hdf5.put(file, "range_over_depth", result.range_over_depth, "1")
+    for stage, seconds in result.timings_s.items():
+        hdf5.put(file, f"timings_s/{stage}", seconds, "s")

@@ -1,0 +1,35 @@
+"""Methods of ranging, one module each; the one named as a kind of readings is its default."""
+
+from ...capture import Spots
+from ...capture.schema import between
+from ...errors import InputError
+from ...registry import Registry
+from ..method import RangingMethod
+from ..ranges import Ranges
+
+RANGING_METHODS: Registry[RangingMethod] = Registry(
+    "ranging method", package=__name__, attribute="METHOD", group="reconstruction.rangings"
+)
+
+
+def ranging_method(name: str, spots: Spots) -> RangingMethod:
+    """Method of this name; InputError if there is none, or it reads another kind of readings."""
+    method = RANGING_METHODS[name]
+    if not isinstance(spots, method.reads):
+        fitting = [each for each in RANGING_METHODS if reads(each, spots)]
+        raise InputError(
+            f"ranging method {name!r} reads {method.reads.method!r} spots, not those of "
+            f"{spots.method!r}; allowed: {', '.join(fitting)}"
+        )
+    return method
+
+
+def reads(name: str, spots: Spots) -> bool:
+    """Whether a method understands these readings."""
+    return isinstance(spots, RANGING_METHODS[name].reads)
+
+
+def measure_ranges(spots: Spots, frame: int = 0, method: str | None = None) -> Ranges:
+    """Ranges of one frame, by the default method of these readings where None."""
+    solver = ranging_method(method or spots.method, spots).compile(between(spots, 0, 0))
+    return solver(between(spots, frame, frame + 1))

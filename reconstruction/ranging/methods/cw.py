@@ -1,0 +1,98 @@
+"""Continuous-wave indirect time of flight: taps -> phases -> path length.
+
+Tap k reads S_k = B + A cos(phi + phase_offset_k - phase_k), phi = 2 pi f L / c, with L the whole
+optical path from the laser over the spot to the detector.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...capture import Spots
+from ...capture.readings.cw import CwSpots
+from ..method import RangingSolver
+from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
+from ..unwrap import path_from_phases, unambiguous_path_m
+
+Floats = NDArray[np.float64]
+
+
+class Cw:
+    """Phases by least squares over any number of taps >= 3 of each frequency.
+
+    A frequency shows no signal if its amplitude is below MIN_SIGNAL standard deviations, and a
+    spot none if one of its frequencies does not. With one frequency f paths are unambiguous below
+    c / f only; with several, see `path_from_phases`.
+    """
+
+    title = "phase"
+    reads = CwSpots
+
+    def compile(self, spots: Spots) -> RangingSolver:
+        """Solver of one recording's taps."""
+        assert isinstance(spots, CwSpots)
+        frequencies = np.unique(spots.tap_frequencies_hz)
+        first = int(np.searchsorted(frequencies, spots.tap_frequencies_hz[0]))
+        tap_phases = spots.tap_phases_rad - spots.phase_offsets_rad
+        of_each = [spots.tap_frequencies_hz == frequency for frequency in frequencies]
+        weights = [quadrature_weights(tap_phases[of]) for of in of_each]
+
+        def solve(spots: Spots) -> Ranges:
+            assert isinstance(spots, CwSpots)
+            electrons = spots.electrons(spots.taps[0])
+            variance = spots.variance(electrons)
+            phases, amplitudes, offsets, sigmas = (
+                np.stack(values)
+                for values in zip(
+                    *(
+                        demodulate(electrons[:, of], variance[:, of], inverse)
+                        for of, inverse in zip(of_each, weights, strict=True)
+                    ),
+                    strict=True,
+                )
+            )
+            path, sigma, ambiguous = path_from_phases(phases, sigmas, frequencies)
+            paths = Paths(
+                path_m=path,
+                sigma_m=sigma,
+                signal_electrons=amplitudes[first],
+                background_electrons=offsets[first],
+                saturated=spots.saturated[0].any(axis=1),
+                no_signal=np.any(sigmas > 1 / MIN_SIGNAL, axis=0),
+                ambiguous=ambiguous,
+            )
+            return ranges_from_paths(paths, spots)
+
+        return solve
+
+    def unambiguous_range_m(self, spots: Spots) -> float:
+        """Range from which on a spot looks nearer than it is; infinite where none does."""
+        assert isinstance(spots, CwSpots)
+        return unambiguous_path_m(spots.tap_frequencies_hz) / 2
+
+
+def demodulate(
+    taps: Floats, variance: Floats, inverse: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Phase, amplitude, offset and standard deviation of the phase, each (...,), of taps (..., K).
+
+    ``inverse`` (3, K) are the `quadrature_weights` of the taps' phases.
+    Least squares on B + (A cos phi) cos theta_k + (A sin phi) sin theta_k; four taps at quarter
+    periods give atan2(S1 - S3, S0 - S2). The variance of each tap is carried to the phase to first
+    order: [sin^2 phi (v0 + v2) + cos^2 phi (v1 + v3)] / 4 A^2 for four taps. It is infinite where
+    there is no amplitude.
+    """
+    offset, cosine, sine = np.moveaxis(taps @ inverse.T, -1, 0)
+    phase, amplitude = np.arctan2(sine, cosine), np.hypot(cosine, sine)
+    tangential = np.cos(phase)[..., None] * inverse[2] - np.sin(phase)[..., None] * inverse[1]
+    deviation = np.sqrt((tangential**2 * variance).sum(axis=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return phase, amplitude, offset, np.where(amplitude > 0, deviation / amplitude, np.inf)
+
+
+def quadrature_weights(tap_phases_rad: Floats) -> Floats:
+    """The (3, K) matrix that takes K taps to B, A cos phi and A sin phi by least squares."""
+    model = [np.ones_like(tap_phases_rad), np.cos(tap_phases_rad), np.sin(tap_phases_rad)]
+    return np.linalg.pinv(np.stack(model, axis=1))
+
+
+METHOD = Cw()

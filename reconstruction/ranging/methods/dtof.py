@@ -1,0 +1,63 @@
+"""Direct time of flight: histogram of arrivals -> delay -> path length."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import c
+from scipy.special import ndtr, ndtri
+
+from ...capture import Spots
+from ...capture.readings.dtof import HistogramSpots
+from ..histogram import find_pulses
+from ..method import RangingSolver
+from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
+
+Floats = NDArray[np.float64]
+
+NO_PILE_UP = 10_000
+"""Cycles per cycle where each can have one arrival only without hiding another."""
+
+
+class DirectTof:
+    """A pulse in the histogram by maximum likelihood (see `find_pulses`).
+
+    A pulse is no signal if as strong a one is as likely anywhere in noise as one of MIN_SIGNAL
+    standard deviations at a given place, and ambiguous if its centre lies outside of the bins.
+    """
+
+    title = "strongest pulse"
+    reads = HistogramSpots
+
+    def compile(self, spots: Spots) -> RangingSolver:
+        """Solver of one recording's histograms."""
+        return _solve
+
+    def unambiguous_range_m(self, spots: Spots) -> float:
+        """Range from which on a spot looks nearer than it is; infinite where none does."""
+        return np.inf
+
+
+def _solve(spots: Spots) -> Ranges:
+    assert isinstance(spots, HistogramSpots)
+    known = np.isfinite(spots.response_sigma_s)
+    width = spots.response_sigma_s / spots.bin_width_s if known else None
+    counts = spots.counts[0].astype(np.float64)
+    # Of very many cycles with few arrivals each, none would hide another.
+    cycles = spots.pulses if spots.piles_up else NO_PILE_UP * spots.pulses
+    pulses = find_pulses(counts, cycles, width)
+    bins = counts.shape[-1]
+    places = np.maximum(bins / (2 * pulses.width), 1)
+    least = -ndtri(ndtr(-MIN_SIGNAL) / places)
+    delay = spots.start_s + spots.bin_width_s * pulses.delay - spots.delay_offset_s
+    paths = Paths(
+        path_m=c * delay,
+        sigma_m=c * spots.bin_width_s * pulses.delay_sigma,
+        signal_electrons=cycles * pulses.arrivals,
+        background_electrons=cycles * pulses.background,
+        saturated=spots.saturated[0],
+        no_signal=pulses.arrivals < least * pulses.arrivals_sigma,
+        ambiguous=(pulses.delay < 0) | (pulses.delay > bins),
+    )
+    return ranges_from_paths(paths, spots)
+
+
+METHOD = DirectTof()

@@ -1,0 +1,215 @@
+"""From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .capture import Frames, Recording, Setup
+from .depth import DEPTH_METHODS, Context, View, depth_method, lacks, range_over_depth
+from .errors import InputError
+from .image import IMAGE_METHODS, Coefficients, Imaging, UsableReadings, image_method
+from .ranging import RANGING_METHODS, Ranges, ranging_method, reads
+from .result import Image, Result
+
+Names = str | Sequence[str] | None
+"""Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones."""
+
+USUAL_IMAGES = ("pursuit", "zero-filled")
+USUAL_DEPTHS = ("anchored", "nearest", "dense")
+
+
+class Reconstructor:
+    """Reconstructs frames of one recording, or of others that have the same ``setup``.
+
+    ``image``, ``ranging`` and ``depth`` name methods (see `Names`); by default those are taken that
+    fit the recording. A name ``method:dictionary`` is an image method with another dictionary than
+    its own. Everything that the frames share is computed here; the work per frame does not depend
+    on how many there are. Raises InputError for unknown names, methods that the recording does not
+    suit, and plans that do not tell the background.
+    """
+
+    def __init__(
+        self, setup: Setup, *, image: Names = None, ranging: Names = None, depth: Names = None
+    ) -> None:
+        self.setup = setup
+        self._imaging = Imaging(setup.plan)
+        everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
+        self._images = _image_names(image, everything)
+        self._rangings = {
+            name: ranging_method(name, setup.spots).compile(setup.spots)
+            for name in _ranging_names(ranging, setup)
+            if setup.spots is not None
+        }
+        context = Context(setup, self._imaging)
+        self._depths = {
+            name: depth_method(name, setup).compile(context) for name in _depth_names(depth, setup)
+        }
+        self._stretch: Image | None = None
+        if setup.optics is not None:
+            self._stretch = range_over_depth(setup.optics, setup.plan.shape).astype(np.float32)
+
+    def __call__(self, frame: Frames) -> Result:
+        """Reconstruct the first of these frames; InputError if nothing in it is usable."""
+        return self.batch(frame.between(0, 1))[0]
+
+    def batch(self, frames: Frames) -> list[Result]:
+        """Reconstruct frames; InputError as for one."""
+        buckets = frames.buckets
+        readings = zip(buckets.signal, buckets.variance, buckets.usable, strict=True)
+        return [
+            self._frame(frames.between(number, number + 1), *reading)
+            for number, reading in enumerate(readings)
+        ]
+
+    def _frame(
+        self,
+        frame: Frames,
+        signal: NDArray[np.float64],
+        variance: NDArray[np.float64],
+        usable: NDArray[np.bool_],
+    ) -> Result:
+        timings: dict[str, float] = {}
+        with _timed(timings, "decoding"):
+            readings = self._imaging.of(usable)
+            if not readings.decoder.index.size:
+                raise InputError(
+                    f"frame {frame.first}: every pattern rests on a saturated reading, so there is "
+                    "no image; record again with less light (projector power, exposure time) or a "
+                    "larger full scale"
+                )
+            coefficients = readings.decode(signal, variance)
+        images = {}
+        for name in self._images:
+            with _timed(timings, f"image {name}"):
+                images[name] = self._image(name, readings, coefficients)
+        rangings: dict[str, Ranges] = {}
+        for name, solve in self._rangings.items():
+            assert frame.spots is not None
+            with _timed(timings, f"ranging {name}"):
+                rangings[name] = _checked_ranges(name, solve(frame.spots))
+        view = View(next(iter(images.values())), next(iter(rangings.values()), None), frame)
+        depths = {}
+        for name, estimate in self._depths.items():
+            with _timed(timings, f"depth {name}"):
+                depth_m = estimate(view)
+            if depth_m is not None:
+                depths[name] = _checked(f"depth method {name!r}", depth_m, self._shape)
+        return Result(
+            images=_single(images),
+            rangings=rangings,
+            depths=_single(depths),
+            range_over_depth=self._stretch,
+            timings_s=timings,
+            unit=frame.buckets.unit,
+            recording=frame.digest(self.setup),
+            frame=frame.first,
+            patterns=readings.decoder.index.size,
+        )
+
+    def _image(
+        self, name: str, readings: UsableReadings, coefficients: Coefficients
+    ) -> NDArray[np.float64]:
+        image = _checked(f"image method {name!r}", readings.solver(name)(coefficients), self._shape)
+        if not np.isfinite(image).all():
+            raise InputError(f"image method {name!r} gave values that are not finite")
+        if not readings.decoder.level:  # the darkest pixel is taken to be dark
+            image = image - image.min()
+        return image
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        return self.setup.plan.shape
+
+
+def reconstruct(
+    recording: Recording,
+    frame: int = 0,
+    *,
+    image: Names = None,
+    ranging: Names = None,
+    depth: Names = None,
+) -> Result:
+    """Reconstruct one frame of a recording; see `Reconstructor`.
+
+    Raises InputError if there is no such frame or nothing usable in it.
+    """
+    frames = recording.batch(frame, frame + 1)
+    return Reconstructor(recording.setup, image=image, ranging=ranging, depth=depth)(frames)
+
+
+def _image_names(names: Names, readings: UsableReadings) -> Sequence[str]:
+    """Names of methods that can be compiled; of those asked for by name, all must."""
+    if names == "all":
+        return _fitting([*USUAL_IMAGES, *IMAGE_METHODS], readings.solver)
+    chosen = _listed(USUAL_IMAGES if names is None else names)
+    for name in chosen:
+        image_method(name)
+    for name in chosen:
+        readings.solver(name)
+    return chosen
+
+
+def _ranging_names(names: Names, setup: Setup) -> Sequence[str]:
+    spots = setup.spots
+    if spots is None:
+        for name in () if names in (None, "all") else _listed(names):
+            RANGING_METHODS[name]
+        return ()
+    if names == "all":
+        return list(dict.fromkeys([spots.method, *(n for n in RANGING_METHODS if reads(n, spots))]))
+    return _listed(spots.method if names is None else names)
+
+
+def _depth_names(names: Names, setup: Setup) -> Sequence[str]:
+    if names is None or names == "all":
+        wanted = USUAL_DEPTHS if names is None else dict.fromkeys((*USUAL_DEPTHS, *DEPTH_METHODS))
+        return [name for name in wanted if not lacks(DEPTH_METHODS[name], setup)]
+    return _listed(names)
+
+
+def _listed(names: str | Sequence[str] | None) -> Sequence[str]:
+    return [names] if isinstance(names, str) else list(dict.fromkeys(names or ()))
+
+
+def _fitting(names: Iterable[str], compiled: Callable[[str], Any]) -> list[str]:
+    found = []
+    for name in dict.fromkeys(names):
+        try:
+            compiled(name)
+        except InputError:
+            continue
+        found.append(name)
+    return found
+
+
+def _checked(who: str, values: Any, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """What another's code returned; InputError unless it is an array of real numbers so shaped."""
+    array = np.asarray(values)
+    if array.shape != shape or array.dtype.kind not in "iuf":
+        raise InputError(
+            f"{who} gave {array.dtype} of shape {array.shape}; real numbers of {shape} are needed"
+        )
+    return array.astype(np.float64, copy=False)
+
+
+def _checked_ranges(name: str, ranges: Any) -> Ranges:
+    if not isinstance(ranges, Ranges) or len(ranges.status) != 4:
+        raise InputError(f"ranging method {name!r} gave {type(ranges).__name__}, not four ranges")
+    if not np.isfinite(ranges.range_m[ranges.valid]).all():
+        raise InputError(f"ranging method {name!r} gave a range that is not finite as 'ok'")
+    return ranges
+
+
+def _single(arrays: Mapping[str, NDArray[np.float64]]) -> dict[str, Image]:
+    return {name: array.astype(np.float32) for name, array in arrays.items()}
+
+
+@contextmanager
+def _timed(timings_s: dict[str, float], stage: str) -> Iterator[None]:
+    started = perf_counter()
+    yield
+    timings_s[stage] = perf_counter() - started

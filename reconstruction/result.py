@@ -1,0 +1,58 @@
+"""What one frame shows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .capture import Unit
+from .ranging import Ranges
+
+Image = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Image, ranges and depth of one frame by one or several methods, the default one first.
+
+    ``images``: what each virtual pixel contributes to an exposure, (H, W) in ``unit`` (counts where
+    their scale is unknown), by method. ``rangings``: the four spots, empty without time of flight.
+    ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
+    method finds any. ``range_over_depth`` (H, W): length of each pixel's ray per unit of depth,
+    None where the optics are unknown. ``timings_s``: seconds per stage. ``recording``: the digest
+    of the readings, ``frame`` their number in the capture and ``patterns`` the number of distinct
+    ones that the images rest on.
+    """
+
+    images: Mapping[str, Image]
+    rangings: Mapping[str, Ranges]
+    depths: Mapping[str, Image]
+    range_over_depth: Image | None
+    timings_s: Mapping[str, float]
+    unit: Unit
+    recording: str
+    frame: int
+    patterns: int
+
+    @property
+    def image(self) -> Image:
+        """Image by the default method."""
+        return next(iter(self.images.values()))
+
+    @property
+    def ranges(self) -> Ranges | None:
+        """Ranges of the four spots by the default method, None without time of flight."""
+        return next(iter(self.rangings.values()), None)
+
+    @property
+    def depth_m(self) -> Image | None:
+        """Depth along the optical axis by the default method, None where there is none."""
+        return next(iter(self.depths.values()), None)
+
+    @property
+    def range_m(self) -> Image | None:
+        """The same along each pixel's ray."""
+        if self.depth_m is None or self.range_over_depth is None:
+            return None
+        return self.depth_m * self.range_over_depth
