@@ -2,8 +2,8 @@
 
 A registry's own entries are the modules of one package, by their file names (`zero_filled.py` is
 "zero-filled"), each of which holds its entry under the registry's ``attribute``; folders, and
-modules whose names begin with an underscore, are none. Other packages add theirs as entry points of the
-registry's ``group``, by name, each of which points to an entry itself.
+modules whose names begin with an underscore, are none. Other packages add theirs as entry points of
+the registry's ``group``, by name, each of which points to an entry itself.
 """
 
 from collections.abc import Iterator, Mapping

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from reconstruction.image import pursuit_for
 from reconstruction.patterns import expose, make_plan, signed_coefficients
-from spisim.checks import Check, Table
+from spisim.paper.checks import Check, Table
 from spisim.paper.result import Result, percent
 
 Floats = NDArray[np.float64]

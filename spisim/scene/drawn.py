@@ -10,8 +10,8 @@ from typing import Any
 import trimesh
 
 from reconstruction.errors import InputError, naming
-from spisim import families
 from spisim.config import check_fields
+from spisim.scene import families
 from spisim.scene.assemble import Setting, assemble
 from spisim.scene.description import DrawnDescription, SceneDescription
 from spisim.scene.layout import layout_problem
@@ -51,7 +51,7 @@ def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
 def _sound_draft(described: DrawnDescription, source: Path | str) -> families.Draft:
     """The first one in which the instrument can fly."""
     with naming(source):
-        families.find_family(described.family)
+        families.FAMILIES[described.family]
     problem: str | None = ""
     for attempt in range(ATTEMPTS):
         draft = families.draft(

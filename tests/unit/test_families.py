@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from reconstruction.errors import InputError
-from spisim.families import FAMILIES
-from spisim.families.shapes import tube
 from spisim.instrument import load_instrument
 from spisim.scene import Scene, draw_scene, find_material, make_scene
+from spisim.scene.families import FAMILIES
+from spisim.scene.families.parts.shapes import tube
 from spisim.scene.layout import layout_problem, spot_rays, straight_back
 
 FAST_SEEDS = range(3)

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 import yaml
 
-from spisim.families import FAMILIES, Draft, figure
-from spisim.families.daylight import outdoors
-from spisim.families.figure import Arm, Leg, Side
-from spisim.families.natural import blob, clipped_bush, scattered_rocks
-from spisim.families.person import STANCES
-from spisim.families.ropes import hanging, lying, net
-from spisim.families.shapes import alike, block, grid_mesh, loft
 from spisim.scene import Scene, draw_scene, list_scenes, load_scene
 from spisim.scene.bsdf import Bsdf, ThinPane
+from spisim.scene.families import FAMILIES, Draft
+from spisim.scene.families.parts import figure
+from spisim.scene.families.parts.daylight import outdoors
+from spisim.scene.families.parts.figure import Arm, Leg, Side
+from spisim.scene.families.parts.natural import blob, clipped_bush, scattered_rocks
+from spisim.scene.families.parts.ropes import hanging, lying, net
+from spisim.scene.families.parts.shapes import alike, block, grid_mesh, loft
+from spisim.scene.families.person import STANCES
 from spisim.scene.layout import layout_problem, spot_rays
 from spisim.scene.rays import first_hits
 from spisim.scene.soundness import fault

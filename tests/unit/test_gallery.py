@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 from reconstruction import InputError
 from spisim.cli import app
-from spisim.families import FAMILIES
 from spisim.report import scene_gallery
 from spisim.scene import catalogue, list_scenes
 from spisim.scene.catalogue import weather
+from spisim.scene.families import FAMILIES
 
 DOCS = Path(__file__).parents[2] / "docs"
 
