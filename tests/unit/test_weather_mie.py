@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scattering_tables import RADII
 
 from reconstruction.errors import InputError
+from scattering_tables import RADII
 from spisim.atmosphere import FOGS, KINDS, GammaSizes, LogNormalSizes, Particles, refractive_index
 from spisim.atmosphere import lookup as lookup_module
 from spisim.atmosphere.lookup import WAVELENGTHS_NM, look_up, shipped

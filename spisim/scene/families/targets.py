@@ -11,7 +11,7 @@ from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log,
 from spisim.scene.families.parts.shapes import Mesh, block, union
 
 EYE_M = (0.0, 0.0, 1.5)
-#: A little more than what the 20° field of the paper's instrument covers, per metre of distance.
+#: A little more than what a field of 20° covers, per metre of distance.
 SIZE_PER_M = 0.4
 #: In front of the board, so that the drawn pattern stands out from it and leaves it closed.
 RELIEF_M = 0.004
