@@ -16,12 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from options import benchmark_options
 
-from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
 from spisim.dataset.plan import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
+from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "datasets.md"
 PLAN = """

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from spisim.instrument import Instrument
-from spisim.measurement.sequence import frame_time_s
 from spisim.scene import Scene
 from spisim.transport import ground_truth
 
@@ -50,7 +49,7 @@ class Comparison:
 
 def compare(scene: Scene, instrument: Instrument) -> Comparison:
     """Range of every pixel's centre and of the four spots, both ways."""
-    middle = scene.at(frame_time_s(instrument) / 2)
+    middle = scene.at(instrument.frame_time_s / 2)
     truth = ground_truth(middle, instrument)
     projector = instrument.projector
     (height, width), step = projector.shape, slice(None, None, STRIDE)

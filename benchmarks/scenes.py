@@ -15,10 +15,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from large import in_a_process, write_scenes
+from options import benchmark_options
 from raycast import compare
 
 import spisim
-from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import list_scenes
 
 DOCS = Path(__file__).parents[1] / "docs" / "scenes.md"

@@ -22,12 +22,13 @@ import numpy as np
 import trimesh
 from alternatives import DualVolpath, TransientSpots
 from efficiency import Floats, Method, Series, measure, ratio, z_score
+from options import benchmark_options
 from scipy.constants import c
 
 import spisim
 from reconstruction.operators import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR, Atmosphere, fog
-from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport import solve
 from spisim.transport.effort import Paths

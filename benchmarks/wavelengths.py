@@ -18,18 +18,19 @@ from typing import Any
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from options import benchmark_options
 
 from reconstruction import evaluate, reconstruct
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import CLEAR, fog
 from spisim.budget import Target, class_1_power_w, range_sigma_m
-from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
+from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import LightSequence, record, record_spots, spot_light, trace
+from spisim.measurement import record, record_spots, spot_light
 from spisim.measurement.light import background_electrons
+from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, in_band_irradiance, load_scene
-from spisim.transport import Transport, Wanted, ground_truth, solve
-from spisim.wavelengths import WAVELENGTHS_NM
+from spisim.transport import LightSequence, Transport, Wanted, ground_truth, solve, trace
 
 DOCS = Path(__file__).parents[1] / "docs"
 #: Sections of the warehouse that are changed, by what they stand for.

@@ -19,10 +19,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from options import benchmark_options
 from scipy.constants import c
 
 from spisim.atmosphere import Atmosphere, Tabulated, fog
-from spisim.checks import Check, Table, benchmark_options, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.effort import Paths
 from spisim.transport.estimator import MAX_VERTICES, spot_histogram

@@ -10,18 +10,19 @@ capture = spisim.simulate(scene, instrument, seed=0).capture
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from spisim.version import __version__
+
 if TYPE_CHECKING:
     from spisim.instrument import Instrument, load_instrument
-    from spisim.measurement import Simulation, simulate
     from spisim.report import write_report
     from spisim.scene import Scene, load_scene
-
-__version__ = "0.1.0"
+    from spisim.simulation import Simulation, simulate
 
 __all__ = [
     "Instrument",
     "Scene",
     "Simulation",
+    "__version__",
     "load_instrument",
     "load_scene",
     "simulate",
@@ -31,10 +32,10 @@ __all__ = [
 _HOMES = {
     "Instrument": "instrument",
     "Scene": "scene",
-    "Simulation": "measurement",
+    "Simulation": "simulation",
     "load_instrument": "instrument",
     "load_scene": "scene",
-    "simulate": "measurement",
+    "simulate": "simulation",
     "write_report": "report",
 }
 

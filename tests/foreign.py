@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from spisim.importing import Import, Options, import_scene
+from spisim.scene.importing import Import, Options, import_scene
 
 #: glTF's y up to the world's z up.
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])

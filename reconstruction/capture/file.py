@@ -1,6 +1,6 @@
 """The capture file (see docs/capture-format.md): written whole, read whole or frame by frame."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -217,9 +217,7 @@ def _check_shapes(file: h5py.File, group: str, part: type, sizes: dict[str, int]
         check_shape(f"{group}/{name}", shape, stored, sizes)
 
 
-def _read(
-    file: h5py.File, group: str, part: Callable[..., Part], rows: slice | None = None
-) -> Part:
+def _read(file: h5py.File, group: str, part: type[Part], rows: slice | None = None) -> Part:
     """A part of the capture, of what there is for each frame only some ``rows``."""
     values: dict[str, Any] = {}
     for name, stored in stored_fields(part):

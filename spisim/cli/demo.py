@@ -31,11 +31,12 @@ def command(
     )
     from reconstruction.files import require_folder
     from spisim.instrument import load_instrument
-    from spisim.light_files import write_truth
-    from spisim.measurement import simulate, simulation_warnings
+    from spisim.measurement import simulation_warnings
     from spisim.report import write_overview, write_report
     from spisim.scene import load_scene
+    from spisim.simulation import simulate
     from spisim.transport import fine_view
+    from spisim.transport.light_files import write_truth
 
     require_folder(output)
     seconds: dict[str, float] = {}

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from reconstruction import Capture
-    from spisim.flight import Instant
+    from spisim.dataset.flight import Instant
     from spisim.instrument import Instrument
     from spisim.report.flight import Sighting
 
@@ -69,7 +69,7 @@ def command(
     folder has of the same flight are kept, so that an interrupted flight goes on where it was.
     """
     from reconstruction.files import require_folder
-    from spisim.flight import instants, kept_captures
+    from spisim.dataset.flight import instants, kept_captures
     from spisim.report.flight import write_animation, write_sheet, write_table
     from spisim.scene import check_clear_path, load_trajectory
 
@@ -119,7 +119,7 @@ def _record(
 ) -> Capture:
     """Simulate and write the capture of an instant."""
     from reconstruction import write_capture
-    from spisim.measurement import simulate
+    from spisim.simulation import simulate
 
     capture = simulate(
         instant.scene, instrument, spp=spp, seed=instant.seed, progress=progress

@@ -40,8 +40,8 @@ def command(
     """
     from reconstruction.files import require_folder, write_atomically
     from spisim.budget.plots import png_bytes
-    from spisim.checks import around_marks, checks_table, paste, report, summary, surroundings
     from spisim.paper import RESULTS
+    from spisim.paper.checks import around_marks, checks_table, paste, report, summary, surroundings
 
     require_folder(output)
     if markdown is not None:

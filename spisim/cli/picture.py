@@ -62,9 +62,9 @@ def command(
     """
     from reconstruction import InputError
     from reconstruction.operators import illumination
-    from spisim.exr import write_exr
     from spisim.report.pictures import view_scale, write_png
     from spisim.transport import CAMERA_OFFSET_M, camera_view
+    from spisim.transport.exr import write_exr
 
     picture = beside(output, ".png", "the tone-mapped picture", ".exr")
     carried = instrument_with(instrument, wavelength)

@@ -60,7 +60,8 @@ def command(
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture
     from reconstruction.errors import naming
     from reconstruction.files import require_file
-    from spisim.measurement import simulate, simulation_warnings
+    from spisim.measurement import simulation_warnings
+    from spisim.simulation import simulate
     from spisim.transport import fine_view
 
     require_file(output)

@@ -40,6 +40,7 @@ def command(
     Run again, it makes what is missing. Exit status: 0 all done, 1 some samples failed, 2 input
     that cannot be used, 3 no space left, 130 interrupted.
     """
+    from spisim.report.study import write_study
     from spisim.study import load_study, run_study
 
     planned = load_study(plan)
@@ -61,15 +62,16 @@ def command(
             made=made,
             evaluated=evaluated,
         )
-    _tell(finished, json)
+    pages = write_study(output.absolute(), finished.results)
+    _tell(finished, (*pages, *finished.written), json)
     raise typer.Exit(1 if finished.failed else 0)
 
 
-def _tell(finished: Finished, json: bool) -> None:
-    report = finished.written[0]
+def _tell(finished: Finished, written: tuple[Path, ...], json: bool) -> None:
+    report = written[0]
     if json:
-        print_json(finished.summary())
+        print_json({**finished.summary(), "written": written})
         return
     say(f"{finished.evaluated} samples evaluated, {finished.failed} failed")
-    say(f"Wrote {len(finished.written)} files into {report.parent}")
+    say(f"Wrote {len(written)} files into {report.parent}")
     say(f"Look at it: {report.as_uri()}")

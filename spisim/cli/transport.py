@@ -68,8 +68,8 @@ def command(
     (rows, columns, bins); `units.*` in either file tells the units. What is longer than 80 m is
     in a histogram's last bin.
     """
-    from spisim.light_files import light_channels, write_histograms, write_truth
     from spisim.transport import LONGEST_PATH_M, PathLengthBins, Wanted, ground_truth, solve
+    from spisim.transport.light_files import light_channels, write_histograms, write_truth
 
     histograms = beside(output, ".npz", "the file of the spots' histograms", ".exr")
     wanted = Wanted(

@@ -158,7 +158,7 @@ def _figures(medium: Atmosphere) -> dict[str, Any]:
 
 def _compared(medium_at: Callable[[float], Atmosphere]) -> list[dict[str, Any]]:
     """The same weather at every wavelength."""
-    from spisim.wavelengths import WAVELENGTHS_NM, wavelength_figures
+    from spisim.budget.wavelengths import WAVELENGTHS_NM, wavelength_figures
 
     reference = medium_at(1550).extinction_per_m
     rows = []
@@ -175,7 +175,7 @@ def _compared(medium_at: Callable[[float], Atmosphere]) -> list[dict[str, Any]]:
 def _typical() -> list[dict[str, Any]]:
     """What each wavelength has in weathers of many kinds, relative to 1550 nm."""
     from spisim.atmosphere.typical import typical_weather
-    from spisim.wavelengths import WAVELENGTHS_NM, wavelength_figures
+    from spisim.budget.wavelengths import WAVELENGTHS_NM, wavelength_figures
 
     reference = typical_weather(1550)
     return [

@@ -16,11 +16,11 @@ import yaml
 from reconstruction import read_capture
 from reconstruction.errors import InputError
 from reconstruction.files import require_folder, write_atomically
-from spisim import __version__
 from spisim.dataset.folder import Layout, belongs_to, done
 from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest
 from spisim.dataset.plan import PlannedSet, order_of
+from spisim.version import __version__
 
 Say = Callable[[str], None]
 

@@ -30,6 +30,7 @@ from spisim.config import (
     read_mapping,
     read_text,
 )
+from spisim.config.distributions import is_distribution, stream
 from spisim.dataset.values import (
     Grid,
     drawn_value,
@@ -39,12 +40,11 @@ from spisim.dataset.values import (
     section_of,
     set_field,
 )
-from spisim.distributions import is_distribution, stream
-from spisim.families import find_family
 from spisim.instrument import Instrument
 from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder
 from spisim.scene.description import SceneDescription
+from spisim.scene.families import FAMILIES
 
 #: A run holds the indices of all samples that it is to make.
 MOST_SAMPLES = 10**7
@@ -99,7 +99,7 @@ class SceneSource(Section):
         return self
 
     def _check_parameters(self, family: str) -> None:
-        known = find_family(family).parameters.model_fields
+        known = FAMILIES[family].parameters.model_fields
         for name in self.parameters:
             if name not in known:
                 raise InputError(f"unknown parameter {name!r} of {family}: {nearest(name, known)}")

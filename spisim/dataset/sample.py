@@ -26,12 +26,12 @@ from spisim.config import parse_model
 from spisim.dataset.folder import Layout, done
 from spisim.dataset.plan import Keep, PlannedSet, Sample
 from spisim.dataset.records import NO_SPACE, Outcome
-from spisim.exr import write_exr
 from spisim.instrument import Instrument
-from spisim.light_files import write_histograms
-from spisim.measurement import Simulation, simulate
 from spisim.scene import Scene, make_scene
+from spisim.simulation import Simulation, simulate
 from spisim.transport.backend import use_threads
+from spisim.transport.exr import write_exr
+from spisim.transport.light_files import write_histograms
 
 _one_at_a_time = Lock()  # warnings are caught for the whole process
 

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import InputError
 from spisim.config import Section, reason
-from spisim.distributions import Distribution, is_distribution, stream
+from spisim.config.distributions import Distribution, is_distribution, stream
 
 _DISTRIBUTION: TypeAdapter[Any] = TypeAdapter(Distribution)
 

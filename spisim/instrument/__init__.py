@@ -4,6 +4,7 @@ from spisim.instrument.demodulation import Modulation, Taps
 from spisim.instrument.detector import Adc, Amplifier, BucketDetector, Detector, TofDetector
 from spisim.instrument.load import list_presets, load_instrument
 from spisim.instrument.model import EyeSafety, Instrument
+from spisim.instrument.needs import needs
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
 from spisim.instrument.sensor import Apd, Pin, Sensor, Spad, quantum_efficiency
 from spisim.instrument.tof import CwTof, DirectTof, PulsedTof, Tof
@@ -33,5 +34,6 @@ __all__ = [
     "TofDetector",
     "list_presets",
     "load_instrument",
+    "needs",
     "quantum_efficiency",
 ]

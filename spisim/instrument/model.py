@@ -107,6 +107,17 @@ class Instrument(Section):
         return 1 / self.projector.pattern_rate_hz
 
     @property
+    def frame_time_s(self) -> float:
+        """Duration of one frame of patterns."""
+        return self.pattern_plan.exposures / self.projector.pattern_rate_hz
+
+    def exposure_times_s(self, frames: int) -> Floats:
+        """Middle of every exposure of a recording, (frames, M), from the first one's start."""
+        exposures = self.pattern_plan.exposures
+        middles: Floats = np.arange(frames * exposures, dtype=np.float64) + 0.5
+        return middles.reshape(frames, exposures) / self.projector.pattern_rate_hz
+
+    @property
     def tap_frequencies_hz(self) -> tuple[float, ...]:
         """Of a modulated projector: every harmonic that its taps respond to."""
         modulation = self.projector.modulation

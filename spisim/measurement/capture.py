@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -11,79 +10,14 @@ import numpy as np
 import yaml
 
 from reconstruction.capture import Capture, FrameTruth, Optics, Provenance, Truth
-from spisim import __version__
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
-from spisim.measurement.drops import falling_drops
 from spisim.measurement.light import bucket_light
-from spisim.measurement.sequence import LightSequence, frame_time_s, trace
 from spisim.measurement.spots import record_spots, spot_light
 from spisim.scene import Scene
-from spisim.transport import GroundTruth, Transport, ground_truth
-from spisim.transport.backend import activate
-
-
-@dataclass(frozen=True, eq=False)
-class Simulation:
-    """A capture, and the light it was made from."""
-
-    capture: Capture
-    transport: Transport
-    truth: GroundTruth
-
-
-def simulate(
-    scene: Scene,
-    instrument: Instrument,
-    *,
-    spp: int = 256,
-    transport_noise: float | None = None,
-    seed: int = 0,
-    noise: bool = True,
-    frames: int = 1,
-    progress: Callable[[float], None] | None = None,
-) -> Simulation:
-    """Simulate a recording of `frames` frames, one after the other.
-
-    Where something moves, the light is solved at key times and interpolated between exposures;
-    the truth is that of the middle of the first frame.
-
-    Parameters
-    ----------
-    spp
-        Light paths per virtual pixel and strategy.
-    transport_noise
-        Instead of `spp`: relative standard error of the bucket vector to be reached.
-    seed
-        Equal seeds give equal captures on the same machine and backend.
-    noise
-        False: the expected readings of an ideal converter, as floating-point counts.
-    progress
-        Called with the fraction of the light transport that is done.
-
-    Raises
-    ------
-    InputError
-        If a laser beam hits nothing, an object would pass through the instrument, the scene was
-        made for another wavelength than the instrument's, or no backend for the light transport
-        works.
-    """
-    truth = ground_truth(scene.at(frame_time_s(instrument) / 2), instrument)
-    light = trace(
-        scene,
-        instrument,
-        frames=frames,
-        spp=spp,
-        noise=transport_noise,
-        seed=seed,
-        progress=progress,
-    )
-    effort = {"spp": spp} if transport_noise is None else {"transport_noise": transport_noise}
-    how = {**effort, "backend": activate()}
-    capture = record(
-        scene, instrument, light, truth, seed=seed, noise=noise, frames=frames, settings=how
-    )
-    return Simulation(capture, light.transports[0], truth)
+from spisim.transport import GroundTruth, LightSequence
+from spisim.transport.drops import falling_drops
+from spisim.version import __version__
 
 
 def record(

@@ -7,9 +7,8 @@ import numpy as np
 from spisim.budget import background_warnings, instrument_warnings
 from spisim.instrument import Instrument
 from spisim.measurement.light import background_electrons
-from spisim.measurement.sequence import LightSequence
 from spisim.measurement.spots import spot_light
-from spisim.transport import Transport
+from spisim.transport import LightSequence, Transport
 
 
 def simulation_warnings(instrument: Instrument, light: Transport) -> list[str]:

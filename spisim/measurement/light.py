@@ -13,10 +13,9 @@ from reconstruction.operators import expose
 from spisim.instrument import Instrument, Modulation
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.model import Source
-from spisim.measurement.drops import FallingDrops, on_buckets
 from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
-from spisim.measurement.sequence import LightSequence, exposure_times_s
-from spisim.transport import Transport
+from spisim.transport import LightSequence, Transport
+from spisim.transport.drops import FallingDrops, on_buckets
 
 Floats = NDArray[np.float64]
 
@@ -50,7 +49,7 @@ def bucket_light(
 
     Falling drops change the readings; the image is that without them.
     """
-    shares = light.weights(exposure_times_s(instrument, frames))  # (frames, M, keys)
+    shares = light.weights(instrument.exposure_times_s(frames))  # (frames, M, keys)
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
     switched = (1 - instrument.projector.dark_level) * electrons
     in_frame = shares.mean(axis=1)[0]

@@ -18,9 +18,9 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from spisim.instrument import CwTof, DirectTof, Instrument, PulsedTof, Spad, TofDetector
 from spisim.measurement.arrivals import tcspc_arrivals, threshold_arrivals
-from spisim.measurement.drops import FallingDrops, on_spots
 from spisim.measurement.electronics import expected_readings, read_out
-from spisim.measurement.sequence import LightSequence, exposure_times_s
+from spisim.transport import LightSequence
+from spisim.transport.drops import FallingDrops, on_spots
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ def spot_light(
     Falling drops change them by their mean over a frame.
     """
     detector = instrument.tof.detector
-    in_frame = light.weights(exposure_times_s(instrument, frames)).mean(axis=1)  # (frames, keys)
+    in_frame = light.weights(instrument.exposure_times_s(frames)).mean(axis=1)  # (frames, keys)
 
     def rate(name: str, source: Any) -> Floats:
         values = np.array([getattr(key, name) for key in light.transports])

@@ -18,8 +18,8 @@ from spisim.budget.integration import (
     integration_time_s,
     reach_m,
 )
-from spisim.checks import Check, Table
 from spisim.instrument import load_instrument
+from spisim.paper.checks import Check, Table
 from spisim.paper.result import COLOURS, REFLECTANCES, Result, percent
 
 Floats = NDArray[np.float64]

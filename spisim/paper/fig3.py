@@ -12,8 +12,8 @@ from scipy.constants import c
 
 from spisim.budget.equations import Flood, range_sigma_eq3_m
 from spisim.budget.ranging import last_below
-from spisim.checks import Check, Table
 from spisim.instrument import Apd, Pin, load_instrument
+from spisim.paper.checks import Check, Table
 from spisim.paper.result import COLOURS, REFLECTANCES, Result, percent
 
 Floats = NDArray[np.float64]

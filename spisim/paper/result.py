@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from spisim.checks import Check, Table
+from spisim.paper.checks import Check, Table
 
 #: Reflectances of the targets, and the colours that they have in all figures.
 REFLECTANCES = (0.2, 0.5, 0.8)

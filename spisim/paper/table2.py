@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from reconstruction.image import IMAGE_METHODS, Coefficients
 from reconstruction.operators import decoder_for, expose, make_plan
-from spisim.checks import Check, Table
+from spisim.paper.checks import Check, Table
 from spisim.paper.result import Result, percent
 
 Floats = NDArray[np.float64]

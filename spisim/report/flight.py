@@ -17,7 +17,7 @@ from PIL import Image
 from reconstruction import Capture, Result
 from reconstruction.capture import FrameTruth
 from reconstruction.files import write_atomically
-from spisim.flight import Instant
+from spisim.dataset.flight import Instant
 
 from .pictures import Scale, depth_scale, intensity_scale
 from .scene_view.picture import SPOT_COLOURS

@@ -1,4 +1,4 @@
-"""Scenes of a family: drawn until the instrument can fly in them."""
+"""Scenes of a family: drawn until a drone can fly in them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import trimesh
 
 from reconstruction.errors import InputError, naming
-from spisim import families
 from spisim.config import check_fields
+from spisim.scene import families
 from spisim.scene.assemble import Setting, assemble
 from spisim.scene.description import DrawnDescription, SceneDescription
-from spisim.scene.layout import layout_problem
+from spisim.scene.layout import OFFERED, layout_problem
 from spisim.scene.model import Scene
 
 #: Fields that tell how to draw; what they draw takes their place.
@@ -49,9 +49,9 @@ def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
 
 
 def _sound_draft(described: DrawnDescription, source: Path | str) -> families.Draft:
-    """The first one in which the instrument can fly."""
+    """The first one in which a drone can fly, see and range."""
     with naming(source):
-        families.find_family(described.family)
+        families.FAMILIES[described.family]
     problem: str | None = ""
     for attempt in range(ATTEMPTS):
         draft = families.draft(
@@ -62,7 +62,8 @@ def _sound_draft(described: DrawnDescription, source: Path | str) -> families.Dr
             source=f"{source}: parameters",
         )
         alone = SceneDescription.model_validate(whole_file({"family": described.family}, draft))
-        problem = layout_problem(assemble(alone, Setting(Path(), "", source), draft.meshes))
+        scene = assemble(alone, Setting(Path(), "", source), draft.meshes)
+        problem = layout_problem(scene, OFFERED)
         if problem is None:
             return draft
     raise InputError(

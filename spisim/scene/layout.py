@@ -1,9 +1,10 @@
-"""Whether a scene is one that the instrument can fly in: room around it, and something to see."""
+"""Whether a scene is one to fly in: room around the drone, and something to see and to range."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -23,28 +24,50 @@ from spisim.scene.rays import enclosing_object, first_hits, hits
 
 #: Free space around the drone, its own size and a bit.
 CLEARANCE_M = 0.4
-#: Nearest thing in view.
-NEAREST_M = (0.9, 10.0)
-#: What the four laser beams end on: within the range that its phase tells without doubt.
-FARTHEST_SPOT_M = 9.8
+#: Nearest thing in view, at least.
+NEAREST_M = 0.9
 #: What a spot must return for its range: reflectance times cosine over squared range, 1/m², or as
 #: much by another surface. Black rubber, head-on, at 7.5 m.
 FAINTEST_SPOT_PER_M2 = 1.1e-3
-#: Where the spots' detectors are, right and down or left and up of the projector: in the diagonals.
-DETECTOR_OFFSET_M = 0.007
-#: Points of their lens that should see the spot, right and down of its middle; it is 13 mm wide.
-LENS_M = np.array([(0, 0), (-0.005, 0), (0.005, 0), (0, -0.005), (0, 0.005)])
+#: Points of a lens that should see the spot: its middle, and some of a ring around it.
+ON_LENS = np.array([(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)])
 #: What is seen is so far off the surface: in single precision light does not get out of a crevice.
 OFF_SURFACE_M = 0.001
-#: Half the field of view looked at, and azimuth and elevation of the spots: the paper's instrument.
-HALF_FIELD_DEG = 10.0
-SPOT_DEG = 5.0
 #: Rays across the field, each way; odd, so that one goes straight ahead.
 RAYS = 11
 
 
-def layout_problem(scene: Scene) -> str | None:
-    """What makes a scene useless to the paper's instrument, in words, or None if nothing does."""
+@dataclass(frozen=True)
+class Needs:
+    """What a drone that takes pictures and ranges four spots needs of a scene; optical frame."""
+
+    half_field_deg: tuple[float, float]  # of the picture, across and down
+    beams: Floats  # (4, 3), unit vectors to the spots
+    farthest_spot_m: float  # whose range is told without doubt
+    detectors_m: Floats  # (4, 3), of the spots
+    lens_ring_m: float  # half of a detector's lens is within this radius
+
+
+def _directions(azimuth_deg: Floats, elevation_deg: Floats) -> Floats:
+    """Unit vectors (n, 3) in the optical frame, to the right and up."""
+    azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
+    level = np.cos(elevation)
+    return np.stack([level * np.sin(azimuth), -np.sin(elevation), level * np.cos(azimuth)], axis=1)
+
+
+_RIGHT, _DOWN = np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)]).T
+#: What every draw of a family offers, to whatever instrument.
+OFFERED = Needs(
+    half_field_deg=(10.0, 10.0),
+    beams=_directions(5.0 * _RIGHT, -5.0 * _DOWN),
+    farthest_spot_m=9.8,
+    detectors_m=np.column_stack([0.007 * _RIGHT, 0.007 * _DOWN, np.zeros(4)]),
+    lens_ring_m=0.005,
+)
+
+
+def layout_problem(scene: Scene, needs: Needs) -> str | None:
+    """What makes a scene useless to who needs this, in words, or None if nothing does."""
     if name := enclosing_object(scene, scene.drone_pose[:3, 3]):
         return f"the drone is inside {name!r}"
     triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
@@ -52,37 +75,36 @@ def layout_problem(scene: Scene) -> str | None:
     clearance = _distance_to(triangles)
     if clearance < CLEARANCE_M:
         return f"something is {clearance:.2f} m from the drone, less than {CLEARANCE_M} m"
-    in_view = _may_be_in_view(triangles)
+    in_view = _may_be_in_view(triangles, needs)
     seen = triangles[in_view]
-    beams = spot_rays()
-    spots = first_hits(np.zeros(3), beams, seen)
-    if spots.max() > FARTHEST_SPOT_M:
-        return f"a laser spot meets nothing within {FARTHEST_SPOT_M:g} m"
+    spots = first_hits(np.zeros(3), needs.beams, seen)
+    if spots.max() > needs.farthest_spot_m:
+        return f"a laser spot meets nothing within {needs.farthest_spot_m:.3g} m"
     owners = np.repeat(np.arange(len(scene.objects)), [len(o.mesh.faces) for o in scene.objects])
     materials = [scene.objects[k].material for k in owners[in_view]]
-    if min(_returned(beam, seen, materials) for beam in beams) < FAINTEST_SPOT_PER_M2:
+    if min(_returned(needs, k, seen, materials) for k in range(len(spots))) < FAINTEST_SPOT_PER_M2:
         return "a laser spot is too faint, or hidden from its detector"
-    field = np.linspace(-HALF_FIELD_DEG, HALF_FIELD_DEG, RAYS)
-    nearest = min(first_hits(np.zeros(3), _rays(field), seen).min(), spots.min())
-    low, high = NEAREST_M
-    if not low <= nearest <= high:
-        return f"the nearest surface in view is at {nearest:.2f} m, not {low:g} to {high:g} m"
+    fields = [np.linspace(-half, half, RAYS) for half in needs.half_field_deg]
+    nearest = min(first_hits(np.zeros(3), _rays(*fields), seen).min(), spots.min())
+    if nearest < NEAREST_M:
+        return f"the nearest surface in view is at {nearest:.2f} m, less than {NEAREST_M} m"
     return None
 
 
-def _returned(beam: Floats, triangles: Floats, materials: Sequence[Material]) -> float:
+def _returned(needs: Needs, number: int, triangles: Floats, materials: Sequence[Material]) -> float:
     """What a diffuse surface of reflectance 1 across the beam would return at 1 m is 1; 1/m².
 
     0 where less than half of the detector sees it. `triangles` (t, 3, 3) in the optical frame.
     """
+    beam = needs.beams[number]
     distances = hits(np.zeros(3), beam, triangles)
     place = int(distances.argmin())
     one, two, three = triangles[place]
     normal = np.cross(two - one, three - one)
     normal *= -np.sign(normal @ beam) / np.linalg.norm(normal)
     spot = distances[place] * beam + OFF_SURFACE_M * normal
-    lens = np.zeros((len(LENS_M), 3))
-    lens[:, :2] = LENS_M + DETECTOR_OFFSET_M * np.sign(beam[:2])
+    lens = np.tile(needs.detectors_m[number], (len(ON_LENS), 1))
+    lens[:, :2] += needs.lens_ring_m * ON_LENS
     seen = np.mean([first_hits(point, (spot - point)[None], triangles)[0] > 1 for point in lens])
     if seen < 0.5:
         return 0.0
@@ -121,26 +143,18 @@ def _distance_to(triangles: Floats) -> float:
     return float(np.linalg.norm(closest, axis=1).min())
 
 
-def _may_be_in_view(triangles: Floats) -> NDArray[np.bool_]:
-    """Which triangles (t, 3, 3) in the optical frame are not wholly beside or behind the field."""
-    edge = np.tan(np.radians(HALF_FIELD_DEG)) * triangles[..., 2]
+def _may_be_in_view(triangles: Floats, needs: Needs) -> NDArray[np.bool_]:
+    """Which triangles (t, 3, 3) in the optical frame are not wholly beside or behind all rays."""
+    field = np.tan(np.radians(needs.half_field_deg))
+    widest = np.maximum(field, np.abs(needs.beams[:, :2] / needs.beams[:, 2:]).max(axis=0))
+    side, top = widest[:, None, None] * triangles[..., 2]
     x, y = triangles[..., 0], triangles[..., 1]
-    beside = [x > edge, x < -edge, y > edge, y < -edge, triangles[..., 2] < 0]
-    return ~np.any([side.all(axis=1) for side in beside], axis=0)
+    beside = [x > side, x < -side, y > top, y < -top, triangles[..., 2] < 0]
+    return ~np.any([each.all(axis=1) for each in beside], axis=0)
 
 
-def spot_rays() -> Floats:
-    """Unit rays (4, 3) in the optical frame, at the instrument's azimuths and elevations."""
-    azimuth, elevation = np.radians(
-        [[x, y] for y in (SPOT_DEG, -SPOT_DEG) for x in (-SPOT_DEG, SPOT_DEG)]
-    ).T
-    level = np.cos(elevation)
-    return np.stack([level * np.sin(azimuth), -np.sin(elevation), level * np.cos(azimuth)], axis=1)
-
-
-def _rays(angles_deg: Floats) -> Floats:
+def _rays(right_deg: Floats, down_deg: Floats) -> Floats:
     """Unit rays (n², 3) in the optical frame, at all pairs of angles to the right and down."""
-    tangents = np.tan(np.radians(angles_deg))
-    x, y = np.meshgrid(tangents, tangents)
+    x, y = np.meshgrid(np.tan(np.radians(right_deg)), np.tan(np.radians(down_deg)))
     rays = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))

@@ -2,6 +2,7 @@
 
 from spisim.study.metrics import METRICS
 from spisim.study.plan import Study, StudyPlan, load_study
+from spisim.study.results import Results
 from spisim.study.run import run_study
 
-__all__ = ["METRICS", "Study", "StudyPlan", "load_study", "run_study"]
+__all__ = ["METRICS", "Results", "Study", "StudyPlan", "load_study", "run_study"]

@@ -15,9 +15,9 @@ from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import InputError, nearest
 from spisim.config import Count, Name, Section, parse_model, read_text
+from spisim.config.distributions import KINDS
 from spisim.dataset.plan import Plan, PlannedSet, is_field
 from spisim.dataset.records import flat
-from spisim.distributions import KINDS
 from spisim.study.metrics import METRICS
 
 #: Fields of a quick setting that add to those of the full one instead of replacing them.

@@ -1,4 +1,4 @@
-"""A study from its plan to its report."""
+"""A study from its plan to its tables."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ from spisim.dataset.sample import Maker
 from spisim.dataset.workers import Executor, Make
 from spisim.study.evaluation import evaluate_all
 from spisim.study.plan import PlannedStudy
-from spisim.study.plots import study_plots
-from spisim.study.profile_plot import profile_plot
-from spisim.study.report import write_report
 from spisim.study.results import (
     Results,
     differences_csv,
@@ -34,7 +31,7 @@ STUDY = "study.yaml"
 
 @dataclass(frozen=True)
 class Finished:
-    """What a study found, how its data set went, and the files that tell of it."""
+    """What a study found, how its data set went, and the tables that tell of it."""
 
     results: Results
     state: State
@@ -59,7 +56,6 @@ class Finished:
             "evaluated": self.evaluated,
             "failed": self.failed,
             "seconds": self.state.seconds,
-            "written": self.written,
             "means": [
                 dict(zip(study.parameters, each.condition, strict=True))
                 | {"metric": each.metric}
@@ -80,7 +76,7 @@ def run_study(
     made: Callable[[State], None] = lambda state: None,
     evaluated: Callable[[float], None] = lambda share: None,
 ) -> Finished:
-    """Make what is missing of a study's captures and metrics; write tables, plots and report.
+    """Make what is missing of a study's captures and metrics; write the tables.
 
     The folder is that of the data set. `executor` is asked twice for those who work: for captures
     and for metrics. `made` and `evaluated` are told the progress.
@@ -117,16 +113,4 @@ def _write(results: Results, folder: Path) -> tuple[Path, ...]:
     }
     for name, text in tables.items():
         write_atomically(folder / name, text.encode())
-    plots = study_plots(results)
-    if results.planned.study.x == "scene":
-        plots.append(profile_plot(results))
-    pictures = []
-    for plot in plots:
-        for suffix, content in (("png", plot.png), ("svg", plot.svg)):
-            pictures.append(folder / "plots" / f"{plot.name}.{suffix}")
-            write_atomically(pictures[-1], content)
-    for path in set((folder / "plots").iterdir()) - set(pictures):  # of other metrics, earlier
-        path.unlink()
-    report = folder / "report.html"
-    write_report(report, results, plots)
-    return (report, *(folder / name for name in tables), *pictures)
+    return tuple(folder / name for name in tables)

@@ -11,6 +11,7 @@ with suppress(InputError):
 
 from spisim.transport.estimator import Wanted
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
+from spisim.transport.sequence import LightSequence, trace
 from spisim.transport.sight import Sight, Surfaces
 from spisim.transport.solve import LONGEST_PATH_M, Transport, solve
 from spisim.transport.tally import ORDERS, PathLengthBins
@@ -21,6 +22,7 @@ __all__ = [
     "LONGEST_PATH_M",
     "ORDERS",
     "GroundTruth",
+    "LightSequence",
     "PathLengthBins",
     "Sight",
     "Surfaces",
@@ -30,4 +32,5 @@ __all__ = [
     "fine_view",
     "ground_truth",
     "solve",
+    "trace",
 ]

@@ -9,9 +9,9 @@ import worlds
 from instruments import changed
 from reconstruction.capture import Capture
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import LightSequence, bucket_light, record, trace
+from spisim.measurement import bucket_light, record
 from spisim.scene import Ambient, Scene
-from spisim.transport import GroundTruth, ground_truth
+from spisim.transport import GroundTruth, LightSequence, ground_truth, trace
 
 PLACE = worlds.scene(worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=20, sun_direction=(0, 0, 1)))
 FRAMES = 1000

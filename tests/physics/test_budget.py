@@ -23,10 +23,10 @@ from spisim.budget import (
     spot_noise,
 )
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import LightSequence, SpotLight, bucket_light, record_spots, spot_light
+from spisim.measurement import SpotLight, bucket_light, record_spots, spot_light
 from spisim.measurement.electronics import read_out
 from spisim.scene import Ambient
-from spisim.transport import Transport, solve
+from spisim.transport import LightSequence, Transport, solve
 
 
 def others_slow(*names: str) -> list[Any]:

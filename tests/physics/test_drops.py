@@ -11,10 +11,10 @@ import spisim
 import worlds
 from spisim.atmosphere.precipitation import rain
 from spisim.instrument import Instrument
-from spisim.measurement import LightSequence, bucket_light, record
-from spisim.measurement.drops import falling_drops, on_buckets, on_spots
-from spisim.measurement.drops.discs import disc_points, on_the_way_out, passing
-from spisim.transport import Transport
+from spisim.measurement import bucket_light, record
+from spisim.transport import LightSequence, Transport
+from spisim.transport.drops import falling_drops, on_buckets, on_spots
+from spisim.transport.drops.discs import disc_points, on_the_way_out, passing
 
 SEEDS = 100
 WALL_M = 3.0

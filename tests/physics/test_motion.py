@@ -9,10 +9,11 @@ import trimesh
 import spisim
 import worlds
 from reconstruction.errors import InputError
-from spisim.measurement import LightSequence, bucket_light, spot_light, trace
-from spisim.measurement.sequence import KEYS_PER_FRAME, exposure_times_s, frame_time_s
+from spisim.measurement import bucket_light, spot_light
 from spisim.measurement.spots import cw_taps
 from spisim.scene import Scene
+from spisim.transport import LightSequence, trace
+from spisim.transport.sequence import KEYS_PER_FRAME
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +45,7 @@ def test_an_approaching_wall_brightens_with_the_inverse_square(paper):
     assert len(light.transports) == 2 * KEYS_PER_FRAME + 1
     still = bucket_light(paper, sequence(wall(), paper), 1)
     moving = bucket_light(paper, light, 2)
-    times = exposure_times_s(paper, 2)
+    times = paper.exposure_times_s(2)
     dark = paper.detector.dark_electrons(paper.exposure_time_s)
     gain = (moving.buckets[:, :-1] - dark) / (still.buckets[:, :-1] - dark)
     expected = (4.0 / (4.0 - speed * times[:, :-1])) ** 2
@@ -60,11 +61,11 @@ def test_ranges_are_those_of_the_frame_s_middle(paper):
 
     slant = 1 / (simulation.capture.spots.directions @ [0, 0, 1])
     for frame in range(2):
-        middle = (frame + 0.5) * frame_time_s(paper)
+        middle = (frame + 0.5) * paper.frame_time_s
         measured = measure_ranges(simulation.capture.spots, frame).range_m
         np.testing.assert_allclose(measured, (4.0 - speed * middle) * slant, atol=2e-3)
     true = simulation.capture.truth.spot_range_m
-    np.testing.assert_allclose(true, (4.0 - speed * frame_time_s(paper) / 2) * slant, rtol=1e-5)
+    np.testing.assert_allclose(true, (4.0 - speed * paper.frame_time_s / 2) * slant, rtol=1e-5)
 
 
 def test_flying_towards_a_wall_is_the_wall_coming_closer(paper):

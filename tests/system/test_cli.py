@@ -15,9 +15,9 @@ import yaml
 
 from commands import mistake, program, spisim
 from reconstruction import Capture, read_capture, write_capture
-from spisim.exr import read_exr
 from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder
+from spisim.transport.exr import read_exr
 
 COMMANDS = [
     "demo",

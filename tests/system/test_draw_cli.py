@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from spisim.cli import app
-from spisim.families import FAMILIES, ranges
 from spisim.scene import draw_scene, load_scene
+from spisim.scene.families import FAMILIES, ranges
 
 STAR = ["targets", "--seed", "7", "--set", "target=siemens-star", "--set", "distance_m=3"]
 

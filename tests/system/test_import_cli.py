@@ -117,7 +117,7 @@ import sys
 from pathlib import Path
 import spisim.cli.scenes.importing
 assert not {{"trimesh", "collada", "numpy"}} & set(sys.modules)
-from spisim.importing import import_scene
+from spisim.scene.importing import import_scene
 import_scene(Path({str(tmp_path / "a.xml")!r}), Path({str(tmp_path / "a.yaml")!r}))
 assert not {{"mitsuba", "drjit", "collada"}} & set(sys.modules)
 """

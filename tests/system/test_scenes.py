@@ -6,9 +6,9 @@ import pytest
 
 import spisim
 from reconstruction import capture_warnings, evaluate, reconstruct
-from spisim.families import FAMILIES
 from spisim.measurement import simulation_warnings
 from spisim.scene import Scene, draw_scene, list_scenes, load_scene
+from spisim.scene.families import FAMILIES
 
 INSTRUMENT = spisim.load_instrument("paper")
 

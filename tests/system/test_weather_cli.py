@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from reconstruction.errors import InputError
 from spisim.atmosphere import combine, fog, rain, snow
+from spisim.budget.wavelengths import WAVELENGTHS_NM, class_1_limits, wavelength_figures
 from spisim.cli import app
 from spisim.cli.inputs import scene_with
-from spisim.wavelengths import WAVELENGTHS_NM, class_1_limits, wavelength_figures
 
 WEATHER = ["weather", "--fog", "heavy-radiation", "--visibility", "50"]
 

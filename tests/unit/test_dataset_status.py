@@ -17,8 +17,8 @@ from datasets import change, make_set, sample_capture
 from reconstruction import Capture, InputError, write_capture
 from spisim.cli import app
 from spisim.cli.dataset import PlanOrCommand
-from spisim.dataset.contact_sheet import evenly, write_contact_sheet
 from spisim.dataset.status import status_of
+from spisim.report.contact_sheet import evenly, write_contact_sheet
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from reconstruction.errors import InputError
-from spisim.families import FAMILIES
-from spisim.families.shapes import tube
-from spisim.instrument import load_instrument
+from spisim.instrument import load_instrument, needs
 from spisim.scene import Scene, draw_scene, find_material, make_scene
-from spisim.scene.layout import layout_problem, spot_rays, straight_back
+from spisim.scene.families import FAMILIES
+from spisim.scene.families.parts.shapes import tube
+from spisim.scene.layout import OFFERED, layout_problem, straight_back
 
 FAST_SEEDS = range(3)
 
@@ -36,7 +36,7 @@ def test_draws_are_sound_scenes_to_fly_in(family: str, seed: int) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         scene = draw_scene(family, seed)
-    assert layout_problem(scene) is None
+    assert layout_problem(scene, OFFERED) is None
     assert sum(len(thing.mesh.faces) for thing in scene.objects) < 200_000
 
 
@@ -111,7 +111,7 @@ def test_what_is_drawn_does_not_depend_on_what_the_file_adds(
         "objects": [{**BLOCK, "translate_m": [0, 0, -30]}],
     }
     changed = draw_scene(family, 2, changes=changes, wavelength_nm=905)
-    assert layout_problem(changed) is not None
+    assert layout_problem(changed, OFFERED) is not None
     *kept, block = changed.objects
     assert block.name == "block"
     for one, other in zip(drawn.objects, kept, strict=True):
@@ -125,7 +125,9 @@ def test_a_drone_moved_into_something_drawn_is_refused() -> None:
 
 
 def test_a_family_whose_draws_are_all_unfit_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("spisim.scene.drawn.layout_problem", lambda scene: "the drone is too big")
+    monkeypatch.setattr(
+        "spisim.scene.drawn.layout_problem", lambda scene, needs: "the drone is too big"
+    )
     told = r"seed 3: none of 40 draws is a scene to fly in; in the last, the drone is too big"
     with pytest.raises(InputError, match=told):
         draw_scene("targets", 3)
@@ -149,13 +151,35 @@ name: board
 drone: {{position_m: [0, 0, 1.5], look_at_m: [5, 0, 1.5]}}
 objects: [{{name: board, shape: box, size_m: [0.01, 8, 8], {pane}}}]
 """
-    problem = layout_problem(make_scene(text, Path(), "text"))
+    problem = layout_problem(make_scene(text, Path(), "text"), OFFERED)
     assert problem is None if told is None else problem is not None and told in problem
 
 
-def test_spots_are_where_the_instrument_has_them() -> None:
-    lasers = load_instrument("paper").lasers.directions
-    np.testing.assert_allclose(spot_rays(), lasers, atol=1e-12)
+def test_draws_offer_what_the_instrument_of_the_paper_needs() -> None:
+    needed = needs(load_instrument("paper"))
+    np.testing.assert_allclose(OFFERED.beams, needed.beams, atol=1e-12)
+    np.testing.assert_allclose(OFFERED.half_field_deg, needed.half_field_deg)
+    np.testing.assert_allclose(OFFERED.detectors_m, needed.detectors_m, atol=1e-4)
+    assert OFFERED.farthest_spot_m == pytest.approx(needed.farthest_spot_m, rel=1e-6)
+    assert OFFERED.lens_ring_m >= needed.lens_ring_m
+
+
+def test_a_scene_is_judged_for_the_instrument_at_hand() -> None:
+    """A board that lasers at 5° meet and lasers at 9° miss."""
+    text = """
+name: board
+drone: {position_m: [0, 0, 0], look_at_m: [5, 0, 0]}
+objects:
+  - {name: board, shape: box, size_m: [0.01, 1, 1], material: concrete, translate_m: [5, 0, 0]}
+"""
+    board = make_scene(text, Path(), "text")
+    paper = load_instrument("paper")
+    aside = [(9, 9), (-9, 9), (9, -9), (-9, -9)]
+    wide = paper.model_copy(
+        update={"lasers": paper.lasers.model_copy(update={"directions_deg": aside})}
+    )
+    assert layout_problem(board, needs(paper)) is None
+    assert "meets nothing" in str(layout_problem(board, needs(wide)))
 
 
 def test_spots_must_be_seen_from_their_detectors() -> None:
@@ -169,7 +193,8 @@ objects:
 """
     beside = np.tan(np.radians(5)) + 0.007  # left of the left beams, by 1 to 13 mm
     for place, told in ((beside, "hidden"), (beside + 0.1, None)):
-        problem = layout_problem(make_scene(text.replace("PLACE", str(place)), Path(), "text"))
+        scene = make_scene(text.replace("PLACE", str(place)), Path(), "text")
+        problem = layout_problem(scene, OFFERED)
         assert problem is None if told is None else problem is not None and told in problem
 
 

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 import yaml
 
-from spisim.families import FAMILIES, Draft, figure
-from spisim.families.daylight import outdoors
-from spisim.families.figure import Arm, Leg, Side
-from spisim.families.natural import blob, clipped_bush, scattered_rocks
-from spisim.families.person import STANCES
-from spisim.families.ropes import hanging, lying, net
-from spisim.families.shapes import alike, block, grid_mesh, loft
 from spisim.scene import Scene, draw_scene, list_scenes, load_scene
 from spisim.scene.bsdf import Bsdf, ThinPane
-from spisim.scene.layout import layout_problem, spot_rays
+from spisim.scene.families import FAMILIES, Draft
+from spisim.scene.families.parts import figure
+from spisim.scene.families.parts.daylight import outdoors
+from spisim.scene.families.parts.figure import Arm, Leg, Side
+from spisim.scene.families.parts.natural import blob, clipped_bush, scattered_rocks
+from spisim.scene.families.parts.ropes import hanging, lying, net
+from spisim.scene.families.parts.shapes import alike, block, grid_mesh, loft
+from spisim.scene.families.person import STANCES
+from spisim.scene.layout import OFFERED, layout_problem
 from spisim.scene.rays import first_hits
 from spisim.scene.soundness import fault
 
@@ -180,7 +181,7 @@ def test_shipped_scenes_are_sound_and_to_fly_in(name: str) -> None:
         warnings.simplefilter("error")
         scene = load_scene(name)
     assert scene.name == name
-    assert layout_problem(scene) is None
+    assert layout_problem(scene, OFFERED) is None
     assert triangles(scene) < 60_000
     # Of a pane the truth is its own range, but the light that comes back is from behind it.
     assert not any(isinstance(bsdf, ThinPane) for bsdf in under_the_spots(scene))
@@ -189,7 +190,7 @@ def test_shipped_scenes_are_sound_and_to_fly_in(name: str) -> None:
 def under_the_spots(scene: Scene) -> list[Bsdf]:
     """What the four spots fall on."""
     origin = scene.drone_pose[:3, 3]
-    rays = spot_rays() @ scene.drone_pose[:3, :3].T
+    rays = OFFERED.beams @ scene.drone_pose[:3, :3].T
     ranges = [first_hits(origin, rays, thing.mesh.triangles) for thing in scene.objects]
     return [scene.objects[k].material.bsdf for k in np.argmin(ranges, axis=0)]
 

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from spisim.families import draft
-from spisim.families.placing import Ground, aside, rolling
-from spisim.families.plants import TWIG_RADIUS_M, grow, leaves, tree, wood
-from spisim.families.scaffold import TUBE_DIAMETER_M
-from spisim.families.shapes import prism
 from spisim.scene import draw_scene, make_scene
 from spisim.scene.bsdf import ThinPane
+from spisim.scene.families import draft
+from spisim.scene.families.parts.placing import Ground, aside, rolling
+from spisim.scene.families.parts.plants import TWIG_RADIUS_M, grow, leaves, tree, wood
+from spisim.scene.families.parts.shapes import prism
+from spisim.scene.families.scaffold import TUBE_DIAMETER_M
 from spisim.scene.soundness import fault
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import scene_gallery
 from reconstruction import InputError
 from spisim.cli import app
-from spisim.families import FAMILIES
-from spisim.report import scene_gallery
 from spisim.scene import catalogue, list_scenes
 from spisim.scene.catalogue import weather
+from spisim.scene.families import FAMILIES
 
 DOCS = Path(__file__).parents[2] / "docs"
 

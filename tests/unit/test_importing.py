@@ -20,8 +20,8 @@ from foreign import (
     triangle_header,
     written,
 )
-from spisim.importing.drone import distance
 from spisim.scene import enclosing_object, load_scene
+from spisim.scene.importing.drone import distance
 
 
 def placed(angle: float, offset: list[float], scale: float | list[float] = 1.0) -> np.ndarray:

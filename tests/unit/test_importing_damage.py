@@ -10,9 +10,9 @@ import trimesh
 
 from foreign import TRIANGLE, collada, glb, tetrahedron, triangle_header
 from reconstruction.errors import InputError
-from spisim.importing.convert import FORMATS
-from spisim.importing.files import Folders
-from spisim.importing.units import to_metres
+from spisim.scene.importing.convert import FORMATS
+from spisim.scene.importing.files import Folders
+from spisim.scene.importing.units import to_metres
 
 TOKENS = (b"-1", b"0", b"nan", b"1e999", b"99999999999", b"null", b"[]", b"{}", b"<", b"/", b"\0")
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\no X\nusemtl a b\nf 1/1 2/1 3/1 4/1\nf 1//1 2 3\n"

@@ -9,12 +9,12 @@ import yaml
 
 from foreign import TRIANGLE, glb, taken, tetrahedron, triangle_header
 from reconstruction.errors import InputError
-from spisim.importing.materials import match
-from spisim.importing.model import Part, Surface
+from spisim.scene.importing.materials import match
+from spisim.scene.importing.model import Part, Surface
 from spisim.scene.materials import material_table
 
 KEYWORDS = yaml.safe_load(
-    (Path(__file__).parents[2] / "spisim" / "importing" / "keywords.yaml").read_text()
+    (Path(__file__).parents[2] / "spisim" / "scene" / "importing" / "keywords.yaml").read_text()
 )
 
 

@@ -14,8 +14,8 @@ import trimesh
 
 from foreign import TRIANGLE, collada, glb, glb_of_text, taken, tetrahedron, triangle_header
 from reconstruction.errors import InputError
-from spisim.importing import Options, import_scene
-from spisim.importing import files as reading
+from spisim.scene.importing import Options, import_scene
+from spisim.scene.importing import files as reading
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 LAUGHS = (
@@ -233,7 +233,7 @@ def test_stl_that_is_cut_off(tmp_path: Path) -> None:
 
 def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
     """One file under many names, as `./a` and `././a`, would fill the memory."""
-    monkeypatch.setattr("spisim.importing.gltf.MAX_FILE_BYTES", 100)
+    monkeypatch.setattr("spisim.scene.importing.gltf.MAX_FILE_BYTES", 100)
     (tmp_path / "a.bin").write_bytes(TRIANGLE)
     buffers = [{"byteLength": 36, "uri": "./" * i + "a.bin"} for i in range(3)]
     (tmp_path / "a.gltf").write_text(json.dumps(triangle_header(buffers=buffers)))
@@ -242,7 +242,7 @@ def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
 
 @pytest.mark.parametrize("name", ["a.sdf", "a.xml"])
 def test_mesh_files_count_together(tmp_path: Path, name: str, monkeypatch) -> None:
-    monkeypatch.setattr("spisim.importing.model.MAX_TRIANGLES", 10)
+    monkeypatch.setattr("spisim.scene.importing.model.MAX_TRIANGLES", 10)
     shapes, visuals = "", ""
     for i in range(3):
         tetrahedron().export(tmp_path / f"{i}.ply")

@@ -1,12 +1,12 @@
 """Materials have a possible reflectance and a source, and are found by name."""
 
-import runpy
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import material_plot
 from reconstruction.errors import InputError
 from spisim.atmosphere import refractive_index
 from spisim.scene import Material, find_material, material_table
@@ -70,7 +70,7 @@ def test_few_rows_are_estimates() -> None:
 
 def test_documented_table_is_that_of_the_rows() -> None:
     docs = Path(__file__).parents[2] / "docs"
-    table = runpy.run_path(str(docs / "images" / "materials.py"))["table"]()
+    table = material_plot.table()
     assert len(table) == 2 + len(SHIPPED.names)
     assert "\n".join(table) in (docs / "materials.md").read_text(encoding="utf-8")
 

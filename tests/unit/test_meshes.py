@@ -7,8 +7,8 @@ import pytest
 import trimesh
 
 from reconstruction.errors import InputError
-from spisim.families import props
 from spisim.scene import scenes_folder
+from spisim.scene.families.parts import props
 from spisim.scene.shapes import load_mesh
 
 SHIPPED = sorted((scenes_folder() / "meshes").glob("*.ply"))

@@ -14,9 +14,8 @@ from spisim.atmosphere import snow as snow_medium
 from spisim.atmosphere.drop_optics import flakes, water_drops
 from spisim.atmosphere.precipitation import rain, snow, terminal_speed_m_s
 from spisim.atmosphere.snow import flake_albedo
-from spisim.measurement.drops import drop_field
-from spisim.measurement.sequence import frame_time_s
-from spisim.wavelengths import WAVELENGTHS_NM
+from spisim.budget.wavelengths import WAVELENGTHS_NM
+from spisim.transport.drops import drop_field
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +103,7 @@ def test_drops_fall_past_a_moving_drone(paper):
     )
     falling = rain(10.0, far_m=1.0, wind_m_s=(0.0, 3.0, 0.0))
     field = drop_field(falling, turning, paper, 1, np.random.default_rng(0))
-    time_s = frame_time_s(paper)
+    time_s = paper.frame_time_s
     place, diameter = field.places_m[0], field.diameters_mm[0]
     # Optical axes of the start: x is the world's -y, y its -z, z its x.
     apart = place + np.array([-3.0, terminal_speed_m_s(diameter), -5.0]) * time_s

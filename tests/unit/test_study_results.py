@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from spisim.dataset.records import Record
+from spisim.report.study.page import write_report
+from spisim.report.study.plots import study_plots
+from spisim.report.study.profile_plot import profile_of, profile_plot
 from spisim.study import METRICS
 from spisim.study.evaluation import Evaluation
 from spisim.study.labels import axis_label, condition_label, value_label
-from spisim.study.plots import study_plots
 from spisim.study.profile import CENTRES_M
-from spisim.study.profile_plot import profile_of, profile_plot
-from spisim.study.report import write_report
 from spisim.study.results import (
     ALL_SCENES,
     Results,

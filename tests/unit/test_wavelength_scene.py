@@ -10,10 +10,10 @@ import pytest
 import worlds
 from reconstruction.errors import InputError
 from spisim.atmosphere import fog, precipitation, rain, snow
+from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.instrument import load_instrument
 from spisim.scene import Scene, load_scene
 from spisim.transport import camera_view, ground_truth, solve
-from spisim.wavelengths import WAVELENGTHS_NM
 
 SCENE = """
 name: test

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from reconstruction.errors import InputError
+from scattering_tables import RADII
 from spisim.atmosphere import FOGS, KINDS, GammaSizes, LogNormalSizes, Particles, refractive_index
 from spisim.atmosphere import lookup as lookup_module
 from spisim.atmosphere.lookup import WAVELENGTHS_NM, look_up, shipped
 from spisim.atmosphere.mie import ANGLES_DEG, particle_optics, scatter
 from spisim.atmosphere.rain_table import compute, rain_table, solid_angle_weights
-from spisim.atmosphere.tables import RADII
 
 NUMBER_PER_CM3 = {
     "heavy-advection": 20,

@@ -21,7 +21,7 @@ def command(
 ) -> None:
     """Write one page with image, estimated and true depth, parameters and error of each sample."""
     from spisim.dataset import open as open_data_set
-    from spisim.dataset.contact_sheet import write_contact_sheet
+    from spisim.report.contact_sheet import write_contact_sheet
 
     data = open_data_set(folder)
     with progress_bar("Reconstructing", progress) as advance:

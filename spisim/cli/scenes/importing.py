@@ -13,7 +13,7 @@ from ..console import messages, print_json, results, warn
 from ..options import Json, real_option
 
 if TYPE_CHECKING:
-    from spisim.importing import Import
+    from spisim.scene.importing import Import
 
 EXAMPLE = "spisim scenes import hangar.glb -o hangar.yaml"
 
@@ -60,7 +60,7 @@ def command(
     json: Json = False,
 ) -> None:
     """Make an editable scene file, and its meshes beside it, of a file of another program."""
-    from spisim.importing import Options, import_scene
+    from spisim.scene.importing import Options, import_scene
 
     options = Options(
         units,

@@ -10,7 +10,7 @@ from ..console import print_json, results
 from ..options import Json
 
 if TYPE_CHECKING:
-    from spisim.families import Family
+    from spisim.scene.families import Family
 
 EXAMPLE = "spisim scenes list warehouse"
 
@@ -23,11 +23,11 @@ def command(
     json: Json = False,
 ) -> None:
     """List the shipped scenes, and the families that scenes are drawn from."""
-    from spisim.families import FAMILIES, find_family
     from spisim.scene import catalogue, scenes_folder
+    from spisim.scene.families import FAMILIES
 
     if family is not None:
-        _tell(find_family(family), json)
+        _tell(family, FAMILIES[family], json)
         return
     scenes = catalogue()
     if json:
@@ -41,7 +41,7 @@ def command(
     )
     results.print()
     _print_table(
-        ("family", "what it draws"), [(one.name, one.description) for one in FAMILIES.values()]
+        ("family", "what it draws"), [(name, one.description) for name, one in FAMILIES.items()]
     )
     results.print(
         "\nTo look at one: spisim scenes show NAME. Parameters of a family: spisim scenes list "
@@ -50,25 +50,28 @@ def command(
     )
 
 
-def _tell(family: Family, json: bool) -> None:
-    from spisim.families import ranges
+def _tell(name: str, family: Family, json: bool) -> None:
+    from spisim.scene.families import ranges
 
     if json:
         print_json(_summary(family))
         return
-    texts = {name: field.description for name, field in family.parameters.model_fields.items()}
+    fields = family.parameters.model_fields
     _print_table(
         ("parameter", "drawn from", "what it is"),
-        [(name, _range(row), str(texts[name])) for name, row in ranges(family.parameters).items()],
+        [
+            (field, _range(row), str(fields[field].description))
+            for field, row in ranges(family.parameters).items()
+        ],
     )
     results.print(
-        f"\n{family.description}. To set one: spisim scenes draw {family.name} --set NAME=VALUE",
+        f"\n{family.description}. To set one: spisim scenes draw {name} --set NAME=VALUE",
         soft_wrap=True,
     )
 
 
 def _summary(family: Family) -> dict[str, Any]:
-    from spisim.families import ranges
+    from spisim.scene.families import ranges
 
     return {"description": family.description, "parameters": ranges(family.parameters)}
 

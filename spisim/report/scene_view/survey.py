@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from spisim.instrument import Instrument
+from spisim.instrument import Instrument, needs
 from spisim.scene import Scene
 from spisim.scene.layout import clearance_m, layout_problem
 from spisim.transport import Sight
@@ -31,8 +31,7 @@ class Survey:
     """Distances in metres from the pinhole, over the projector's field; counts; media.
 
     `nearest` and `farthest` are of the projector's field, `points_m` (n, 3) what is hit there, in
-    the world. `problem` is what makes the scene useless to the paper's instrument, None for
-    nothing.
+    the world. `problem` is what makes the scene useless to the instrument, None for nothing.
     """
 
     name: str
@@ -85,7 +84,7 @@ def survey(scene: Scene, instrument: Instrument, sight: Sight) -> Survey:
         objects=len(scene.objects),
         triangles=sum(len(thing.mesh.faces) for thing in scene.objects),
         media=scene.media_summary(),
-        problem=layout_problem(scene),
+        problem=layout_problem(scene, needs(instrument)),
         points_m=points,
         nearest_m=origin + field.range_m[near] * rays[1][near] if hit.any() else np.full(3, np.nan),
     )

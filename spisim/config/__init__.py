@@ -1,0 +1,43 @@
+"""YAML files read into pydantic models, with errors that say what to change.
+
+Every configuration file of the simulator goes through `parse_model`; whatever is wrong with one
+ends as a single `InputError` naming file, field, value and what is allowed.
+"""
+
+from spisim.config.fields import (
+    Count,
+    Fraction,
+    Name,
+    NonNegative,
+    Number,
+    Positive,
+    Section,
+    Vector,
+    not_a_truth_value,
+)
+from spisim.config.messages import reason
+from spisim.config.reading import (
+    check_fields,
+    find_named,
+    parse_model,
+    read_mapping,
+    read_text,
+)
+
+__all__ = [
+    "Count",
+    "Fraction",
+    "Name",
+    "NonNegative",
+    "Number",
+    "Positive",
+    "Section",
+    "Vector",
+    "check_fields",
+    "find_named",
+    "not_a_truth_value",
+    "parse_model",
+    "read_mapping",
+    "read_text",
+    "reason",
+]

@@ -1,0 +1,46 @@
+"""Fields that configuration files are made of, and the base of their sections."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from reconstruction.errors import nearest
+
+
+def not_a_truth_value(value: Any) -> Any:
+    """YAML reads `yes` and `on` as true, which would silently become the number 1."""
+    if isinstance(value, bool):
+        raise PydanticCustomError("truth_value", "should be a number")
+    return value
+
+
+Number = Annotated[float, BeforeValidator(not_a_truth_value)]
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Fraction = Annotated[Number, Field(ge=0, le=1)]
+Count = Annotated[int, BeforeValidator(not_a_truth_value), Field(gt=0)]
+Vector = tuple[Number, Number, Number]
+Name = Annotated[str, Field(min_length=1)]
+
+
+class Section(BaseModel):
+    """Base of every part of a configuration file: no unknown fields, no NaN, immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_fields(cls, data: Any) -> Any:
+        if isinstance(data, Mapping):
+            for field in data:
+                if field not in cls.model_fields:
+                    raise PydanticCustomError(
+                        "unknown_field",
+                        "unknown field {field}: {nearest}",
+                        {"field": repr(field), "nearest": nearest(str(field), cls.model_fields)},
+                    )
+        return data

@@ -1,0 +1,109 @@
+"""YAML text checked against models."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import ValidationError
+
+from reconstruction.errors import InputError, nearest
+from spisim.config.fields import Section
+from spisim.config.messages import describe, show
+
+Model = TypeVar("Model", bound=Section)
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe YAML in which a repeated key is an error; plain PyYAML keeps the last one silently."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        self.flatten_mapping(node)
+        seen: set[Any] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, Hashable) and key in seen:
+                raise yaml.MarkedYAMLError(
+                    problem=f"field {key!r} is given twice", problem_mark=key_node.start_mark
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def read_text(path: Path) -> str:
+    """Text of a UTF-8 file; InputError where it is missing, unreadable or not text."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file; a YAML file in UTF-8 is expected") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def read_mapping(text: str, model: type[Section], source: Path | str) -> dict[Any, Any]:
+    """Fields of a YAML file that should be of `model`, unchecked.
+
+    Raises InputError, naming `source`, for YAML that does not parse or is not a mapping.
+    """
+    try:
+        # The loader derives from SafeLoader: plain data only, no Python objects.
+        data = yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        where = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise InputError(f"{source}{where}: not valid YAML: {error.problem}") from None
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{source}: not valid YAML: {reason}") from None
+    if not isinstance(data, dict):
+        fields = ", ".join(model.model_fields)
+        raise InputError(
+            f"{source}: expected a mapping with the fields {fields}, found {show(data)}"
+        )
+    return data
+
+
+def parse_model(text: str, model: type[Model], source: Path | str) -> Model:
+    """Check YAML text against a model.
+
+    Parameters
+    ----------
+    text: the YAML.
+    model: the `Section` that describes the whole file.
+    source: what error messages call the file.
+
+    Raises InputError for YAML that does not parse, is not a mapping, or does not fit the model.
+    """
+    return check_fields(read_mapping(text, model, source), model, source)
+
+
+def check_fields(data: Mapping[Any, Any], model: type[Model], source: Path | str) -> Model:
+    """Check the fields of a file against a model. Raises InputError where they do not fit."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise InputError(describe(error, data, source)) from None
+    except RecursionError:
+        raise InputError(f"{source}: a value of it contains itself") from None
+
+
+def find_named(name: str, folder: Path, kind: str) -> Path:
+    """Path of `name`: a YAML file that the user has, else the shipped `folder/name.yaml`.
+
+    Raises InputError, with the nearest shipped name, where there is neither.
+    """
+    given = Path(name)
+    if given.suffix in {".yaml", ".yml"} or given.is_file():
+        return given
+    shipped = {path.stem: path for path in folder.glob("*.yaml")}
+    if name in shipped:
+        return shipped[name]
+    if given.is_dir():
+        raise InputError(f"{name} is a folder; the name of a YAML file is needed")
+    raise InputError(
+        f"no {kind} {name!r}: neither a file nor the name of a shipped {kind}; "
+        f"{nearest(name, sorted(shipped))}"
+    )

@@ -1,0 +1,111 @@
+"""Captures along a flight: one for each instant, kept where they are there already."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from reconstruction import Capture, InputError, read_capture
+from spisim.instrument import Instrument
+from spisim.scene import Scene, Trajectory, at_moment
+from spisim.transport import Sight
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """One capture of a flight: its number, the scene as it is then, and the seed."""
+
+    number: int
+    time_s: float
+    scene: Scene
+    seed: int
+
+    @property
+    def file(self) -> str:
+        """Name of the capture."""
+        return f"capture-{self.number:04d}.h5"
+
+
+def instants(
+    scene: Scene, trajectory: Trajectory, instrument: Instrument, rate_hz: float, seed: int
+) -> list[Instant]:
+    """The captures of a flight, `rate_hz` of them a second, the first at its start.
+
+    Raises InputError for a rate at which the frames would overlap, and where a laser spot would hit
+    nothing.
+    """
+    frame_s = instrument.frame_time_s
+    if rate_hz * frame_s > 1:
+        raise InputError(
+            f"{rate_hz:g} captures a second do not fit: a frame of this instrument takes "
+            f"{frame_s:.4g} s; at most {1 / frame_s:.4g}"
+        )
+    count = int(np.floor(trajectory.duration_s * rate_hz * (1 + 1e-12))) + 1
+    times = np.minimum(np.arange(count) / rate_hz, trajectory.duration_s).tolist()
+    flight = [
+        Instant(number, time_s, at_moment(scene, trajectory.moment(time_s)), seed + number)
+        for number, time_s in enumerate(times)
+    ]
+    _check_spots(flight, instrument)
+    return flight
+
+
+def _check_spots(flight: list[Instant], instrument: Instrument) -> None:
+    """The transport asks for it at every capture; here, before the first one is traced."""
+    still = not any(thing.moves for thing in flight[0].scene.objects)
+    sight = Sight.of(flight[0].scene)
+    for instant in flight:
+        if not still:
+            sight = Sight.of(instant.scene)
+        pose = instant.scene.drone_pose
+        beams = instrument.lasers.directions @ pose[:3, :3].T
+        found = sight.along(np.broadcast_to(pose[:3, 3], beams.shape), beams)
+        missing = np.flatnonzero(found.object_id < 0)
+        if missing.size:
+            raise InputError(
+                f"scene {instant.scene.name!r}: {instant.time_s:g} s into the flight, laser spot "
+                f"{missing[0]} hits nothing; change the path, or put something behind it"
+            )
+
+
+def kept_captures(
+    folder: Path, flight: list[Instant], instrument: Instrument, spp: int
+) -> dict[int, Capture]:
+    """Captures of this very flight that are in a folder already, by number.
+
+    Raises InputError for captures of another flight, scene, instrument, seed or number of paths.
+    """
+    files = {folder / instant.file: instant for instant in flight}
+    strangers = sorted(set(folder.glob("capture-*.h5")) - set(files))
+    if strangers:
+        raise InputError(f"{strangers[0]} is not of this flight; give another folder")
+    kept = {}
+    for file, instant in files.items():
+        if not file.exists():
+            continue
+        capture = read_capture(file)
+        if different := _difference(capture, instant, instrument, spp):
+            raise InputError(
+                f"{file} was made with another {different}; give another folder, or remove it"
+            )
+        kept[instant.number] = capture
+    return kept
+
+
+def _difference(capture: Capture, instant: Instant, instrument: Instrument, spp: int) -> str | None:
+    """What a capture was made with that an instant would not be, or None."""
+    made = capture.provenance
+    if made.source != "simulation" or made.scene != instant.scene.text:
+        return "scene or flight"
+    if made.instrument != instrument.text:
+        return "instrument"
+    if made.seed != instant.seed:
+        return "seed"
+    settings = yaml.safe_load(made.settings)
+    for field, value in {"spp": spp, "noise": True, "frames": 1}.items():
+        if settings.get(field) != value:
+            return field
+    return None

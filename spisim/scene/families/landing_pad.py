@@ -1,0 +1,259 @@
+"""A landing pad from above: H, fiducial marker, lights, cable, tools, stones or snow around."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from spisim.scene.families.parts import props
+from spisim.scene.families.parts.daylight import outdoors
+from spisim.scene.families.parts.draft import Draft, Family
+from spisim.scene.families.parts.natural import blob, scattered_rocks
+from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
+from spisim.scene.families.parts.plants import tuft
+from spisim.scene.families.parts.ropes import hanging, lying
+from spisim.scene.families.parts.shapes import (
+    Floats,
+    Mesh,
+    alike,
+    block,
+    lathe,
+    moved,
+    rod,
+    tube,
+    union,
+)
+
+PAD_HEIGHT_M = 0.06
+#: Of painted and glued things, so that they stand out from the pad and leave it closed.
+RELIEF_M = 0.003
+
+
+class LandingPadParameters(Parameters):
+    """A pad seen from `height_m` above the ground, its middle `pitch_deg` below the horizon."""
+
+    height_m: float = drawn_log(2.4, 6.0, "of the drone above the ground")
+    pitch_deg: float = drawn(40.0, 75.0, "down to the middle of the pad")
+    pad_m: float = drawn(0.7, 1.2, "side or diameter of the pad")
+    turn_deg: float = drawn(-60.0, 60.0, "of the pad; at 0 its H stands upright to us")
+    shape: str = one_of("round", "square", text="of the pad")
+    pad: str = one_of("concrete", "asphalt", "rubber-black", "wood-weathered", text="its material")
+    marker_cells: int = drawn(4, 7, "cells of the fiducial marker each way, without its border")
+    lights: int = drawn(0, 10, "around the edge")
+    tools: int = drawn(0, 5, "things left beside the pad")
+    cable_mm: float = drawn_log(5.0, 20.0, "diameter of the cable")
+    mast_m: float = drawn(0.5, 1.2, "height of the mast with the windsock")
+    around: str = one_of("gravel", "snow", "grass", "concrete", text="what the pad lies in")
+    clutter: int = drawn(40, 300, "stones, lumps of snow or tufts around")
+
+
+def build(parameters: LandingPadParameters, rng: np.random.Generator) -> Draft:
+    """The pad around the origin, the drone on the side of -x."""
+    back = parameters.height_m / float(np.tan(np.radians(parameters.pitch_deg)))
+    draft = Draft(
+        position_m=(-back, 0.0, parameters.height_m),
+        look_at_m=(float(rng.uniform(-0.1, 0.1)), float(rng.uniform(-0.1, 0.1)), PAD_HEIGHT_M),
+        **outdoors(rng),
+    )
+    _AROUND[parameters.around](draft, parameters, rng)
+    _add_pad(draft, parameters, rng)
+    _add_lights(draft, parameters)
+    _add_mast(draft, parameters, rng)
+    _add_tools(draft, parameters, rng)
+    reach, side = 0.5 * parameters.pad_m, float(rng.choice((-1, 1)))
+    corners = [
+        (-3.0, side * 2.5), (-0.9 * reach, side * 1.9 * reach), (0.2 * reach, side * 1.5 * reach),
+        (0.9 * reach, side * 1.4 * reach), (0.8 * reach, side * 0.75 * reach),
+    ]  # fmt: skip
+    radius = parameters.cable_mm / 2000
+    cable = lying(corners, 0.12 * reach, PAD_HEIGHT_M + radius, rng)
+    outside = np.hypot(cable[:, 0], cable[:, 1]) > 1.02 * reach * np.sqrt(2)
+    cable[outside, 2] = radius
+    draft.mesh("cable", "pvc", tube(cable, radius))
+    return draft
+
+
+def _add_pad(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    size, turn = parameters.pad_m, (0, 0, parameters.turn_deg)
+    half, top = size / 2, PAD_HEIGHT_M
+    if parameters.shape == "round":
+        pad = rod((0, 0, -0.02), (0, 0, top), half, 64)
+        edge = _ring(0.95 * half, 0.88 * half)
+    else:
+        pad = block((size, size, top + 0.02), (0, 0, (top - 0.02) / 2))
+        edge = union(
+            [
+                block((0.94 * size, 0.05 * size, 2 * RELIEF_M), (0, s * 0.445 * size, top))
+                for s in (-1, 1)
+            ]
+            + [
+                block((0.05 * size, 0.84 * size, 2 * RELIEF_M), (s * 0.445 * size, 0, top))
+                for s in (-1, 1)
+            ]
+        )
+    draft.mesh("pad", parameters.pad, pad, (0, 0, 0), turn)
+    letter = _letter(0.44 * size)
+    left = (0.0, 0.15 * size, top)
+    draft.mesh("edge marking", "paint-white", edge, (0, 0, 0), turn)
+    draft.mesh("letter H", "paint-white", moved(letter, left), (0, 0, 0), turn)
+    tile, cells = _marker(parameters.marker_cells, 0.36 * size, rng)
+    right = (0.0, -0.19 * size, top)
+    draft.mesh("marker", "paper-white", moved(tile, right), (0, 0, 0), turn)
+    draft.mesh("dark cells of the marker", "paint-black", moved(cells, right), (0, 0, 0), turn)
+
+
+def _letter(height: float) -> Mesh:
+    """H, upright along x, its middle on the origin."""
+    stroke, width = 0.18 * height, 0.62 * height
+    bars = [
+        block((height, stroke, 2 * RELIEF_M), (0, s * (width - stroke) / 2, 0)) for s in (-1, 1)
+    ]
+    return union([*bars, block((stroke, width - stroke, 2 * RELIEF_M), (0, 0, 0))])
+
+
+def _marker(cells: int, size: float, rng: np.random.Generator) -> tuple[Mesh, Mesh]:
+    """White tile with a quiet rim, and the dark cells on it: a border around random bits."""
+    cell = size / (cells + 4)
+    dark = np.ones((cells + 2, cells + 2), bool)
+    dark[1:-1, 1:-1] = rng.random((cells, cells)) < 0.5
+    tile = block((size, size, 2 * RELIEF_M), (0, 0, 0))
+    middle = (cells + 1) / 2
+    marks = [
+        block((cell, cell, RELIEF_M), ((i - middle) * cell, (j - middle) * cell, RELIEF_M))
+        for i, j in zip(*np.nonzero(dark), strict=True)
+    ]
+    return tile, union(marks)
+
+
+def _ring(outer: float, inner: float) -> Mesh:
+    """Flat ring on the pad."""
+    low, high = PAD_HEIGHT_M - RELIEF_M, PAD_HEIGHT_M + RELIEF_M
+    profile = [(inner, low), (outer, low), (outer, high), (inner, high), (inner, low)]
+    return lathe(profile, sections=64)
+
+
+def _add_lights(draft: Draft, parameters: LandingPadParameters) -> None:
+    """Flush-mounted domes around the pad."""
+    if parameters.lights == 0:
+        return
+    profile = [
+        (0, 0),
+        (0.05, 0),
+        (0.05, 0.02),
+        (0.03, 0.03),
+        (0.03, 0.08),
+        (0.018, 0.1),
+        (0, 0.105),
+    ]
+    radius = parameters.pad_m / 2 * (1.12 if parameters.shape == "round" else 1.5)
+    angles = 2 * np.pi * (np.arange(parameters.lights) + 0.5) / parameters.lights
+    copies = [((0, 0, 0), (radius * np.cos(a), radius * np.sin(a), 0)) for a in angles]
+    draft.mesh("edge light", "polypropylene", lathe(profile, 14), copies=copies)
+
+
+def _add_mast(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    """A mast behind the pad with a windsock, held by a thin stay."""
+    x, y = 0.62 * parameters.pad_m, float(rng.choice((-1, 1))) * 0.42 * parameters.pad_m
+    top = (x, y, parameters.mast_m)
+    mast = [rod((x, y, 0), top, 0.012, 10), rod((x, y, 0), (x, y, 0.02), 0.1, 16)]
+    draft.mesh("mast", "steel-galvanised", union(mast))
+    stay = hanging(top, (x + 0.5, y * 1.6, 0.0), sag=0.01, points=7)
+    draft.mesh("stay", "steel-galvanised", tube(stay, 0.0015, sections=6))
+    heading = rng.uniform(0, 2 * np.pi)
+    out = 0.38 * np.array([np.cos(heading), np.sin(heading), -0.35])
+    path = np.add(top, (0, 0, -0.06)) + np.linspace(0.03, 1, 5)[:, None] * out
+    draft.mesh("windsock", "polyester-fabric", tube(path, np.linspace(0.07, 0.035, 5).tolist(), 14))
+
+
+def _add_tools(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    """Things beside the pad, each at most once, where the drone sees them."""
+    reach = 0.5 * parameters.pad_m * (1.25 if parameters.shape == "round" else 1.5)
+    angles = rng.permutation(np.linspace(0, 2 * np.pi, len(_TOOLS), endpoint=False))
+    for name, angle in list(zip(rng.permutation(sorted(_TOOLS)), angles, strict=True))[
+        : parameters.tools
+    ]:
+        material, make = _TOOLS[name]
+        place = ((reach + 0.15) * np.cos(angle), (reach + 0.15) * np.sin(angle), 0.0)
+        draft.mesh(str(name), material, make(), place, (0, 0, rng.uniform(0, 360)))
+
+
+def _toolbox() -> Mesh:
+    tray = block((0.22, 0.42, 0.2), (0, 0, 0.1))
+    posts = [block((0.02, 0.02, 0.1), (0, y, 0.24)) for y in (-0.17, 0.17)]
+    return union([tray, *posts, rod((0, -0.18, 0.28), (0, 0.18, 0.28), 0.013, 8)])
+
+
+def _hammer() -> Mesh:
+    head = block((0.12, 0.035, 0.035), (0, 0, 0.02))
+    return union([head, rod((0, 0, 0.02), (0, 0.32, 0.016), 0.014, 8)])
+
+
+def _spanner() -> Mesh:
+    jaws = [
+        block((0.02, 0.05, 0.01), (s * 0.022, y, 0.006)) for s in (-1, 1) for y in (-0.16, 0.16)
+    ]
+    return union([block((0.025, 0.28, 0.01), (0, 0, 0.006)), *jaws])
+
+
+_TOOLS: dict[str, tuple[str, Callable[[], Mesh]]] = {
+    "toolbox": ("steel-painted", _toolbox),
+    "hammer": ("wood-dry", _hammer),
+    "spanner": ("aluminium-rough", _spanner),
+    "bucket": ("pvc", props.bucket),
+    "cone": ("polypropylene", props.cone),
+}
+
+
+def _gravel(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    draft.rectangle("ground", "soil-field", (40, 40))
+    places = _around(rng, parameters, parameters.clutter)
+    sizes = rng.lognormal(np.log(0.05), 0.4, len(places))
+    draft.mesh("stones", "gravel", scattered_rocks(rng, places, sizes))
+
+
+def _snow(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    draft.rectangle("ground", "snow", (40, 40))
+    places = _around(rng, parameters, parameters.clutter // 8)
+    lumps = [
+        moved(blob(rng, rng.uniform((0.1, 0.1, 0.06), (0.4, 0.35, 0.2)), 0.1, 2), place)
+        for place in places
+    ]
+    draft.mesh("lumps of snow", "snow", union(lumps))
+
+
+def _grass(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    draft.rectangle("ground", "soil-field", (40, 40))
+    one = tuft(rng, 0.12, 16)
+    places = _around(rng, parameters, parameters.clutter)
+    draft.mesh("grass", "grass", alike(one.vertices + places[:, None], one.faces))
+
+
+def _concrete(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    """Slabs with open joints, and a few stones."""
+    draft.rectangle("ground", "asphalt", (40, 40))
+    slab, start = 0.8, rng.uniform(0, 0.8)
+    steps = np.arange(-4.0, 4.1, slab) + start
+    copies = [((0, 0, 0), (x, y, -0.02)) for x in steps for y in steps]
+    draft.box("slab", "concrete-weathered", (0.97 * slab, 0.97 * slab, 0.05), copies=copies)
+    places = _around(rng, parameters, parameters.clutter // 5)
+    draft.mesh(
+        "stones", "gravel", scattered_rocks(rng, places, rng.uniform(0.02, 0.05, len(places)))
+    )
+
+
+def _around(rng: np.random.Generator, parameters: LandingPadParameters, count: int) -> Floats:
+    """Places (n, 3) on the ground beside the pad, the denser the nearer."""
+    inner = parameters.pad_m * (0.56 if parameters.shape == "round" else 0.76)
+    radius = inner + rng.exponential(0.4, count)
+    angle = rng.uniform(0, 2 * np.pi, count)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(count)], axis=1)
+
+
+_AROUND = {"gravel": _gravel, "snow": _snow, "grass": _grass, "concrete": _concrete}
+
+FAMILY = Family(
+    "A landing pad with H and fiducial marker, looked down on at an angle",
+    LandingPadParameters,
+    build,
+)

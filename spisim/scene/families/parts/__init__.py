@@ -1,0 +1,1 @@
+"""What families are put together from: drafts and parameters, shapes, plants, people, things."""

@@ -1,0 +1,81 @@
+"""Parameters of a family of scenes: each has the range that it is drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from pydantic import Field, TypeAdapter, model_validator
+from pydantic_core import PydanticCustomError
+
+from reconstruction.errors import nearest
+from spisim.config import Section, check_fields
+from spisim.config.distributions import Choice, Distribution, LogUniform, Uniform, stream
+
+
+class Parameters(Section):
+    """Base of the parameters of every family; fields are made by `drawn`, `drawn_log`, `one_of`."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_words(cls, data: Any) -> Any:
+        for name, distribution in ranges(cls).items():
+            known = distribution.get("choice", ())
+            if known and name in data and data[name] not in known:
+                raise PydanticCustomError(
+                    "unknown_word",
+                    "unknown {field} {word}: {hint}",
+                    {
+                        "field": name,
+                        "word": repr(data[name]),
+                        "hint": nearest(str(data[name]), known),
+                    },
+                )
+        return data
+
+
+Model = TypeVar("Model", bound=Parameters)
+
+
+def drawn(low: float, high: float, text: str) -> Any:
+    """A parameter between two bounds, whole if both are; `text` says what it is."""
+    return _field(Uniform(uniform=(low, high)), text, ge=low, le=high)
+
+
+def drawn_log(low: float, high: float, text: str) -> Any:
+    """A parameter between two positive bounds, every factor alike."""
+    return _field(LogUniform(log_uniform=(low, high)), text, ge=low, le=high)
+
+
+def one_of(*words: str, text: str) -> Any:
+    """A parameter that is one of several words."""
+    return _field(Choice(choice=words), text)
+
+
+def _field(distribution: Distribution, text: str, **limits: Any) -> Any:
+    extra: dict[str, Any] = {"drawn": distribution.model_dump(mode="json", exclude_none=True)}
+    return Field(description=text, json_schema_extra=extra, **limits)
+
+
+def ranges(model: type[Parameters]) -> dict[str, dict[str, Any]]:
+    """What every parameter is drawn from, as a configuration file would say it."""
+    found = {}
+    for name, field in model.model_fields.items():
+        assert isinstance(field.json_schema_extra, dict)  # made by `drawn` and the like
+        found[name] = field.json_schema_extra["drawn"]
+    return found  # type: ignore[return-value]
+
+
+def draw_parameters(
+    model: type[Model], seed: int, attempt: int, given: Mapping[str, Any], source: str
+) -> Model:
+    """The given parameters, and the others drawn.
+
+    Raises InputError, naming `source`, for parameters that are unknown or out of range.
+    """
+    values = dict(given)
+    for name, text in ranges(model).items():
+        if name not in values:
+            distribution: Distribution = TypeAdapter(Distribution).validate_python(text)
+            values[name] = distribution.draw(stream(seed, attempt, name))
+    return check_fields(values, model, source)

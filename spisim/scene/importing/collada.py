@@ -1,0 +1,132 @@
+"""COLLADA (.dae): triangles, nodes, unit and axes through pycollada.
+
+trimesh's loader is not used: it applies neither `unit` nor `up_axis`, and drops the names of
+materials.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from reconstruction.errors import InputError
+from spisim.scene.importing.files import Folders, read_bytes
+from spisim.scene.importing.model import Axis, Content, Floats, Part, Surface, readable
+from spisim.scene.importing.xml import refuse_doctype
+from spisim.scene.shapes import check_mesh
+
+AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
+#: Nodes instanced within nodes.
+MAX_DEPTH = 64
+
+
+def read_collada(path: Path, folders: Folders) -> Content:
+    """Parts of a COLLADA file. InputError for what is damaged or refers to what is not there."""
+    import collada
+    from collada.common import DaeUnsupportedError
+
+    data = read_bytes(path)
+    refuse_doctype(data, path)
+    _refuse_nan(data)
+    with readable(str(path), "a COLLADA file"):
+        document = collada.Collada(io.BytesIO(data), ignore=[DaeUnsupportedError])
+        if document.scene is None:
+            raise InputError(f"{path}: has no scene")
+        content = _empty(document.assetInfo)
+        for error in document.errors:
+            content.note(f"{path.name}: {error}")
+        _note_textures(document, path, folders, content)
+        meshes: dict[int, list[tuple[trimesh.Trimesh, str | None]]] = {}
+        for node in document.scene.nodes:
+            _walk(node, np.eye(4), path.stem, content, meshes, 0)
+        return content
+
+
+def _refuse_nan(data: bytes) -> None:
+    """pycollada reads NaN as 0, which moves vertices."""
+    for found in re.finditer(rb"<[^<>]*float_array[^<>]*>([^<]*)", data):
+        if b"nan" in found[1].lower():
+            raise InputError("a float_array has numbers that are not finite (NaN)")
+
+
+def _empty(asset: Any) -> Content:
+    axis = AXES[asset.upaxis]
+    content = Content(up=axis, up_why=f"up_axis of the file: {asset.upaxis}")
+    stated = asset.xmlnode.find("{*}up_axis")
+    if stated is None or not stated.text:
+        content.up_why = "the file has no up_axis, and COLLADA then means y"
+    if asset.unitmeter is None:
+        content.unit_why = "the file has no unit, and COLLADA then means metres"
+        return content
+    if not 0 < asset.unitmeter < math.inf:
+        raise InputError(f"unit: meter should be a positive number; found {asset.unitmeter}")
+    content.unit_m = asset.unitmeter
+    content.unit_why = f"unit of the file: {asset.unitname or 'unnamed'}, {content.unit_m:g} m"
+    return content
+
+
+def _walk(
+    node: Any,
+    parent: Floats,
+    name: str,
+    content: Content,
+    meshes: dict[int, list[tuple[trimesh.Trimesh, str | None]]],
+    depth: int,
+) -> None:
+    from collada.scene import ControllerNode, GeometryNode, Node
+
+    if depth > MAX_DEPTH:
+        raise InputError(f"node {name!r}: nodes are nested more than {MAX_DEPTH} deep")
+    if isinstance(node, Node):
+        to_world = parent @ np.asarray(node.matrix, float)
+        for child in node.children:
+            _walk(child, to_world, node.name or node.id or name, content, meshes, depth + 1)
+    elif isinstance(node, GeometryNode):
+        geometry = node.geometry
+        if id(geometry) not in meshes:
+            meshes[id(geometry)] = _meshes(geometry, content)
+        surfaces = {bound.symbol: _surface(bound.target) for bound in node.materials}
+        for mesh, symbol in meshes[id(geometry)]:
+            surface = surfaces.get(symbol, Surface(symbol))
+            content.add(Part(name or geometry.name, mesh, parent, surface))
+    elif isinstance(node, ControllerNode):
+        content.note(f"node {name!r}: skinned meshes are left out")
+
+
+def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str | None]]:
+    """Triangles of a geometry, and the symbol of their material."""
+    from collada.polylist import Polylist
+    from collada.triangleset import TriangleSet
+
+    name = geometry.name or geometry.id
+    found = []
+    for primitive in geometry.primitives:
+        triangles = primitive.triangleset() if isinstance(primitive, Polylist) else primitive
+        if not isinstance(triangles, TriangleSet) or triangles.vertex is None:
+            content.note(f"geometry {name!r}: lines are left out")
+            continue
+        mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
+        check_mesh(mesh, name)
+        mesh.remove_unreferenced_vertices()
+        found.append((mesh, primitive.material))
+    return found
+
+
+def _surface(material: Any) -> Surface:
+    name = material.name or material.id
+    diffuse = getattr(material.effect, "diffuse", None)
+    if not isinstance(diffuse, tuple | list) or len(diffuse) < 3:  # a texture, or nothing
+        return Surface(name)
+    red, green, blue = (float(value) for value in diffuse[:3])
+    return Surface(name, (red, green, blue))
+
+
+def _note_textures(document: Any, path: Path, folders: Folders, content: Content) -> None:
+    for image in document.images:
+        content.note_texture(image.path or "", path.parent, folders, f"{path.name}: texture")

@@ -1,0 +1,177 @@
+"""From a foreign file to a scene file, and what there is to say about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from reconstruction.errors import InputError, naming, nearest
+from spisim.scene.importing import drone as drones
+from spisim.scene.importing.drone import DronePose
+from spisim.scene.importing.files import Folders
+from spisim.scene.importing.materials import Match, check_map, match, read_map
+from spisim.scene.importing.meshes import READERS
+from spisim.scene.importing.mitsuba_xml import read_mitsuba
+from spisim.scene.importing.model import Content, Floats, check_triangles
+from spisim.scene.importing.sdf import read_sdf
+from spisim.scene.importing.shapes import as_mesh
+from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
+from spisim.scene.importing.write import scene_fields
+from spisim.scene.model import Vector3
+from spisim.scene.write import Written, check_free, write_scene
+
+FORMATS: dict[str, Callable[[Path, Folders], Content]] = {
+    **READERS,
+    ".xml": read_mitsuba,
+    ".sdf": read_sdf,
+    ".world": read_sdf,
+}
+HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
+ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to read a foreign file; the defaults believe the file.
+
+    `units` is a name of `UNITS` or "auto"; `up` a letter of `TO_Z_UP`, or None for the file's own.
+    """
+
+    units: str = "auto"
+    up: str | None = None
+    scale: float = 1.0
+    materials: Path | None = None
+    model_path: tuple[Path, ...] = ()
+    position_m: Vector3 | None = None
+    look_at_m: Vector3 | None = None
+    overwrite: bool = False
+
+
+@dataclass(frozen=True)
+class Import:
+    """What an import wrote and decided."""
+
+    written: Written
+    unit_m: float
+    unit_why: str
+    up: str
+    up_why: str
+    triangles: int
+    bounds_m: Floats  # (2, 3)
+    drone: DronePose
+    materials: tuple[tuple[Match, int], ...]  # and how many parts it is on
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def import_scene(file: Path, output: Path, options: Options | None = None) -> Import:
+    """Write a scene file, and its meshes as PLY files beside it, from a file of another program.
+
+    Raises InputError, with nothing written, for a file that is missing, damaged, of an unknown
+    format, too large, or that refers to what is missing or may not be read; for options that do not
+    fit; and where `output` exists unless it may be overwritten.
+    """
+    options = options or Options()
+    reader = _reader(file)
+    check_free(output, options.overwrite)
+    chosen = {} if options.materials is None else read_map(options.materials)
+    folders = Folders.around(file, options.model_path)
+    with _naming_once(file):
+        content = reader(file, folders)
+    content = choose_up(choose_unit(content, options.units), options.up)
+    if not content.parts:
+        raise InputError(f"{file}: holds no triangles")
+    content = to_metres(content, options.scale)
+    if options.materials is not None:
+        check_map(chosen, content.parts, options.materials)
+    matches = [match(part, chosen) for part in content.parts]
+    with _naming_once(file):
+        placed = _placed(content)
+    bounds_m = np.array(
+        [
+            np.min([m.bounds[0] for m in placed], axis=0),
+            np.max([m.bounds[1] for m in placed], axis=0),
+        ]
+    )
+    drone = _drone(placed, content, options)
+    fields, meshes = scene_fields(output.stem, content.parts, matches, drone, file.name)
+    written = write_scene(output, fields, meshes, HEADER)
+    odd = odd_sizes(bounds_m)
+    near, far = drones.NEAREST_M
+    if not near <= drone.nearest_m <= far:
+        odd.append(f"the surface nearest to the drone is {drone.nearest_m:.3g} m away")
+    return Import(
+        written,
+        content.unit_m,
+        content.unit_why,
+        content.up,
+        content.up_why,
+        sum(len(mesh.faces) for mesh in placed),
+        bounds_m,
+        drone,
+        _counted(matches),
+        tuple(content.notes),
+        (*odd, *written.warnings),
+    )
+
+
+def _reader(file: Path) -> Callable[[Path, Folders], Content]:
+    suffix = file.suffix.lower()
+    if suffix in ARCHIVES:
+        raise InputError(f"{file}: archives are not read; unpack it and import the file in it")
+    if suffix not in FORMATS:
+        raise InputError(f"{file}: unknown format {suffix!r}: {nearest(suffix, FORMATS)}")
+    if not file.is_file():
+        raise InputError(f"{file}: no such file")
+    return FORMATS[suffix]
+
+
+@contextmanager
+def _naming_once(file: Path) -> Iterator[None]:
+    """Put the file in front of an InputError's message that does not begin with it."""
+    try:
+        yield
+    except InputError as error:
+        if str(error).startswith(str(file)):
+            raise
+        raise InputError(f"{file}: {error}") from None
+
+
+def _placed(content: Content) -> list[trimesh.Trimesh]:
+    """The meshes of all parts in world coordinates."""
+    meshes = {id(part.geometry): as_mesh(part.geometry) for part in content.parts}
+    count = sum(len(meshes[id(part.geometry)].faces) for part in content.parts)
+    check_triangles(count)
+    return [
+        meshes[id(part.geometry)].copy().apply_transform(part.to_world) for part in content.parts
+    ]
+
+
+def _drone(placed: Sequence[trimesh.Trimesh], content: Content, options: Options) -> DronePose:
+    """The pose that is asked for, else the camera's where that is in the open, else a proposal."""
+    if options.position_m is not None:
+        given, target = options.position_m, options.look_at_m
+        with naming("--drone"):
+            goal = drones.aim(placed, given) if target is None else np.array(target)
+            return drones.pose_at(placed, given, goal, "--drone")
+    if options.look_at_m is not None:
+        raise InputError("--look-at goes with --drone")
+    if content.camera is not None:
+        position, forward = content.camera[:3, 3], content.camera[:3, 2]
+        forward = forward / np.linalg.norm(forward)
+        if np.linalg.norm(forward[:2]) > 1e-3 and drones.is_open(placed, position):
+            return drones.pose_at(placed, position, position + forward, "the file's sensor")
+        content.note("the file's sensor is inside an object or looks straight up or down")
+    return drones.propose(placed)
+
+
+def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:
+    counts: dict[Match, int] = {}
+    for found in matches:
+        counts[found] = counts.get(found, 0) + 1
+    return tuple(counts.items())

@@ -1,0 +1,142 @@
+"""Which material of spisim a surface of a foreign file is, by name, by a word, or by colour."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import RootModel, ValidationError
+
+from reconstruction.errors import InputError, nearest
+from spisim.config import read_text
+from spisim.scene.importing.model import Part, Surface
+from spisim.scene.materials import material_table
+
+WHITE, BLACK = 0.8, 0.04
+#: A word this long is also looked for at either end of a compound.
+COMPOUND = 4
+
+
+@dataclass(frozen=True)
+class Match:
+    """The material that a surface becomes, and how that was decided."""
+
+    source: str
+    material: str
+    how: str  # "map", "name", "guess" or "default"
+    why: str
+
+
+class _Map(RootModel[dict[str, str]]):
+    """A file of {name in the source: material of spisim}."""
+
+
+def read_map(path: Path) -> dict[str, str]:
+    """The user's {name in the source: material}; InputError unless every material is known."""
+    try:
+        rows = _Map.model_validate(yaml.safe_load(read_text(path))).root
+    except (yaml.YAMLError, RecursionError, ValidationError):
+        raise InputError(
+            f"{path}: expected lines of `name in the source: material of spisim`"
+        ) from None
+    known = sorted(material_table())
+    for source, material in rows.items():
+        if material not in known:
+            raise InputError(
+                f"{path}: {source}: unknown material {material!r}: {nearest(material, known)}"
+            )
+    return rows
+
+
+def check_map(chosen: Mapping[str, str], parts: list[Part], path: Path) -> None:
+    """InputError for a name in a map that no part has."""
+    there = list(dict.fromkeys(part.surface.label for part in parts))
+    for source in chosen:
+        if source not in there:
+            raise InputError(
+                f"{path}: the file has no material {source!r}: {nearest(source, there)}"
+            )
+
+
+def match(part: Part, chosen: Mapping[str, str]) -> Match:
+    """Material of a part: the user's choice, else by name, by a word, by colour, or the default."""
+    surface = part.surface
+    label = surface.label
+    if label in chosen:
+        return Match(label, chosen[label], "map", "--materials")
+    if surface.name is not None and (exact := _exact(surface.name)):
+        return Match(label, exact, "name", "of this name")
+    for what, text in _clues(part):
+        if found := _by_words(text):
+            words, material = found
+            return Match(label, material, "guess", f"{words!r} in {what} {text!r}")
+    return _by_color(surface)
+
+
+def _clues(part: Part) -> list[tuple[str, str]]:
+    clues = [("its name", part.surface.name)] if part.surface.name else []
+    clues += [("its description", word) for word in part.surface.words]
+    return [*clues, ("the object's name", part.name)]
+
+
+def _exact(name: str) -> str | None:
+    plain = "-".join(_words(name))
+    return plain if plain in material_table() else None
+
+
+def _by_color(surface: Surface) -> Match:
+    keywords = _keywords()
+    if surface.color is None:
+        return Match(surface.label, keywords["nothing"], "default", "nothing tells what it is")
+    color = ", ".join(f"{value:.2f}" for value in surface.color)
+    if min(surface.color) >= WHITE:
+        kind = "white"
+    elif max(surface.color) <= BLACK:
+        kind = "black"
+    else:
+        return Match(surface.label, keywords["colored"], "default", f"only a colour ({color})")
+    return Match(surface.label, keywords[kind], "guess", f"{kind} ({color})")
+
+
+def _by_words(text: str) -> tuple[str, str] | None:
+    """The entry of the table that fits a text best, and its material."""
+    there = _words(text)
+    fitting = {
+        (phrase, material): whole
+        for phrase, material in _keywords()["words"].items()
+        if (whole := _whole_words(there, phrase.split())) is not None
+    }
+    if not fitting:
+        return None
+    return max(fitting, key=lambda entry: (len(entry[0].split()), fitting[entry]))
+
+
+def _whole_words(there: list[str], phrase: list[str]) -> int | None:
+    """How many words of a phrase stand alone; None unless all of them are there somehow."""
+    whole = [word in there or f"{word}s" in there for word in phrase]
+    inside = [
+        len(word) >= COMPOUND
+        and any(name.startswith(word) or name.endswith(word) for name in there)
+        for word in phrase
+    ]
+    if not all(alone or part for alone, part in zip(whole, inside, strict=True)):
+        return None
+    return sum(whole)
+
+
+def _words(text: str) -> list[str]:
+    """Words of a name like `BrickWall_02.001`, lower case, without numbers."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
+    return re.findall(r"[a-z]+", apart.lower())
+
+
+@cache
+def _keywords() -> dict[str, Any]:
+    text = Path(__file__).with_name("keywords.yaml").read_text(encoding="utf-8")
+    keywords: dict[str, Any] = yaml.safe_load(text)
+    return keywords

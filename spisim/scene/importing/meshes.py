@@ -1,0 +1,171 @@
+"""Mesh files: which reader for which suffix; OBJ, STL and PLY through trimesh."""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from reconstruction.errors import InputError
+from spisim.scene.importing.collada import read_collada
+from spisim.scene.importing.files import Folders, read_bytes
+from spisim.scene.importing.gltf import read_glb, read_gltf
+from spisim.scene.importing.model import MAX_TRIANGLES, Content, Part, Surface, readable
+from spisim.scene.importing.shapes import as_mesh
+from spisim.scene.shapes import check_mesh
+
+#: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
+CUT_SHORT = "string or file could not be read to its end"
+
+
+def read_obj(path: Path, folders: Folders) -> Content:
+    """Parts of an OBJ file, one per object and material."""
+    text = _text(path)
+    _refuse_relative_indices(text, path)
+    content = Content()
+    colors = _material_library(text, path, folders, content)
+    names = dict.fromkeys(name.strip() for name in re.findall(r"^usemtl (.+)$", text, re.M))
+    # trimesh keeps the name of a material only where a library describes it.
+    library = "".join(f"newmtl {name}\nKd 0 0 0\n" for name in names).encode()
+    described = re.sub(r"^mtllib.*$", "", text, flags=re.M)
+    scene = _trimesh(
+        f"mtllib materials\n{described}".encode(),
+        path,
+        resolver={"materials": library},
+        split_objects=True,
+    )
+    for name, mesh in scene.geometry.items():
+        surface = Surface(getattr(getattr(mesh.visual, "material", None), "name", None))
+        if surface.name not in names:
+            surface = Surface()
+        else:
+            surface = Surface(surface.name, colors.get(surface.name or ""))
+        _add(content, path, name, mesh, surface)
+    return content
+
+
+def read_stl(path: Path, folders: Folders) -> Content:
+    """The solids of an STL file; it has no materials."""
+    data = read_bytes(path)
+    is_text = data[:5].lower() == b"solid" and b"\0" not in data[:1024]
+    if not is_text and len(data) >= 84:
+        (count,) = struct.unpack_from("<I", data, 80)
+        if 84 + 50 * count != len(data):
+            raise InputError(
+                f"{path}: cannot be read as STL: {count:,} triangles need {84 + 50 * count:,} "
+                f"bytes; the file has {len(data):,}"
+            )
+    return _without_materials(data, path)
+
+
+def read_ply(path: Path, folders: Folders) -> Content:
+    """The mesh of a PLY file; it has no materials."""
+    data = read_bytes(path)
+    if not data.startswith(b"ply"):
+        raise InputError(f"{path}: cannot be read as PLY: it does not begin with ply")
+    header = data[: data.find(b"end_header")]
+    faces = 0
+    for kind, count in re.findall(rb"^element\s+(\S+)\s+(\S+)", header, re.M):
+        if not count.isdigit() or int(count) > 3 * MAX_TRIANGLES:
+            raise InputError(
+                f"{path}: {count.decode(errors='replace')} of {kind.decode(errors='replace')}; "
+                f"more than {3 * MAX_TRIANGLES:,} are not read"
+            )
+        faces = int(count) if kind == b"face" else faces
+    content = _without_materials(data, path)
+    found = sum(len(as_mesh(part.geometry).faces) for part in content.parts)
+    if found < faces:
+        raise InputError(f"{path}: cut off: {found:,} of {faces:,} faces are there")
+    return content
+
+
+READERS: dict[str, Callable[[Path, Folders], Content]] = {
+    ".glb": read_glb,
+    ".gltf": read_gltf,
+    ".obj": read_obj,
+    ".stl": read_stl,
+    ".ply": read_ply,
+    ".dae": read_collada,
+}
+
+
+def _without_materials(data: bytes, path: Path) -> Content:
+    content = Content()
+    scene = _trimesh(data, path, resolver={}, skip_materials=True)
+    for mesh in scene.geometry.values():
+        _add(content, path, path.stem, mesh, Surface())
+    return content
+
+
+def _add(content: Content, path: Path, name: str, mesh: object, surface: Surface) -> None:
+    if not isinstance(mesh, trimesh.Trimesh):
+        content.note(f"{path.name}: points and lines are left out")
+        return
+    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    check_mesh(plain, name)
+    content.add(Part(name, plain, np.eye(4), surface))
+
+
+def _trimesh(data: bytes, path: Path, **options: object) -> trimesh.Scene:
+    kind = path.suffix.lower().lstrip(".")
+    with readable(str(path), kind.upper()), warnings.catch_warnings():
+        warnings.filterwarnings("error", message=CUT_SHORT)
+        return trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False, **options)
+
+
+def _text(path: Path) -> str:
+    data = read_bytes(path)
+    if b"\0" in data[:4096]:
+        raise InputError(f"{path}: cannot be read as OBJ: it is not a text file")
+    return data.decode("utf-8", errors="replace").replace("\r\n", "\n")
+
+
+def _refuse_relative_indices(text: str, path: Path) -> None:
+    """trimesh counts negative indices from the end of the file; they are meant from the line."""
+    first = re.search(r"^f\s.*(?<![\d.])-\d", text, re.M)
+    if first and re.search(r"^v\s", text[first.start() :], re.M):
+        raise InputError(
+            f"{path}: counts vertices backwards (negative indices) before the last vertex, which "
+            "is not supported; export with absolute indices"
+        )
+
+
+def _material_library(
+    text: str, path: Path, folders: Folders, content: Content
+) -> dict[str, tuple[float, float, float]]:
+    """Colours of the materials in the libraries of an OBJ file; notes what is missing."""
+    colors: dict[str, tuple[float, float, float]] = {}
+    for name in re.findall(r"^mtllib\s+(.+)$", text, re.M):
+        try:
+            library = folders.find(name, path.parent, f"{path.name}: mtllib")
+            lines = read_bytes(library).decode("utf-8", errors="replace").splitlines()
+        except InputError as error:
+            content.note(f"{error}; materials go by their names alone")
+            continue
+        current = ""
+        for words in (line.split(maxsplit=1) for line in lines):
+            if len(words) < 2:
+                continue
+            if words[0] == "newmtl":
+                current = words[1].strip()
+            elif words[0] == "Kd" and (color := _color(words[1])):
+                colors[current] = color
+            elif words[0].lower() == "map_kd":
+                colors.pop(current, None)
+                name = words[1].split()[-1]
+                content.note_texture(name, library.parent, folders, f"{library.name}: texture")
+    return colors
+
+
+def _color(text: str) -> tuple[float, float, float] | None:
+    try:
+        red, green, blue = (float(word) for word in text.split()[:3])
+    except ValueError:
+        return None
+    return red, green, blue

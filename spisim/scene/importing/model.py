@@ -1,0 +1,143 @@
+"""What the readers of foreign formats hand over: parts in a common world, and what was odd."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike, NDArray
+
+from reconstruction.errors import InputError
+from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
+from spisim.scene.importing.files import Folders
+
+Floats: TypeAlias = NDArray[np.float64]
+Axis = Literal["x", "y", "z"]
+Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
+
+#: More is refused: every instance is a mesh of its own in memory.
+MAX_TRIANGLES = 20_000_000
+MAX_PARTS = 100_000
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What a file says about a material: its name, a colour (RGB from 0 to 1), and other words.
+
+    `words` are names of bsdfs and textures, which may tell what it is where the name does not.
+    """
+
+    name: str | None = None
+    color: tuple[float, float, float] | None = None
+    words: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """What reports and maps of materials call it."""
+        return self.name or "(unnamed)"
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One surface: a mesh or shape in its own coordinates and where that is in the world (4, 4).
+
+    Parts that share a mesh hold the same object.
+    """
+
+    name: str
+    geometry: trimesh.Trimesh | Shape
+    to_world: Floats
+    surface: Surface
+
+
+@dataclass
+class Content:
+    """Everything that a file holds, in the file's own unit and axes.
+
+    `notes` are what the user should know: what was left out, and what is missing.
+    """
+
+    unit_m: float = 1.0
+    unit_why: str = "the format has none: metres"
+    up: Axis = "z"
+    up_why: str = "the format has none: z"
+    parts: list[Part] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    camera: Floats | None = None  # (4, 4), looks along its z
+
+    def add(self, part: Part) -> None:
+        """Append a part; InputError for too many of them, or a pose that is none."""
+        if len(self.parts) >= MAX_PARTS:
+            raise InputError(f"more than {MAX_PARTS:,} parts (instances counted)")
+        check_pose(part.to_world, f"object {part.name!r}")
+        self.parts.append(part)
+
+    def note(self, text: str) -> None:
+        """Keep something to tell, once."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def note_texture(self, name: str, beside: Path, folders: Folders, referrer: str) -> None:
+        """Tell of a texture that is missing, or may not be read."""
+        try:
+            folders.find(name, beside, referrer)
+        except InputError as error:
+            self.note(f"{error}; textures are not used")
+
+
+def check_triangles(count: int) -> None:
+    """InputError for more triangles than are read."""
+    if count > MAX_TRIANGLES:
+        raise InputError(
+            f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not read"
+        )
+
+
+def check_pose(matrix: Floats, what: str) -> None:
+    """InputError unless a (4, 4) matrix places things: finite, affine, and flattens nothing."""
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise InputError(f"{what}: its pose is not made of finite numbers")
+    if not np.allclose(matrix[3], [0, 0, 0, 1]):
+        raise InputError(f"{what}: its pose is no affine matrix; the last row is {matrix[3]}")
+    if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
+        raise InputError(f"{what}: its pose flattens it; a scale is zero")
+
+
+def translation(offset: ArrayLike) -> Floats:
+    """(4, 4) matrix that moves."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = offset
+    return matrix
+
+
+def scaling(factors: ArrayLike) -> Floats:
+    """(4, 4) matrix that scales by one factor or three."""
+    return np.diag([*np.broadcast_to(np.asarray(factors, float), 3), 1.0])
+
+
+@contextmanager
+def readable(what: str, kind: str) -> Iterator[None]:
+    """Turn whatever a parser runs into within into an InputError that names the file.
+
+    Numbers that are not finite raise no warnings within; they are looked for afterwards. What
+    trimesh logs of damaged files is not for users.
+    """
+    logged = trimesh.util.log.disabled
+    trimesh.util.log.disabled = True
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        if isinstance(error, RecursionError):
+            reason = "nested too deeply"
+        raise InputError(f"{what}: cannot be read as {kind}: {reason[:200]}") from None
+    finally:
+        trimesh.util.log.disabled = logged

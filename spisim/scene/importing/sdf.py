@@ -1,0 +1,212 @@
+"""Gazebo worlds and models (SDFormat .sdf, .world): what their visuals show.
+
+A parser of its own: there is no maintained Python package of libsdformat.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from reconstruction.errors import InputError
+from spisim.scene.importing.files import Folders, read_bytes
+from spisim.scene.importing.frames import Frames, read_pose
+from spisim.scene.importing.model import Content, Floats, Part
+from spisim.scene.importing.sdf_visual import Visuals
+from spisim.scene.importing.xml import parse_xml
+
+MAX_INCLUDE_DEPTH = 16
+MAX_INCLUDES = 10_000
+#: Elements of worlds and models that show something and are not read, and what to call them.
+LEFT_OUT = {
+    "light": "lights are left out: give daylight under `ambient` in the scene file",
+    "actor": "actors are left out",
+    "population": "populations are left out",
+    "road": "roads are left out",
+}
+
+
+@np.errstate(all="ignore")  # poses are checked to be finite in the end
+def read_sdf(path: Path, folders: Folders) -> Content:
+    """Parts of the visuals of a world or model, metres, z up, moving joints as they stand.
+
+    Raises InputError for what cannot be read, refers to what is not there, or includes itself.
+    """
+    content = Content(unit_why="SDFormat is in metres", up_why="Gazebo has z up")
+    reader = _Reader(folders, Visuals(folders, content))
+    root = reader.parse(path)
+    worlds = root.findall("world")
+    if len(worlds) > 1:
+        content.note(f"{path.name}: only the first of {len(worlds)} worlds is read")
+    top = worlds[0] if worlds else root
+    what = f"world {top.get('name', '')!r}" if worlds else path.name
+    scope = _Scope(path, (path.resolve(),), what)
+    for model, pose in reader.models(top, Frames("world", what), scope):
+        model.show(pose, content)
+    if not content.parts:
+        raise InputError(f"{path}: has no visuals; collision shapes are not read")
+    return content
+
+
+@dataclass(frozen=True)
+class _Scope:
+    """Where an element stands: its file, the chain of files that included it, its name."""
+
+    path: Path
+    chain: tuple[Path, ...]
+    what: str
+
+    def within(self, kind: str, name: str) -> _Scope:
+        return _Scope(self.path, self.chain, f"{self.what}: {kind} {name!r}")
+
+
+@dataclass
+class _Model:
+    """A model with its parts in its own frame."""
+
+    name: str
+    frames: Frames
+    parts: list[Part] = field(default_factory=list)
+
+    def show(self, pose: Floats, content: Content) -> None:
+        """Add all parts to the content, the model being at a pose."""
+        for part in self.parts:
+            content.add(Part(part.name, part.geometry, pose @ part.to_world, part.surface))
+
+
+class _Reader:
+    def __init__(self, folders: Folders, visuals: Visuals) -> None:
+        self._folders = folders
+        self._visuals = visuals
+        self._includes = 0
+        self._roots: dict[Path, Element] = {}
+
+    def parse(self, path: Path) -> Element:
+        if path in self._roots:
+            return self._roots[path]
+        root = self._roots[path] = parse_xml(read_bytes(path), path)
+        if root.tag != "sdf":
+            raise InputError(f"{path}: is no SDFormat: its root is <{root.tag}>, not <sdf>")
+        return root
+
+    def models(self, parent: Element, frames: Frames, scope: _Scope) -> list[tuple[_Model, Floats]]:
+        """Models right below a world or model, included ones too, with their poses in it.
+
+        Their frames, and those that the parent defines itself, are added to `frames`.
+        """
+        self._note_left_out(parent)
+        found = []
+        for child in parent:
+            if child.tag == "model":
+                inside = scope.within("model", child.get("name", ""))
+                model = self._model(child, inside)
+                pose, relative_to = read_pose(child.find("pose"), inside.what)
+                placement = child.get("placement_frame", "")
+            elif child.tag == "include":
+                model, pose, relative_to, placement = self._include(child, scope)
+            else:
+                continue
+            pose = pose @ np.linalg.inv(model.frames.pose(placement))
+            frames.add(model.name, pose, relative_to, model.frames)
+            found.append(model)
+        self._add_frames(parent, frames, scope)
+        return [(model, frames.pose(model.name)) for model in found]
+
+    def _model(self, element: Element, scope: _Scope) -> _Model:
+        frames = Frames("__model__", scope.what)
+        model = _Model(element.get("name", ""), frames)
+        if not model.name:
+            raise InputError(f"{scope.what}: has no name")
+        for link in element.findall("link"):
+            inside = scope.within("link", link.get("name", ""))
+            frames.add(link.get("name", ""), *read_pose(link.find("pose"), inside.what))
+        self._add_joints(element, frames, scope)
+        inner = self.models(element, frames, scope)
+        for link in element.findall("link"):
+            self._link(link, model, scope.within("link", link.get("name", "")))
+        for nested, pose in inner:
+            for part in nested.parts:
+                name = f"{model.name} {part.name}"
+                to_world = pose @ part.to_world
+                model.parts.append(Part(name, part.geometry, to_world, part.surface))
+        return model
+
+    def _link(self, link: Element, model: _Model, scope: _Scope) -> None:
+        self._note_left_out(link)
+        for visual in link.findall("visual"):
+            inside = scope.within("visual", visual.get("name", ""))
+            pose, relative_to = read_pose(visual.find("pose"), inside.what)
+            frame = model.frames.pose(relative_to or link.get("name", "")) @ pose
+            name = " ".join(filter(None, (model.name, visual.get("name", ""))))
+            for part in self._visuals.read(visual, scope.path, inside.what):
+                to_model = frame @ part.to_world
+                model.parts.append(Part(name, part.geometry, to_model, part.surface))
+
+    def _add_frames(self, parent: Element, frames: Frames, scope: _Scope) -> None:
+        for frame in parent.findall("frame"):
+            inside = scope.within("frame", frame.get("name", ""))
+            pose, relative_to = read_pose(frame.find("pose"), inside.what)
+            frames.add(frame.get("name", ""), pose, relative_to or frame.get("attached_to", ""))
+
+    def _add_joints(self, element: Element, frames: Frames, scope: _Scope) -> None:
+        for joint in element.findall("joint"):
+            inside = scope.within("joint", joint.get("name", ""))
+            pose, relative_to = read_pose(joint.find("pose"), inside.what)
+            child = (joint.findtext("child") or "").strip()
+            frames.add(joint.get("name", ""), pose, relative_to or child)
+
+    def _include(self, element: Element, scope: _Scope) -> tuple[_Model, Floats, str, str]:
+        """The model that an `<include>` names, its pose, what that is relative to, its frame."""
+        uri = (element.findtext("uri") or "").strip()
+        what = f"{scope.what}: include {uri!r}"
+        self._includes += 1
+        if self._includes > MAX_INCLUDES:
+            raise InputError(f"{what}: more than {MAX_INCLUDES:,} includes")
+        path = self._model_file(self._folders.find(uri, scope.path.parent, what), what)
+        if path in scope.chain:
+            names = " → ".join(str(link) for link in (*scope.chain, path))
+            raise InputError(f"{what}: includes itself: {names}")
+        if len(scope.chain) > MAX_INCLUDE_DEPTH:
+            raise InputError(f"{what}: includes are nested more than {MAX_INCLUDE_DEPTH} deep")
+        included = self.parse(path).find("model")
+        if included is None:
+            raise InputError(f"{what}: {path} holds no model")
+        name = (element.findtext("name") or included.get("name") or "").strip()
+        model = self._model(included, _Scope(path, (*scope.chain, path), f"{path.name}"))
+        model.name = name
+        placed = included if element.find("pose") is None else element
+        pose, relative_to = read_pose(placed.find("pose"), what)
+        placement = (element.findtext("placement_frame") or "").strip()
+        if not placement and placed is included:
+            placement = included.get("placement_frame", "")
+        return model, pose, relative_to, placement
+
+    def _model_file(self, found: Path, what: str) -> Path:
+        """The SDF file of a model folder, as its model.config says; a file is itself."""
+        if not found.is_dir():
+            return found
+        config = found / "model.config"
+        if not config.is_file():
+            return self._folders.find("model.sdf", found, what)
+        versions = parse_xml(read_bytes(config), config).findall("sdf")
+        names = {_version(row): (row.text or "").strip() for row in versions}
+        if not names:
+            raise InputError(f"{config}: names no sdf file")
+        return self._folders.find(names[max(names)], found, f"{config}: sdf")
+
+    def _note_left_out(self, parent: Element) -> None:
+        for child in parent:
+            if child.tag in LEFT_OUT:
+                self._visuals.content.note(LEFT_OUT[child.tag])
+
+
+def _version(row: Element) -> float:
+    try:
+        version = float(row.get("version", "0"))
+    except ValueError:
+        return 0.0
+    return version if math.isfinite(version) else 0.0

@@ -1,0 +1,175 @@
+"""What one `<visual>` of SDFormat shows: its geometry and what it says of its material."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import trimesh
+
+from reconstruction.errors import InputError, naming, nearest
+from spisim.scene.importing import shapes
+from spisim.scene.importing.files import Folders
+from spisim.scene.importing.meshes import READERS
+from spisim.scene.importing.model import (
+    Content,
+    Part,
+    Shape,
+    Surface,
+    check_pose,
+    check_triangles,
+    scaling,
+)
+from spisim.scene.importing.units import to_metres
+from spisim.scene.importing.xml import numbers
+
+#: Geometries that Gazebo knows and that are not read.
+LEFT_OUT = ("heightmap", "polyline", "image", "empty")
+
+
+class Visuals:
+    """Reads visuals; a mesh file that several of them show is read once."""
+
+    def __init__(self, folders: Folders, content: Content) -> None:
+        self.content = content
+        self._folders = folders
+        self._files: dict[Path, list[Part]] = {}
+
+    def read(self, visual: Element, path: Path, what: str) -> list[Part]:
+        """Parts of a visual in its own frame; its geometry may come from files beside `path`."""
+        if _number(visual, "transparency", 0.0, what) >= 1:
+            self.content.note(f"{what}: is fully transparent and left out")
+            return []
+        geometry = visual.find("geometry")
+        kinds = [] if geometry is None else [child for child in geometry if child.tag in KNOWN]
+        if not kinds:
+            found = "none" if geometry is None else ", ".join(child.tag for child in geometry)
+            raise InputError(f"{what}: geometry {found or 'none'} is unknown: {nearest('', KNOWN)}")
+        kind = kinds[0]
+        surface = self._surface(visual, path, what)
+        if kind.tag in LEFT_OUT:
+            if kind.tag != "empty":
+                self.content.note(f"{what}: geometry {kind.tag} is left out")
+            return []
+        if kind.tag == "mesh":
+            return self._mesh(kind, surface, path, what)
+        shape, pose = SHAPES[kind.tag](kind, what), np.eye(4)
+        if kind.tag == "plane":
+            pose = _facing(kind, what)
+        return [Part("", shape, pose, surface or Surface())]
+
+    def _mesh(self, element: Element, surface: Surface | None, path: Path, what: str) -> list[Part]:
+        uri = (element.findtext("uri") or "").strip()
+        parts = self._load(self._folders.find(uri, path.parent, f"{what}: mesh"), what)
+        if (submesh := element.find("submesh")) is not None:
+            parts = _only(parts, submesh, what)
+        factors = numbers(element.findtext("scale") or "1 1 1", 3, f"{what}: scale")
+        grown = scaling(factors)
+        check_pose(grown, f"{what}: scale {factors}")
+        return [
+            Part(part.name, part.geometry, grown @ part.to_world, surface or part.surface)
+            for part in parts
+        ]
+
+    def _load(self, path: Path, what: str) -> list[Part]:
+        """Parts of a mesh file in metres.
+
+        As in Gazebo, a unit counts, but the axes stay as they stand in the file: z is up in
+        Gazebo's meshes, whatever up_axis says (gz-common, AssimpLoader).
+        """
+        suffix = path.suffix.lower()
+        if suffix not in READERS:
+            raise InputError(f"{what}: mesh {path.name!r}: {nearest(suffix, READERS)}")
+        if path not in self._files:
+            with naming(f"{what}: mesh"):
+                content = READERS[suffix](path, self._folders)
+            content.up = "z"
+            self._files[path] = to_metres(content, 1.0).parts
+            loaded = (part for parts in self._files.values() for part in parts)
+            check_triangles(sum(len(shapes.as_mesh(part.geometry).faces) for part in loaded))
+            for note in content.notes:
+                self.content.note(note)
+        return self._files[path]
+
+    def _surface(self, visual: Element, path: Path, what: str) -> Surface | None:
+        """What a visual says of its material, or None where it says nothing."""
+        material = visual.find("material")
+        if material is None:
+            return None
+        script = (material.findtext("script/name") or "").strip()
+        textures = [
+            element.text.strip()
+            for element in material.iter()
+            if element.tag.endswith("_map") and element.text and element.text.strip()
+        ]
+        for texture in textures:
+            self.content.note_texture(texture, path.parent, self._folders, f"{what}: texture")
+        color = _color(material, what)
+        words = tuple(Path(name).stem for name in textures)
+        if float(_number(material, "pbr/metal/metalness", 0.0, what)) >= 0.5 and not words:
+            words = ("metal",)
+        name = script.rpartition("/")[2] or None
+        return Surface(name, None if textures else color, words)
+
+
+def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
+    """The parts of one name, centred if asked for."""
+    name = (submesh.findtext("name") or "").strip()
+    chosen = [part for part in parts if part.name == name]
+    if not chosen:
+        known = nearest(name, dict.fromkeys(part.name for part in parts))
+        raise InputError(f"{what}: no submesh {name!r}: {known}")
+    if (submesh.findtext("center") or "").strip().lower() not in ("true", "1"):
+        return chosen
+    corners = [
+        shapes.as_mesh(part.geometry).copy().apply_transform(part.to_world).bounds
+        for part in chosen
+    ]
+    middle = np.eye(4)
+    middle[:3, 3] = -(np.min(corners, axis=(0, 1)) + np.max(corners, axis=(0, 1))) / 2
+    return [Part(p.name, p.geometry, middle @ p.to_world, p.surface) for p in chosen]
+
+
+def _facing(plane: Element, what: str) -> np.ndarray:
+    """Pose (4, 4) that turns z to the normal of a plane."""
+    normal = np.array(numbers(plane.findtext("normal") or "0 0 1", 3, f"{what}: normal"))
+    if not np.linalg.norm(normal) > 0:
+        raise InputError(f"{what}: the normal of the plane is zero")
+    return np.asarray(trimesh.geometry.align_vectors([0, 0, 1], normal / np.linalg.norm(normal)))
+
+
+def _color(material: Element, what: str) -> tuple[float, float, float] | None:
+    for tag in ("diffuse", "ambient"):
+        text = material.findtext(tag)
+        if text is not None and text.strip():
+            count = len(text.split())
+            red, green, blue = numbers(text, max(3, min(count, 4)), f"{what}: {tag}")[:3]
+            return red, green, blue
+    return None
+
+
+def _number(element: Element, tag: str, default: float, what: str) -> float:
+    text = element.findtext(tag)
+    return default if text is None else numbers(text, 1, f"{what}: {tag}")[0]
+
+
+def _needed(element: Element, tag: str, count: int, what: str) -> list[float]:
+    return numbers(element.findtext(tag), count, f"{what}: {element.tag}: {tag}")
+
+
+def _radius_and_length(element: Element, what: str) -> tuple[float, float]:
+    return _needed(element, "radius", 1, what)[0], _needed(element, "length", 1, what)[0]
+
+
+SHAPES: dict[str, Callable[[Element, str], trimesh.Trimesh | Shape]] = {
+    "box": lambda row, what: shapes.box(_needed(row, "size", 3, what), what),
+    "sphere": lambda row, what: shapes.sphere(_needed(row, "radius", 1, what)[0], what),
+    "cylinder": lambda row, what: shapes.cylinder(*_radius_and_length(row, what), what),
+    "plane": lambda row, what: shapes.rectangle(_needed(row, "size", 2, what), what),
+    "ellipsoid": lambda row, what: shapes.ellipsoid(_needed(row, "radii", 3, what), what),
+    "capsule": lambda row, what: shapes.capsule(*_radius_and_length(row, what), what),
+    "cone": lambda row, what: shapes.cone(*_radius_and_length(row, what), what),
+}
+KNOWN = (*SHAPES, "mesh", *LEFT_OUT)

@@ -1,0 +1,154 @@
+"""Parts as the objects of a scene file, and their meshes."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+from scipy.linalg import polar
+from scipy.spatial.transform import Rotation
+
+from spisim.scene.importing.drone import DronePose
+from spisim.scene.importing.materials import Match
+from spisim.scene.importing.model import Floats, Part, Shape
+from spisim.scene.importing.shapes import as_mesh, stretched
+from spisim.scene.pose import pose_matrix
+
+#: How far, relative to its scale, a pose may be from a rotation: what single precision leaves.
+RIGID = 3e-7
+EXACT = 1e-9
+MAX_NAME = 80
+
+Meshes = dict[str, trimesh.Trimesh]
+
+
+def scene_fields(
+    name: str, parts: Sequence[Part], matches: Sequence[Match], drone: DronePose, source: str
+) -> tuple[dict[str, Any], Meshes]:
+    """Fields of a scene file, and the meshes that it refers to by their file names.
+
+    `matches` are the materials of the parts.
+    """
+    objects, meshes = _objects(parts, matches)
+    fields = {
+        "name": name,
+        "description": f"imported from {source}",
+        "drone": {
+            "position_m": _rounded(drone.position_m, 4),
+            "look_at_m": _rounded(drone.look_at_m, 4),
+        },
+        "objects": objects,
+    }
+    return fields, meshes
+
+
+def _objects(
+    parts: Sequence[Part], matches: Sequence[Match]
+) -> tuple[list[dict[str, Any]], Meshes]:
+    """Rows of a scene file, one for all copies of a part, and their meshes."""
+    groups: dict[Any, list[tuple[dict[str, Any], str, Floats]]] = {}
+    stretched_meshes: dict[Any, trimesh.Trimesh] = {}
+    files: dict[int, str] = {}
+    meshes: Meshes = {}
+    for part, match in zip(parts, matches, strict=True):
+        geometry, scale, pose = _placeable(part, stretched_meshes)
+        if isinstance(geometry, trimesh.Trimesh):
+            if id(geometry) not in files:
+                files[id(geometry)] = _unique_file(part.name, meshes)
+                meshes[files[id(geometry)]] = geometry
+            shape: dict[str, Any] = {"mesh": files[id(geometry)]}
+        else:
+            shape = _shape_row(geometry)
+        if abs(scale - 1) > RIGID:
+            shape["scale"] = float(f"{scale:.9g}")
+        shape["material"] = match.material
+        groups.setdefault(repr(shape), []).append((shape, part.name, pose))
+    taken: set[str] = set()
+    return [_row(copies, taken) for copies in groups.values()], meshes
+
+
+def _placeable(
+    part: Part, stretched_meshes: dict[Any, trimesh.Trimesh]
+) -> tuple[trimesh.Trimesh | Shape, float, Floats]:
+    """A part as a scene file can place it: with one scale and a rigid pose (4, 4).
+
+    Where its own pose does more, the mesh takes up the stretch, once for all parts that share both.
+    """
+    geometry, pose = part.geometry, part.to_world.copy()
+    if not isinstance(geometry, trimesh.Trimesh) and (found := stretched(geometry, pose)):
+        return found[0], 1.0, found[1]
+    rotation, stretch = polar(pose[:3, :3])  # first the stretch
+    if np.linalg.det(rotation) < 0:
+        rotation, stretch = -rotation, -stretch
+    pose[:3, :3] = rotation
+    scale = float(np.trace(stretch)) / 3
+    if scale > 0 and np.allclose(stretch / scale, np.eye(3), atol=RIGID):
+        return geometry, scale, pose
+    key = (id(geometry), tuple(np.round(stretch, 12).ravel()))
+    if key not in stretched_meshes:
+        matrix = np.eye(4)
+        matrix[:3, :3] = stretch
+        stretched_meshes[key] = as_mesh(geometry).copy().apply_transform(matrix)
+    return stretched_meshes[key], 1.0, pose
+
+
+def _row(copies: list[tuple[dict[str, Any], str, Floats]], taken: set[str]) -> dict[str, Any]:
+    shape, name, pose = copies[0]
+    row: dict[str, Any] = {"name": _unique_name(name, len(copies), taken), **shape}
+    if len(copies) == 1:
+        return row | _pose_row(pose)
+    return row | {"instances": [_pose_row(pose) for _, _, pose in copies]}
+
+
+def _pose_row(pose: Floats) -> dict[str, Any]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # at 90° of pitch there are many solutions
+        angles = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", degrees=True)
+    row: dict[str, Any] = {}
+    if not np.allclose(pose_matrix(angles, (0, 0, 0))[:3, :3], np.eye(3), atol=EXACT):
+        row["rotate_deg"] = _rounded(angles, 9)
+    if not np.allclose(pose[:3, 3], 0, atol=EXACT):
+        row["translate_m"] = _rounded(pose[:3, 3], 9)
+    return row
+
+
+def _shape_row(geometry: Any) -> dict[str, Any]:
+    fields = geometry.model_dump(exclude={"name", "material"}, exclude_defaults=True)
+    fields["shape"] = geometry.shape
+    row = {"shape": fields.pop("shape")}
+    for name, value in fields.items():
+        row[name] = _rounded(value, 9) if isinstance(value, tuple) else _rounded([value], 9)[0]
+    return row
+
+
+def _rounded(values: Iterable[float], digits: int) -> list[float]:
+    """Rounded numbers, whole ones as such."""
+    rounded = (round(float(value), digits) + 0.0 for value in values)
+    return [int(value) if value == int(value) else value for value in rounded]
+
+
+def _unique_name(name: str, copies: int, taken: set[str]) -> str:
+    """A name, with a number where it is taken; copies are called name-1, name-2, … when loaded."""
+    plain = re.sub(r"\s+", " ", re.sub(r"[^\w .:/+-]", " ", name)).strip()[:MAX_NAME] or "object"
+    number = 1
+    while True:
+        candidate = plain if number == 1 else f"{plain} {number}"
+        called = {candidate}
+        if copies > 1:
+            called |= {f"{candidate}-{i}" for i in range(1, copies + 1)}
+        if not called & taken:
+            taken |= called
+            return candidate
+        number += 1
+
+
+def _unique_file(name: str, taken: Iterable[str]) -> str:
+    plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:40] or "mesh"
+    number, used = 1, set(taken)
+    while (file := f"{plain}.ply" if number == 1 else f"{plain}_{number}.ply") in used:
+        number += 1
+    return file

@@ -1,0 +1,76 @@
+"""The whole chain: scene and instrument become light, counts and a capture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from reconstruction.capture import Capture
+from spisim.instrument import Instrument
+from spisim.measurement import record
+from spisim.scene import Scene
+from spisim.transport import GroundTruth, Transport, ground_truth, trace
+from spisim.transport.backend import activate
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A capture, and the light it was made from."""
+
+    capture: Capture
+    transport: Transport
+    truth: GroundTruth
+
+
+def simulate(
+    scene: Scene,
+    instrument: Instrument,
+    *,
+    spp: int = 256,
+    transport_noise: float | None = None,
+    seed: int = 0,
+    noise: bool = True,
+    frames: int = 1,
+    progress: Callable[[float], None] | None = None,
+) -> Simulation:
+    """Simulate a recording of `frames` frames, one after the other.
+
+    Where something moves, the light is solved at key times and interpolated between exposures;
+    the truth is that of the middle of the first frame.
+
+    Parameters
+    ----------
+    spp
+        Light paths per virtual pixel and strategy.
+    transport_noise
+        Instead of `spp`: relative standard error of the bucket vector to be reached.
+    seed
+        Equal seeds give equal captures on the same machine and backend.
+    noise
+        False: the expected readings of an ideal converter, as floating-point counts.
+    progress
+        Called with the fraction of the light transport that is done.
+
+    Raises
+    ------
+    InputError
+        If a laser beam hits nothing, an object would pass through the instrument, the scene was
+        made for another wavelength than the instrument's, or no backend for the light transport
+        works.
+    """
+    truth = ground_truth(scene.at(instrument.frame_time_s / 2), instrument)
+    light = trace(
+        scene,
+        instrument,
+        frames=frames,
+        spp=spp,
+        noise=transport_noise,
+        seed=seed,
+        progress=progress,
+    )
+    effort = {"spp": spp} if transport_noise is None else {"transport_noise": transport_noise}
+    how = {**effort, "backend": activate()}
+    capture = record(
+        scene, instrument, light, truth, seed=seed, noise=noise, frames=frames, settings=how
+    )
+    return Simulation(capture, light.transports[0], truth)

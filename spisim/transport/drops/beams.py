@@ -1,0 +1,178 @@
+"""What falling drops change about the light of the lasers.
+
+Beams are Gaussian in angle and place. A drop of radius a at a distance ρ from the axis of a beam of
+standard deviation s meets the share P(χ'² < a²/s²) of it, χ'² being the noncentral one of two
+squares with centre ρ²/s².
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chndtr
+
+from spisim.transport.drops.echo import echo
+from spisim.transport.drops.falling import FallingDrops
+from spisim.transport.drops.field import DropField
+
+Floats = NDArray[np.float64]
+
+#: Standard deviations of a beam beyond which nothing of it is left.
+REACH = 6.0
+#: The narrowest beam over the radius of a drop: a narrower one is met all or not.
+NARROWEST = 0.02
+#: Points of an aperture whose field is narrow.
+APERTURE_POINTS = 16
+
+
+class SpotChange(NamedTuple):
+    """Means over every frame, (frames, 4, bins) of the path length."""
+
+    passed: Floats  # share of the light of that path length that drops let pass
+    echo: Floats  # fraction of a laser's power that drops send onto its detector's aperture
+
+
+class _Beam(NamedTuple):
+    """Light along a line, out to the spot or back from it."""
+
+    start_m: Floats  # (3,)
+    direction: Floats  # (3,), unit
+    length_m: float
+    width_m: Callable[[Floats], Floats]  # standard deviation per axis, by distance from the start
+
+
+class _Met(NamedTuple):
+    """Drops in a beam."""
+
+    drop: NDArray[np.intp]
+    along_m: Floats
+    share: Floats  # of the light that comes so far
+
+
+def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange:
+    """Change of the four spots' light, by bins (bins,) of the path length, evenly spaced from 0.
+
+    `drops` are one or more entries of one recording.
+
+    A drop hides all light that goes further than itself. On the way back, that is the light of the
+    laser's spot; what fog scatters counts as coming back along with it. Footprint and aperture
+    together count as Gaussian there.
+    """
+    times_s = drops[0].times_s
+    beams = [_out_and_back(drops[0], number) for number in range(4)]
+    passed = np.zeros((len(times_s), len(beams), len(path_length_m)))
+    echoes = np.zeros_like(passed)
+    for frame, times in enumerate(times_s):
+        fields = [_in_reach(one, beams, frame) for one in drops]
+        for time_s in times:
+            for number, beam in enumerate(beams):
+                changes = [
+                    _at(one, field, time_s, beam, number, path_length_m)
+                    for one, field in zip(drops, fields, strict=True)
+                ]
+                passed[frame, number] += np.exp(sum(hidden for hidden, _ in changes))
+                echoes[frame, number] += sum(sent for _, sent in changes)
+    exposures = times_s.shape[1]
+    return SpotChange(passed / exposures, echoes / exposures)
+
+
+def _in_reach(drops: FallingDrops, beams: list[tuple[_Beam, _Beam]], frame: int) -> DropField:
+    """The drops that may come into a beam in a frame."""
+    field, middle, moved = drops.in_frame(frame)
+    near = [_near(beam, middle, field.diameters_mm, moved) for pair in beams for beam in pair]
+    return field.kept(np.any(near, axis=0))
+
+
+def _at(
+    drops: FallingDrops,
+    field: DropField,
+    time_s: float,
+    beams: tuple[_Beam, _Beam],
+    number: int,
+    lengths: Floats,
+) -> tuple[Floats, Floats]:
+    """Logarithm (bins,) of what passes of a laser's light, and (bins,) the echo, at one time."""
+    positions, diameters = drops.at(field, time_s)
+    out, back = (_met(beam, positions, diameters) for beam in beams)
+    light = echo(
+        positions[out.drop],
+        diameters[out.drop],
+        drops.precipitation.optics,
+        drops.view.tof,
+        number,
+        drops.fog_per_m,
+        APERTURE_POINTS,
+    )
+    echoed = _binned(lengths, light.length_m, out.share * light.share)
+    return _beyond(lengths, out) + _beyond(lengths, back), echoed
+
+
+def _out_and_back(drops: FallingDrops, number: int) -> tuple[_Beam, _Beam]:
+    """A laser's beam, and the cone from its spot to its detector."""
+    lasers, tof = drops.view.beams, drops.view.tof
+    direction, reach_m = lasers.directions[number], float(drops.spot_range_m[number])
+
+    def beam_width(along_m: Floats) -> Floats:
+        return np.hypot(lasers.waist_m, lasers.divergence_rad * along_m)
+
+    detector = tof.positions_m[number]
+    home = direction * reach_m - detector
+    distance = float(np.linalg.norm(home))
+    spot_width = beam_width(np.array(reach_m))
+    aperture_width = np.sqrt(tof.area_m2 / np.pi) / 2  # of a disc: half its radius
+
+    def cone_width(along_m: Floats) -> Floats:
+        part = along_m / distance
+        return np.hypot(aperture_width * (1 - part), spot_width * part)
+
+    return (
+        _Beam(np.zeros(3), direction, reach_m, beam_width),
+        _Beam(detector, home / distance, distance, cone_width),
+    )
+
+
+def _near(beam: _Beam, positions: Floats, diameters: Floats, moved_m: float) -> NDArray[np.bool_]:
+    """Which drops may come into a beam while they move by so much."""
+    offset = positions - beam.start_m
+    along = offset @ beam.direction
+    aside2 = np.einsum("dk,dk->d", offset, offset) - along**2
+    widest = beam.width_m(np.array([0.0, beam.length_m])).max()
+    reach = diameters.max(initial=0.0) * 0.5e-3 * (1 + REACH * NARROWEST) + REACH * widest
+    return np.asarray(aside2 < (reach + moved_m) ** 2)
+
+
+def _met(beam: _Beam, positions: Floats, diameters: Floats) -> _Met:
+    """The drops in a beam."""
+    radius = diameters * 0.5e-3
+    offset = positions - beam.start_m
+    along = offset @ beam.direction
+    aside2 = np.einsum("dk,dk->d", offset, offset) - along**2
+    inside = (along > 0) & (along < beam.length_m)
+    width = np.maximum(beam.width_m(np.where(inside, along, 0.0)), NARROWEST * radius)
+    drop = np.flatnonzero(inside & (aside2 < (radius + REACH * width) ** 2))
+    scale = 1 / width[drop] ** 2
+    share = chndtr(radius[drop] ** 2 * scale, 2, np.maximum(aside2[drop], 0) * scale)
+    return _Met(drop, along[drop], np.asarray(share))
+
+
+def _beyond(lengths: Floats, met: _Met) -> Floats:
+    """Logarithm (bins,) of what passes the drops, of light that comes from beyond them."""
+    first = np.ceil(2 * met.along_m / (lengths[1] - lengths[0])).astype(np.intp)
+    passed = np.log1p(-np.minimum(met.share, 1 - 1e-12))
+    within = first < len(lengths)
+    return np.cumsum(np.bincount(first[within], passed[within], minlength=len(lengths)))
+
+
+def _binned(lengths: Floats, at_m: Floats, light: Floats) -> Floats:
+    """Light (n,) in bins (bins,), shared between two so that its mean path length is kept."""
+    place = np.minimum(at_m / (lengths[1] - lengths[0]), len(lengths) - 1)
+    low = np.minimum(place.astype(np.intp), len(lengths) - 2)
+    upper = place - low
+    count = len(lengths)
+    return np.asarray(
+        np.bincount(low, light * (1 - upper), minlength=count)
+        + np.bincount(low + 1, light * upper, minlength=count)
+    )

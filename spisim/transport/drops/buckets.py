@@ -1,0 +1,116 @@
+"""What falling drops change about the bucket readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.operators import illumination
+from spisim.transport.drops.discs import (
+    Shares,
+    disc_points,
+    on_the_way_back,
+    on_the_way_out,
+    passing,
+)
+from spisim.transport.drops.echo import echo
+from spisim.transport.drops.falling import FallingDrops
+from spisim.transport.drops.field import DropField
+
+Floats = NDArray[np.float64]
+
+
+def on_buckets(
+    drops: Sequence[FallingDrops],
+    pictures: Floats,
+    shares: Floats,
+    electrons: Floats,
+    response: Callable[[Floats], Floats],
+) -> Floats:
+    """Electrons (windows, frames, M) that drops add to every exposure, or take from it.
+
+    Parameters
+    ----------
+    drops
+        Of one recording; each entry's hide light independently of the others'.
+    pictures
+        Electrons of each fully lit pixel without drops, (windows, keys, H, W).
+    shares
+        Of each key in every exposure, (frames, M, keys).
+    electrons
+        Electrons per exposure if all of a pixel's power were on the detector, (H, W).
+    response
+        Of light by its path length in metres (n,): share that each window collects, (windows, n).
+
+    All light of a pixel counts as going out straight to the surface that it meets and from there
+    straight back, which it does but for fog and interreflections. Drops are still during an
+    exposure; rays out and back are hidden independently.
+    """
+    changes = np.zeros((len(pictures), *shares.shape[:2]))
+    if not drops:
+        return changes
+    instrument, times_s = drops[0].instrument, drops[0].times_s
+    plan, dark = instrument.pattern_plan, instrument.projector.dark_level
+    for frame in range(shares.shape[0]):
+        fields = [_in_sight(one, frame) for one in drops]
+        for exposure, time_s in enumerate(times_s[frame]):
+            lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)
+            shown = np.tensordot(pictures, shares[frame, exposure], (1, 0))
+            left = np.ones(lit.size)
+            for one, field in zip(drops, fields, strict=True):
+                passed, met, echoed = _at(one, field, time_s, response)
+                left *= passed
+                light_on_drops = (lit * electrons.ravel())[met.pixel] * met.share
+                changes[:, frame, exposure] += echoed[:, met.point] @ light_on_drops
+            changes[:, frame, exposure] += shown.reshape(len(pictures), -1) @ (lit * (left - 1))
+    return changes
+
+
+def _in_sight(drops: FallingDrops, frame: int) -> DropField:
+    """The drops that may be in some pixel's light, out or back, in a frame."""
+    projector, bucket = drops.view.projector, drops.view.bucket
+    field, positions, moved = drops.in_frame(frame)
+    x, y, z = positions.T
+    aside = np.abs(bucket.positions_m[:, :2]).max() + np.sqrt(bucket.area_m2 / np.pi)
+    widest = max(aside, projector.lens_radius_m) + field.diameters_mm.max(initial=0.0) * 1e-3
+    seen = np.abs(x) < projector.tan_half_width * (z + moved) + widest + moved
+    seen &= np.abs(y) < projector.tan_half_height * (z + moved) + widest + moved
+    return field.kept(seen)
+
+
+def _at(
+    drops: FallingDrops,
+    field: DropField,
+    time_s: float,
+    response: Callable[[Floats], Floats],
+) -> tuple[Floats, Shares, Floats]:
+    """What passes of each pixel's light, what meets drops, and (windows, points) its echo."""
+    projector, bucket = drops.view.projector, drops.view.bucket
+    positions, diameters = drops.at(field, time_s)
+    pixel_rad = float(np.sqrt(projector.pixel_area))  # in the middle of the field
+    points = disc_points(positions, diameters, _blur_m(drops, positions[:, 2]), pixel_rad)
+    out = on_the_way_out(projector, drops.depth_m, points)
+    passed_out = passing(out, points, projector.pixels)
+    back, collected = [], []
+    for number in range(len(bucket.positions_m)):
+        shares = on_the_way_back(projector, bucket, number, drops.depth_m, points)
+        back.append(passing(shares, points, projector.pixels))
+        share, length_m = echo(
+            points.place_m,
+            diameters[points.drop],
+            drops.precipitation.optics,
+            bucket,
+            number,
+            drops.fog_per_m,
+        )
+        collected.append(share * response(length_m))
+    return passed_out * np.mean(back, axis=0), out, np.sum(collected, axis=0)
+
+
+def _blur_m(drops: FallingDrops, depth_m: Floats) -> Floats:
+    """Width over which lens or aperture smear a drop's shadow."""
+    projector = drops.view.projector
+    lens = projector.lens_radius_m * np.abs(1 - depth_m / projector.focus_m)
+    return np.asarray(2 * np.maximum(lens, np.sqrt(drops.view.bucket.area_m2 / np.pi)))

@@ -1,0 +1,73 @@
+"""Light that a drop sends back into a detector, once scattered."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spisim.atmosphere.drop_optics import Scatterer
+from spisim.transport.drops.discs import length
+from spisim.transport.views import DetectorView
+
+Floats = NDArray[np.float64]
+
+
+class Echo(NamedTuple):
+    """Of the light on each place, the share on a detector's aperture, and the path it took."""
+
+    share: Floats
+    length_m: Floats  # from the pinhole to the place and on to the detector
+
+
+def echo(
+    positions_m: Floats,
+    diameters_mm: Floats,
+    optics: Scatterer,
+    detector: DetectorView,
+    number: int,
+    fog_per_m: float,
+    aperture_points: int = 1,
+) -> Echo:
+    """Echo of places (n, 3) on drops (n,) in detector `number`; fog lets exp(-σ L) of it pass.
+
+    Light comes from the pinhole. The edge of a narrow field is as wide as the lens, which then
+    takes several `aperture_points`.
+    """
+    back = detector.positions_m[number] - positions_m
+    out_m, back_m = length(positions_m), length(back)
+    cosine = np.einsum("dk,dk->d", positions_m, back) / (out_m * back_m)
+    path_m = out_m + back_m
+    scattered = optics.scattered_per_sr(cosine, diameters_mm)
+    solid_angle = _collection(positions_m, detector, number, aperture_points)
+    return Echo(scattered * solid_angle * np.exp(-fog_per_m * path_m), path_m)
+
+
+def _collection(
+    positions_m: Floats, detector: DetectorView, number: int, aperture_points: int
+) -> Floats:
+    """Solid angle of the aperture from each place, as far as that is in its field."""
+    axis, least = detector.axes[number], np.cos(detector.half_angle_rad)
+    total = np.zeros(len(positions_m))
+    for point in _aperture(axis, np.sqrt(detector.area_m2 / np.pi), aperture_points):
+        towards = positions_m - (detector.positions_m[number] + point)
+        ahead, squared = towards @ axis, np.einsum("dk,dk->d", towards, towards)
+        cosine = ahead / np.sqrt(squared)
+        inside = (cosine >= least) & (cosine > 0)
+        total[inside] += cosine[inside] ** (1 + detector.vignetting) / squared[inside]
+    return total * detector.area_m2 / aperture_points
+
+
+def _aperture(axis: Floats, radius_m: float, count: int) -> Floats:
+    """Points (count, 3) spread over a disc across `axis` (Vogel's spiral); one is its centre."""
+    if count == 1:
+        return np.zeros((1, 3))
+    rank = np.arange(count) + 0.5
+    turn, reach = rank * np.pi * (3 - np.sqrt(5)), radius_m * np.sqrt(rank / count)
+    sideways = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    sideways /= np.linalg.norm(sideways)
+    return np.asarray(
+        np.outer(reach * np.cos(turn), sideways)
+        + np.outer(reach * np.sin(turn), np.cross(axis, sideways))
+    )

@@ -1,0 +1,120 @@
+"""Where the drops are, as the instrument sees them, at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spisim.atmosphere.precipitation import Precipitation
+from spisim.instrument import Instrument
+from spisim.scene import Scene
+
+Floats = NDArray[np.float64]
+
+#: Poses of the drone over a recording for which the box of drops has to hold the field.
+POSES = 9
+
+
+@dataclass(frozen=True, eq=False)
+class DropField:
+    """Drops in the optical frame that the instrument has at the start, (drops, 3) each.
+
+    They fill `box` (2, 3), low and high corner, which moves along with the instrument.
+    """
+
+    places_m: Floats  # at the start of the recording
+    velocities_m_s: Floats
+    diameters_mm: Floats
+    box: Floats
+    pose_at: Callable[[float], Floats]  # of the instrument, (4, 4), seen from where it started
+
+    def full_at(self, time_s: float) -> DropField:
+        """The same air with the box full at that time.
+
+        What has left it on one side comes in on the other; the same drop is back only after it has
+        crossed the box.
+        """
+        low, high = self.box
+        travelled = self.velocities_m_s * time_s - self.pose_at(time_s)[:3, 3]
+        boxes = np.floor((self.places_m + travelled - low) / (high - low))
+        return replace(self, places_m=self.places_m - boxes * (high - low))
+
+    def kept(self, which: NDArray[np.bool_]) -> DropField:
+        """Some of the drops."""
+        return replace(
+            self,
+            places_m=self.places_m[which],
+            velocities_m_s=self.velocities_m_s[which],
+            diameters_mm=self.diameters_mm[which],
+        )
+
+    def positions_m(self, time_s: float) -> Floats:
+        """Positions (drops, 3) in the optical frame that the instrument has then."""
+        pose = self.pose_at(time_s)
+        apart = self.places_m + self.velocities_m_s * time_s - pose[:3, 3]
+        return np.asarray(apart @ pose[:3, :3])
+
+
+def drop_field(
+    precipitation: Precipitation,
+    scene: Scene,
+    instrument: Instrument,
+    frames: int,
+    rng: np.random.Generator,
+) -> DropField:
+    """Draw the drops around an instrument for a recording: a Poisson number, uniform in place.
+
+    The box holds the field of the instrument from one frame's middle to half a frame before and
+    after, whatever the drone does.
+    """
+    start = np.linalg.inv(scene.drone_pose)
+
+    def pose_at(time_s: float) -> Floats:
+        return np.asarray(start @ scene.drone_pose_at(time_s))
+
+    corners = _field_corners(instrument, precipitation.far_m)
+    times = np.linspace(0, frames * instrument.frame_time_s, POSES)
+    seen = np.concatenate([corners @ pose_at(time)[:3, :3].T for time in times])
+    fastest = precipitation.fall_speed_m_s(np.array([precipitation.largest_mm]))[0]
+    speed = fastest + np.linalg.norm(np.subtract(precipitation.wind_m_s, scene.drone_velocity_m_s))
+    margin = speed * instrument.frame_time_s / 2
+    box = np.array([seen.min(axis=0) - margin, seen.max(axis=0) + margin])
+    size = box[1] - box[0]
+    count = int(rng.poisson(precipitation.number_per_m3 * size.prod()))
+    diameters = precipitation.diameters_mm(count, rng)
+    falling = np.zeros((count, 3))
+    falling[:, 2] = -precipitation.fall_speed_m_s(diameters)
+    return DropField(
+        places_m=box[0] + rng.random((count, 3)) * size,
+        velocities_m_s=(falling + precipitation.wind_m_s) @ scene.drone_pose[:3, :3],
+        diameters_mm=diameters,
+        box=box,
+        pose_at=pose_at,
+    )
+
+
+def _field_corners(instrument: Instrument, far_m: float) -> Floats:
+    """Points (n, 3), optical frame, whose hull holds all light out and back up to a depth.
+
+    Depths begin at the pinhole: what is behind it meets no light.
+    """
+    projector, detectors = instrument.projector, (instrument.detector, instrument.tof.detector)
+    half = np.array([projector.tan_half_width, projector.tan_half_height]) * far_m
+    signs = np.array([(x, y) for x in (-1, 1) for y in (-1, 1)])
+    lasers = instrument.lasers.directions
+    footprint = 6 * 1e-3 * (instrument.lasers.waist_mm + instrument.lasers.divergence_mrad * far_m)
+    ends = (lasers / lasers[:, 2:] * far_m)[:, :2]
+    far = np.concatenate([signs * half, *(ends + sign * footprint for sign in signs)])
+    near = [signs * projector.lens_radius_m]
+    for detector in detectors:
+        radius = np.sqrt(detector.aperture_area_m2 / np.pi)
+        near += [np.asarray(place)[:2] + signs * radius for place in detector.positions_m]
+    return np.concatenate(
+        [
+            np.column_stack([far, np.full(len(far), far_m)]),
+            np.concatenate([np.column_stack([ring, np.zeros(len(ring))]) for ring in near]),
+        ]
+    )

@@ -1,0 +1,3 @@
+"""Version of the simulator, as its captures tell it."""
+
+__version__ = "0.1.0"
