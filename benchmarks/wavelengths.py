@@ -110,7 +110,7 @@ def warehouse(instrument: Instrument, changes: dict[str, Any], spp: int) -> Row:
     daylight_w = light.transports[0].daylight_w
 
     def recorded(one: Instrument, noise: bool) -> Any:
-        capture = record(scene, one, light, truth, seed=0, noise=noise)
+        capture = record(scene, one, light, [truth], seed=0, noise=noise)
         assert capture.truth is not None
         result = reconstruct(capture)
         return capture, result, evaluate(result, capture.truth)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from reconstruction.capture import Capture
 from spisim.instrument import Instrument
 from spisim.measurement import record
@@ -15,11 +17,15 @@ from spisim.transport.backend import activate
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A capture, and the light it was made from."""
+    """A capture, and the light it was made from.
+
+    `transport` is that of the first key time; `truths` are those of the middle of every frame, or
+    one of all where nothing moves.
+    """
 
     capture: Capture
     transport: Transport
-    truth: GroundTruth
+    truths: tuple[GroundTruth, ...]
 
 
 def simulate(
@@ -36,7 +42,7 @@ def simulate(
     """Simulate a recording of `frames` frames, one after the other.
 
     Where something moves, the light is solved at key times and interpolated between exposures;
-    the truth is that of the middle of the first frame.
+    the truth of a frame is that of its middle.
 
     Parameters
     ----------
@@ -58,7 +64,8 @@ def simulate(
         made for another wavelength than the instrument's, or no backend for the light transport
         works.
     """
-    truth = ground_truth(scene.at(instrument.frame_time_s / 2), instrument)
+    middles_s = (np.arange(frames if scene.moves else 1) + 0.5) * instrument.frame_time_s
+    truths = tuple(ground_truth(scene.at(time_s), instrument) for time_s in middles_s.tolist())
     light = trace(
         scene,
         instrument,
@@ -71,6 +78,6 @@ def simulate(
     effort = {"spp": spp} if transport_noise is None else {"transport_noise": transport_noise}
     how = {**effort, "backend": activate()}
     capture = record(
-        scene, instrument, light, truth, seed=seed, noise=noise, frames=frames, settings=how
+        scene, instrument, light, truths, seed=seed, noise=noise, frames=frames, settings=how
     )
-    return Simulation(capture, light.transports[0], truth)
+    return Simulation(capture, light.transports[0], truths)

@@ -39,7 +39,7 @@ def main() -> None:
         drops = falling_drops(
             replace(scene, precipitation=(weather,)),
             instrument,
-            truth,
+            [truth],
             FRAMES,
             np.random.default_rng(SEED),
         )

@@ -51,7 +51,7 @@ def command(
     metrics = evaluate(result, capture)
 
     write_capture(capture, output / "capture.h5")
-    write_truth(output / "truth.exr", simulation.truth, {"transport": light.image})
+    write_truth(output / "truth.exr", simulation.truths[0], {"transport": light.image})
     pictures = write_outputs(result, capture, output)
     write_overview(output / "overview.png", capture, result, view)
     write_report(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -24,7 +24,7 @@ def record(
     scene: Scene,
     instrument: Instrument,
     light: LightSequence,
-    truth: GroundTruth,
+    truths: Sequence[GroundTruth],
     *,
     seed: int,
     noise: bool = True,
@@ -33,6 +33,7 @@ def record(
 ) -> Capture:
     """Turn light into the capture that `instrument` would record.
 
+    `truths` are those of every frame, or one of all where nothing moves.
     `settings` tells how the light was traced. With noise and frames it goes into the provenance,
     so that the capture can be made again; with the media, so that it tells their optics.
     """
@@ -40,7 +41,7 @@ def record(
     settings = {**(settings or {}), **told}
     streams = np.random.SeedSequence(seed).spawn(3)
     for_buckets, for_spots, for_drops = (np.random.default_rng(stream) for stream in streams)
-    drops = falling_drops(scene, instrument, truth, frames, for_drops)
+    drops = falling_drops(scene, instrument, truths, frames, for_drops)
     mean = bucket_light(instrument, light, frames, drops)
     buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
     return Capture(
@@ -69,13 +70,14 @@ def record(
         truth=Truth.of(
             [
                 FrameTruth(
-                    image=mean.image.astype(np.float32),
-                    image_error=mean.image_error.astype(np.float32),
+                    image=image.astype(np.float32),
+                    image_error=error.astype(np.float32),
                     range_m=truth.range_m,
                     depth_m=truth.depth_m,
                     reflectance=truth.reflectance,
                     spot_range_m=truth.spot_range_m,
                 )
+                for image, error, truth in zip(mean.image, mean.image_error, truths, strict=True)
             ],
             still=not scene.moves,
         ),

@@ -27,9 +27,9 @@ PHASES = 721
 class BucketLight:
     """Mean primary electrons per exposure, dark current and daylight included.
 
-    `image` (H, W) is what each virtual pixel alone adds to one exposure when it is switched from
-    off to on, on average over the first frame; `image_error` the standard error of the light
-    transport in it.
+    `image` (T, H, W) is what each virtual pixel alone adds to one exposure when it is switched from
+    off to on, on average over every frame, or once where nothing moves; `image_error` the standard
+    error of the light transport in it.
     """
 
     image: Floats
@@ -52,7 +52,7 @@ def bucket_light(
     shares = light.weights(instrument.exposure_times_s(frames))  # (frames, M, keys)
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
     switched = (1 - instrument.projector.dark_level) * electrons
-    in_frame = shares.mean(axis=1)[0]
+    in_frame = shares.mean(axis=1)[: frames if len(light.transports) > 1 else 1]  # (T, keys)
     images, errors = (
         np.array([getattr(key, name) for key in light.transports])
         for name in ("image", "image_error")

@@ -28,7 +28,7 @@ def truth() -> GroundTruth:
 
 def capture_of(instrument: Instrument, truth: GroundTruth, *, noise: bool, frames: int) -> Capture:
     light = still(instrument)
-    return record(PLACE, instrument, light, truth, seed=5, noise=noise, frames=frames)
+    return record(PLACE, instrument, light, [truth], seed=5, noise=noise, frames=frames)
 
 
 COUNTER = {
@@ -75,7 +75,7 @@ def test_every_detector_gives_an_image(instrument: Instrument) -> None:
     place = worlds.scene(*worlds.room())
     light = still(instrument, place)
     truth = ground_truth(place, instrument)
-    capture = record(place, instrument, light, truth, seed=1, noise=False)
+    capture = record(place, instrument, light, [truth], seed=1, noise=False)
     metrics = reconstruction.evaluate(reconstruction.reconstruct(capture), truth=capture.truth)
     assert metrics["image"]["correlation"] > 0.9
 
@@ -148,7 +148,7 @@ def test_taps_of_every_pattern_hold_the_range_of_every_pixel() -> None:
     place = worlds.scene(worlds.plane(4.0, 0.5))
     truth = ground_truth(place, instrument)
     light = trace(place, instrument, frames=1, spp=1024, noise=None, seed=0, progress=None)
-    capture = record(place, instrument, light, truth, seed=0, noise=False)
+    capture = record(place, instrument, light, [truth], seed=0, noise=False)
     taps = capture.pattern_taps
     assert taps is not None
     assert taps.taps.shape == (1, 512, 4)

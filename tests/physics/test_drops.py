@@ -54,7 +54,7 @@ def depths(one, depth_m=WALL_M):
 def drops(one, falling, seed=0, fog_per_m=0.0, frames=1):
     place = worlds.scene(worlds.plane(WALL_M), extinction_per_m=fog_per_m)
     scene = replace(place, precipitation=(falling,))
-    return falling_drops(scene, one, depths(one), frames, np.random.default_rng(seed))
+    return falling_drops(scene, one, [depths(one)], frames, np.random.default_rng(seed))
 
 
 def one_drop(one, place_m, diameter_mm, **options):
@@ -241,10 +241,33 @@ def test_a_close_drop_hides_the_pixels_that_its_ball_covers():
     points = disc_points(
         centre[None], np.array([diameter]), np.zeros(1), float(np.sqrt(projector.pixel_area))
     )
-    shares = on_the_way_out(projector, falling.depth_m, points)
+    shares = on_the_way_out(projector, falling.depth_m(0), points)
     hidden = 1 - passing(shares, points, 256).reshape(16, 16)
     assert hidden.sum() == pytest.approx(covered.sum(), rel=0.01)
     assert np.sqrt(np.mean((hidden - covered)[covered > 0] ** 2)) < 0.1
+
+
+def test_a_wall_that_comes_closer_than_a_drop_hides_it():
+    """Surfaces and spots are those of each frame."""
+    one = instrument()
+    direction, range_m = one.lasers.directions[0], 1.805
+    (falling,) = one_drop(one, range_m * direction, 20.0, frames=2)
+    walls = np.array([WALL_M, 1.0])
+    falling = replace(
+        falling,
+        depths_by_frame_m=np.multiply.outer(walls, np.ones(one.projector.shape)),
+        spot_ranges_by_frame_m=np.multiply.outer(walls, 1 / one.lasers.directions[:, 2]),
+    )
+    image = np.ones(one.projector.shape)
+    shares = np.ones((2, one.pattern_plan.exposures, 1))
+    change = on_buckets(
+        (falling,), image[None, None], shares, 0 * image, lambda length: np.ones((1, len(length)))
+    )
+    assert change[0, 0, 0] < -0.01
+    np.testing.assert_allclose(change[0, 1], 0, atol=1e-12)
+    passed = on_spots((falling,), LENGTHS).passed[:, 0, -1]
+    assert passed[0] < 0.99
+    assert passed[1] == pytest.approx(1, abs=1e-9)
 
 
 def gaussian_on_disc(width, aside, radius):
@@ -296,7 +319,7 @@ def readings(one, *falling, frames=1, seed=0):
         one,
         LightSequence(np.zeros(1), (transport(one),)),
         frames,
-        falling_drops(place, one, depths(one), frames, noise),
+        falling_drops(place, one, [depths(one)], frames, noise),
     ).buckets
 
 
@@ -390,7 +413,7 @@ def test_rain_in_a_recording():
     truth = spisim.transport.ground_truth(place, one)
 
     def counts(scene, seed):
-        return record(scene, one, light, truth, seed=seed, noise=False, frames=2).buckets.counts
+        return record(scene, one, light, [truth], seed=seed, noise=False, frames=2).buckets.counts
 
     np.testing.assert_array_equal(counts(rainy, 1), counts(rainy, 1))
     assert not np.array_equal(counts(rainy, 1), counts(rainy, 2))

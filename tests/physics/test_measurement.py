@@ -43,7 +43,7 @@ def truth(paper: Instrument) -> GroundTruth:
 
 @pytest.fixture(scope="module")
 def noisy(paper: Instrument, light: Transport, truth: GroundTruth) -> Capture:
-    return record(PLACE, paper, still(light), truth, seed=5, frames=FRAMES)
+    return record(PLACE, paper, still(light), [truth], seed=5, frames=FRAMES)
 
 
 def frequency(instrument):
@@ -56,7 +56,7 @@ def electrons(part):
 
 
 def test_mean_readings_are_the_expected_ones(paper, light, truth, noisy):
-    ideal = record(PLACE, paper, still(light), truth, seed=5, noise=False)
+    ideal = record(PLACE, paper, still(light), [truth], seed=5, noise=False)
     for part, expected in ((noisy.buckets, ideal.buckets), (noisy.spots, ideal.spots)):
         z = worlds.z_score_exact(electrons(part), electrons(expected)[0])
         assert np.abs(z).max() < 5  # of up to 128 readings
@@ -66,7 +66,7 @@ def test_the_capture_tells_the_media(paper, light, truth):
     air = fog(50, "heavy-advection")
     foggy = replace(PLACE, atmosphere=air)
     for place, media in ((PLACE, []), (foggy, [{"where": "air", **air.summary()}])):
-        capture = record(place, paper, still(light), truth, seed=5)
+        capture = record(place, paper, still(light), [truth], seed=5)
         assert yaml.safe_load(capture.provenance.settings)["media"] == media
 
 
@@ -113,7 +113,7 @@ def test_bucket_readings_are_linear_in_the_pattern():
 
 
 def test_phase_of_the_taps_is_the_path_length(paper, light, truth):
-    capture = record(PLACE, paper, still(light), truth, seed=0, noise=False)
+    capture = record(PLACE, paper, still(light), [truth], seed=0, noise=False)
     ranges = measure_ranges(capture.spots, frame=0)
     np.testing.assert_allclose(ranges.range_m, truth.spot_range_m, atol=1e-3)
     taps = electrons(capture.spots)[0]
@@ -137,7 +137,7 @@ def test_ranges_scatter_as_their_sigma_says(noisy):
 
 def test_clipping_is_flagged(paper, light, truth):
     bright = replace(light, daylight_w=1e6 * light.daylight_w)
-    capture = record(PLACE, paper, still(bright), truth, seed=0)
+    capture = record(PLACE, paper, still(bright), [truth], seed=0)
     assert capture.buckets.saturated.all()
     assert np.all(capture.buckets.counts == paper.detector.adc.max_count)
     assert not capture.spots.saturated.any()

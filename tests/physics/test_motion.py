@@ -64,8 +64,9 @@ def test_ranges_are_those_of_the_frame_s_middle(paper):
         middle = (frame + 0.5) * paper.frame_time_s
         measured = measure_ranges(simulation.capture.spots, frame).range_m
         np.testing.assert_allclose(measured, (4.0 - speed * middle) * slant, atol=2e-3)
-    true = simulation.capture.truth.spot_range_m
-    np.testing.assert_allclose(true, (4.0 - speed * paper.frame_time_s / 2) * slant, rtol=1e-5)
+        true = simulation.capture.truth.at(frame)
+        np.testing.assert_allclose(true.spot_range_m, (4.0 - speed * middle) * slant, rtol=1e-5)
+        np.testing.assert_allclose(true.depth_m, 4.0 - speed * middle, rtol=1e-5)
 
 
 def test_flying_towards_a_wall_is_the_wall_coming_closer(paper):

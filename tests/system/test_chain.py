@@ -54,7 +54,7 @@ def test_clear_air_spots_are_unbiased(warehouse, paper):
     clear = replace(warehouse, atmosphere=CLEAR)
     simulation = spisim.simulate(clear, paper, spp=64, noise=False)
     measured = reconstruction.reconstruct(simulation.capture).ranges.range_m
-    true = simulation.truth.spot_range_m
+    true = simulation.truths[0].spot_range_m
     assert np.sum((true > 2.8) & (true < 5.2)) == 3
     np.testing.assert_allclose(measured, true, rtol=0, atol=0.01)
 
@@ -64,11 +64,11 @@ def test_fog_pulls_near_spots_closer_and_pushes_far_ones_away(warehouse, paper):
     simulation = spisim.simulate(warehouse, paper, spp=64, noise=False)
     error = (
         reconstruction.reconstruct(simulation.capture).ranges.range_m
-        - simulation.truth.spot_range_m
+        - simulation.truths[0].spot_range_m
     )
     quarter = c / (4 * paper.tof.modulation.frequencies_hz[0])  # half the unambiguous range
-    near = simulation.truth.spot_range_m < 0.9 * quarter
-    far = simulation.truth.spot_range_m > 1.2 * quarter
+    near = simulation.truths[0].spot_range_m < 0.9 * quarter
+    far = simulation.truths[0].spot_range_m > 1.2 * quarter
     assert near.any()
     assert far.any()
     assert np.all(error[near] < -0.005)

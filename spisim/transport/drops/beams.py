@@ -62,10 +62,11 @@ def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange
     together count as Gaussian there.
     """
     times_s = drops[0].times_s
-    beams = [_out_and_back(drops[0], number) for number in range(4)]
-    passed = np.zeros((len(times_s), len(beams), len(path_length_m)))
+    passed = np.zeros((len(times_s), 4, len(path_length_m)))
     echoes = np.zeros_like(passed)
     for frame, times in enumerate(times_s):
+        reach_m = drops[0].spot_range_m(frame).tolist()
+        beams = [_out_and_back(drops[0], *spot) for spot in enumerate(reach_m)]
         fields = [_in_reach(one, beams, frame) for one in drops]
         for time_s in times:
             for number, beam in enumerate(beams):
@@ -110,10 +111,10 @@ def _at(
     return _beyond(lengths, out) + _beyond(lengths, back), echoed
 
 
-def _out_and_back(drops: FallingDrops, number: int) -> tuple[_Beam, _Beam]:
+def _out_and_back(drops: FallingDrops, number: int, reach_m: float) -> tuple[_Beam, _Beam]:
     """A laser's beam, and the cone from its spot to its detector."""
     lasers, tof = drops.view.beams, drops.view.tof
-    direction, reach_m = lasers.directions[number], float(drops.spot_range_m[number])
+    direction = lasers.directions[number]
 
     def beam_width(along_m: Floats) -> Floats:
         return np.hypot(lasers.waist_m, lasers.divergence_rad * along_m)

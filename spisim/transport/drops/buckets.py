@@ -60,7 +60,7 @@ def on_buckets(
             shown = np.tensordot(pictures, shares[frame, exposure], (1, 0))
             left = np.ones(lit.size)
             for one, field in zip(drops, fields, strict=True):
-                passed, met, echoed = _at(one, field, time_s, response)
+                passed, met, echoed = _at(one, field, time_s, one.depth_m(frame), response)
                 left *= passed
                 light_on_drops = (lit * electrons.ravel())[met.pixel] * met.share
                 changes[:, frame, exposure] += echoed[:, met.point] @ light_on_drops
@@ -84,6 +84,7 @@ def _at(
     drops: FallingDrops,
     field: DropField,
     time_s: float,
+    depth_m: Floats,
     response: Callable[[Floats], Floats],
 ) -> tuple[Floats, Shares, Floats]:
     """What passes of each pixel's light, what meets drops, and (windows, points) its echo."""
@@ -91,11 +92,11 @@ def _at(
     positions, diameters = drops.at(field, time_s)
     pixel_rad = float(np.sqrt(projector.pixel_area))  # in the middle of the field
     points = disc_points(positions, diameters, _blur_m(drops, positions[:, 2]), pixel_rad)
-    out = on_the_way_out(projector, drops.depth_m, points)
+    out = on_the_way_out(projector, depth_m, points)
     passed_out = passing(out, points, projector.pixels)
     back, collected = [], []
     for number in range(len(bucket.positions_m)):
-        shares = on_the_way_back(projector, bucket, number, drops.depth_m, points)
+        shares = on_the_way_back(projector, bucket, number, depth_m, points)
         back.append(passing(shares, points, projector.pixels))
         share, length_m = echo(
             points.place_m,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +33,8 @@ class FallingDrops:
     precipitation: Precipitation
     instrument: Instrument
     view: InstrumentView  # in the optical frame
-    depth_m: Floats  # (H, W), of the surfaces
-    spot_range_m: Floats  # (4,)
+    depths_by_frame_m: Floats  # (T, H, W), of the surfaces; one of all frames, or each its own
+    spot_ranges_by_frame_m: Floats  # (T, 4)
     fog_per_m: float
     times_s: Floats  # (frames, M), middle of every exposure
 
@@ -54,10 +55,19 @@ class FallingDrops:
         kept = (depth > near - moved) & (depth < far + moved)
         return field.kept(kept), positions[kept], moved * np.sqrt(3)
 
+    def depth_m(self, frame: int) -> Floats:
+        """Depth (H, W) of the surfaces in a frame."""
+        return np.asarray(self.depths_by_frame_m[min(frame, len(self.depths_by_frame_m) - 1)])
+
+    def spot_range_m(self, frame: int) -> Floats:
+        """Ranges (4,) of the spots in a frame."""
+        ranges = self.spot_ranges_by_frame_m
+        return np.asarray(ranges[min(frame, len(ranges) - 1)])
+
     @property
     def depths_m(self) -> tuple[float, float]:
         """Nearest and farthest depth of a drop that matters."""
-        far = min(self.precipitation.far_m, float(self.depth_m.max()))
+        far = min(self.precipitation.far_m, float(self.depths_by_frame_m.max()))
         return self.precipitation.near_m, far
 
     def at(self, field: DropField, time_s: float) -> tuple[Floats, Floats]:
@@ -70,19 +80,24 @@ class FallingDrops:
 def falling_drops(
     scene: Scene,
     instrument: Instrument,
-    truth: GroundTruth,
+    truths: Sequence[GroundTruth],
     frames: int,
     rng: np.random.Generator,
 ) -> tuple[FallingDrops, ...]:
-    """Draw the drops of a recording, one entry for each part of the scene's precipitation."""
+    """Draw the drops of a recording, one entry for each part of the scene's precipitation.
+
+    `truths` are those of every frame, or one of all where nothing moves.
+    """
     return tuple(
         FallingDrops(
             field=drop_field(precipitation, scene, instrument, frames, rng),
             precipitation=precipitation,
             instrument=instrument,
             view=InstrumentView.of(instrument, np.eye(4)),
-            depth_m=np.nan_to_num(truth.depth_m.astype(np.float64), nan=FAR_AWAY_M),
-            spot_range_m=truth.spot_range_m,
+            depths_by_frame_m=np.nan_to_num(
+                np.array([truth.depth_m for truth in truths], np.float64), nan=FAR_AWAY_M
+            ),
+            spot_ranges_by_frame_m=np.array([truth.spot_range_m for truth in truths]),
             fog_per_m=scene.atmosphere.extinction_per_m,
             times_s=instrument.exposure_times_s(frames),
         )
