@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,7 +29,7 @@ from .model import (
 )
 from .pattern_taps import PatternTaps
 from .readings import READINGS
-from .schema import FRAMES, check_shape, check_values, stored_fields
+from .schema import FRAMES, Stored, check_shape, check_values, stored_fields
 from .spots import Spots
 
 FORMAT = "spisim-capture"
@@ -90,22 +91,23 @@ class CaptureFile:
         self.provenance = _read_provenance(file)
         plan = _read_plan(file)
         sizes = axis_sizes(plan)
-        self._spots = _spots_class(file)
-        groups: dict[str, type | None] = {
+        kinds: dict[str, type | None] = {
             "buckets": Buckets,
-            "spots": self._spots,
-            "pattern_taps": PatternTaps,
-            "optics": Optics,
+            "spots": _spots_class(file),
+            "pattern_taps": PatternTaps if hdf5.has(file, "pattern_taps") else None,
+            "optics": Optics if hdf5.has(file, "optics") else None,
         }
-        for group, part in groups.items():
-            if part is not None and (group == "buckets" or hdf5.has(file, group)):
+        for group, part in kinds.items():
+            if part is not None:
                 _check_shapes(file, group, part, sizes)
         self.frames = sizes[FRAMES]
         if self.frames < 1:
             raise InputError("buckets/counts holds no frame")
-        none = self._readings(0, 0)
-        optics = _read(file, "optics", Optics) if hdf5.has(file, "optics") else None
-        self.setup = Setup(plan, optics, none.buckets, none.spots, none.pattern_taps)
+        parts: dict[str, Any] = {
+            group: None if part is None else _read(file, group, part, slice(0, 0))
+            for group, part in kinds.items()
+        }
+        self.setup = Setup(plan=plan, **parts)
         check_parts(self.setup)
 
     def frame(self, frame: int = 0) -> Frames:
@@ -133,14 +135,12 @@ class CaptureFile:
         return Truth(frame=np.zeros(1, np.int64), still=self.frames == 1, **values)
 
     def _readings(self, start: int, stop: int) -> Frames:
-        rows = slice(start, stop)
-        file = self._file
-        taps = hdf5.has(file, "pattern_taps")
+        rows, setup = slice(start, stop), self.setup
         return Frames(
             first=start,
-            buckets=_read(file, "buckets", Buckets, rows),
-            spots=None if self._spots is None else _read(file, "spots", self._spots, rows),
-            pattern_taps=_read(file, "pattern_taps", PatternTaps, rows) if taps else None,
+            buckets=_with_rows(self._file, "buckets", setup.buckets, rows),
+            spots=_with_rows(self._file, "spots", setup.spots, rows),
+            pattern_taps=_with_rows(self._file, "pattern_taps", setup.pattern_taps, rows),
         )
 
 
@@ -219,14 +219,27 @@ def _check_shapes(file: h5py.File, group: str, part: type, sizes: dict[str, int]
 
 def _read(file: h5py.File, group: str, part: type[Part], rows: slice | None = None) -> Part:
     """A part of the capture, of what there is for each frame only some ``rows``."""
-    values: dict[str, Any] = {}
-    for name, stored in stored_fields(part):
-        where = f"{group}/{name}"
-        value = hdf5.get(file, where, stored.units, rows if stored.by_frame else None)
-        array = stored.kept(where, value)
-        check_values(where, array, stored)
-        values[name] = array.item() if not stored.axes and array.size == 1 else array
-    return part(**values)
+    fields = stored_fields(part)
+    return part(**{name: _value(file, f"{group}/{name}", kept, rows) for name, kept in fields})
+
+
+def _with_rows(file: h5py.File, group: str, part: Part, rows: slice) -> Part:
+    """The same part with what there is for some frames; None where there is no such part."""
+    if part is None:
+        return part
+    by_frame = {
+        name: _value(file, f"{group}/{name}", stored, rows)
+        for name, stored in stored_fields(type(part))
+        if stored.by_frame
+    }
+    return replace(part, **by_frame)  # type: ignore[type-var]
+
+
+def _value(file: h5py.File, where: str, stored: Stored, rows: slice | None) -> Any:
+    value = hdf5.get(file, where, stored.units, rows if stored.by_frame else None)
+    array = stored.kept(where, value)
+    check_values(where, array, stored)
+    return array.item() if not stored.axes and array.size == 1 else array
 
 
 def _checked_version(text: str) -> tuple[int, int]:

@@ -1,0 +1,156 @@
+"""Reconstructor: time and memory per frame against the length of the recording.
+
+    python benchmarks/reconstructor.py [--quick] [--json] [--markdown]
+
+64 × 64 pixels, 127 patterns and four spots: a simulated frame of the warehouse as often as the
+recording is long, for the pursuit's work depends on what a frame shows. Recordings of different
+lengths take turns, so that a busy machine slows all alike. `--markdown` pastes the tables into
+docs/reconstruction.md.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import tracemalloc
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from time import thread_time
+
+import numpy as np
+from options import benchmark_options
+
+import spisim
+from reconstruction import Reconstructor, open_capture, reconstruct, write_capture
+from reconstruction.capture import Capture, CaptureFile, Truth
+from reconstruction.capture.readings.cw import CwSpots
+from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
+
+DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
+FRAMES = (1, 1_000, 10_000)
+BATCH = 16
+
+
+def main() -> int:
+    """Measure, print, and tell by the exit status whether every promise is kept."""
+    options = benchmark_options(__doc__, "fewer calls of each", DOCS)
+    calls = 40 if options.quick else 400
+    around = surroundings(("spisim", "numpy", "scipy", "h5py"))
+    one = spisim.simulate(
+        spisim.load_scene("warehouse"), spisim.load_instrument("paper"), spp=16
+    ).capture
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        files = [
+            stack.enter_context(open_capture(recording(one, frames, Path(folder))))
+            for frames in FRAMES
+        ]
+        tables, checks = flat(files, calls)
+        tables.append(ways(files[1], calls))
+    tables.append(checks_table(checks))
+    report(around, tables, checks, as_json=options.json)
+    if options.markdown:
+        paste(DOCS, "benchmark", around, tables)
+    return 0 if all(check.holds for check in checks) else 1
+
+
+def recording(one: Capture, frames: int, folder: Path) -> Path:
+    """File of a recording of so many frames, all alike."""
+    assert isinstance(one.spots, CwSpots)
+    assert one.truth is not None
+    counts, taps = (
+        np.repeat(values, frames, axis=0) for values in (one.buckets.counts, one.spots.taps)
+    )
+    path = folder / f"{frames}.h5"
+    capture = replace(
+        one,
+        buckets=replace(one.buckets, counts=counts, saturated=np.zeros(counts.shape, bool)),
+        spots=replace(one.spots, taps=taps, saturated=np.zeros(taps.shape, bool)),
+        truth=Truth.of([one.truth.at(0)], still=True),
+    )
+    write_capture(capture, path)
+    return path
+
+
+def flat(files: Sequence[CaptureFile], calls: int) -> tuple[list[Table], list[Check]]:
+    """Time and memory per frame by the number of frames."""
+    work = [one_by_one(file) for file in files]
+    seconds = in_turns(work, calls)
+    memory = [peak_memory(each) for each in work]
+    rows = [
+        (f"{frames:,}", f"{1e3 * time_s:.2f}", f"{memory_b / 1e6:.2f}")
+        for frames, time_s, memory_b in zip(FRAMES, seconds, memory, strict=True)
+    ]
+    table = Table(
+        "A frame read from its file and reconstructed, by the length of the recording:",
+        ("frames", "per frame, ms", "peak memory of a call, MB"),
+        rows,
+    )
+    checks = [
+        Check(f"{what} per frame at {frames:,} frames, over that at 1", values[n] / values[0], 1.1)
+        for what, values in (("time", seconds), ("memory", memory))
+        for n, frames in enumerate(FRAMES)
+        if n > 0
+    ]
+    return [table], checks
+
+
+def ways(file: CaptureFile, calls: int) -> Table:
+    """Ways to reconstruct the same frames."""
+    reconstructor = Reconstructor(file.setup)
+    image_alone = Reconstructor(file.setup, image="pursuit", ranging=(), depth=())
+    batch = file.batch(0, BATCH)
+    frames = [batch.between(n, n + 1) for n in range(BATCH)]
+    work: dict[str, Callable[[], object]] = {
+        "compiled call": lambda: [reconstructor(frame) for frame in frames],
+        "compiled call, image alone": lambda: [image_alone(frame) for frame in frames],
+        f"batches of {BATCH}": lambda: reconstructor.batch(batch),
+        "compiled for each frame": lambda: [reconstruct(file, n) for n in range(BATCH)],
+    }
+    seconds = in_turns(list(work.values()), max(calls // 20, 3))
+    rows = [
+        (name, f"{1e3 * each / BATCH:.2f}", f"{each / seconds[0]:.2f}")
+        for name, each in zip(work, seconds, strict=True)
+    ]
+    return Table("The same frames in several ways:", ("", "per frame, ms", "over the first"), rows)
+
+
+def one_by_one(file: CaptureFile) -> Callable[[], object]:
+    """Read and reconstruct the next frame of a file, from its start again after the last."""
+    reconstructor = Reconstructor(file.setup)
+    frame = 0
+
+    def work() -> object:
+        nonlocal frame
+        frame = (frame + 1) % file.frames
+        return reconstructor(file.frame(frame))
+
+    return work
+
+
+def in_turns(work: Sequence[Callable[[], object]], calls: int) -> list[float]:
+    """Median processor time of each."""
+    seconds = np.empty((calls, len(work)))
+    for each in work:
+        each()
+    for call in range(calls):
+        for n, each in enumerate(work):
+            began = thread_time()
+            each()
+            seconds[call, n] = thread_time() - began
+    return [float(value) for value in np.median(seconds, axis=0)]
+
+
+def peak_memory(work: Callable[[], object]) -> float:
+    """Most bytes that a call holds at a time."""
+    work()
+    tracemalloc.start()
+    work()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return float(peak)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
