@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+from spisim.config import shipped
+
 from .console import messages, print_json, results
 from .options import Json
 
@@ -52,6 +54,7 @@ def examine() -> dict[str, Any]:
         "llvm": llvm,
         "gpu": gpu,
         "cache": _kernel_cache(),
+        "shipped": {name: str(shipped(name)) for name in ("scenes", "studies", "examples")},
         "packages": _packages(),
     }
 
@@ -111,6 +114,8 @@ def _print(findings: dict[str, Any]) -> None:
     table.add_row("GPU", "CUDA" if findings["gpu"] else "none; light is traced on the CPU")
     writable = "" if cache["writable"] else " (not writable: every run compiles anew)"
     table.add_row("kernel cache", cache["path"] + writable)
+    for name, folder in findings["shipped"].items():
+        table.add_row(name, folder)
     table.add_row("packages", ", ".join(f"{n} {v}" for n, v in findings["packages"].items()))
     results.print(table)
     for problem in findings["problems"]:

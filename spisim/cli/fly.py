@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from spisim.instrument import Instrument
     from spisim.report.flight import Sighting
 
-EXAMPLE = "spisim fly warehouse --path scenes/warehouse-flight.csv -o out/flight --spp 64"
+EXAMPLE = "spisim fly warehouse --path warehouse-flight -o out/flight --spp 64"
 
 OUTPUTS = ("flight.gif", "flight.png", "flight.csv")
 
@@ -40,7 +40,7 @@ OUTPUTS = ("flight.gif", "flight.png", "flight.csv")
 def command(
     scene: SceneArgument,
     path: Annotated[
-        Path, typer.Option("--path", metavar="FILE", help="Poses or way-points: CSV or TUM.")
+        str, typer.Option("--path", metavar="FILE", help="Poses or way-points: CSV or TUM.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A folder.")],
     instrument: InstrumentOption = "paper",

@@ -16,11 +16,16 @@ from .options import Bar, Json
 if TYPE_CHECKING:
     from spisim.study.run import Finished
 
-EXAMPLE = "spisim study studies/fog-and-rain.yaml -o out/fog --quick"
+EXAMPLE = "spisim study fog-and-rain -o out/fog --quick"
 
 
 def command(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="What to compare: a YAML file.")],
+    plan: Annotated[
+        str,
+        typer.Argument(
+            metavar="PLAN", help="What to compare: a YAML file, or the name of a shipped study."
+        ),
+    ],
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of captures and results.")
     ],

@@ -23,6 +23,7 @@ from spisim.config.reading import (
     read_mapping,
     read_text,
 )
+from spisim.config.shipped import shipped
 
 __all__ = [
     "Count",
@@ -40,4 +41,5 @@ __all__ = [
     "read_mapping",
     "read_text",
     "reason",
+    "shipped",
 ]

@@ -90,19 +90,21 @@ def check_fields(data: Mapping[Any, Any], model: type[Model], source: Path | str
         raise InputError(f"{source}: a value of it contains itself") from None
 
 
-def find_named(name: str, folder: Path, kind: str) -> Path:
-    """Path of `name`: a YAML file that the user has, else the shipped `folder/name.yaml`.
+def find_named(
+    name: str, folder: Path, kind: str, suffixes: tuple[str, ...] = (".yaml", ".yml")
+) -> Path:
+    """Path of `name`: a file that the user has, else a shipped one of this name in `folder`.
 
     Raises InputError, with the nearest shipped name, where there is neither.
     """
     given = Path(name)
-    if given.suffix in {".yaml", ".yml"} or given.is_file():
+    if given.suffix in suffixes or given.is_file():
         return given
-    shipped = {path.stem: path for path in folder.glob("*.yaml")}
+    shipped = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
     if name in shipped:
         return shipped[name]
     if given.is_dir():
-        raise InputError(f"{name} is a folder; the name of a YAML file is needed")
+        raise InputError(f"{name} is a folder; the name of a file is needed")
     raise InputError(
         f"no {kind} {name!r}: neither a file nor the name of a shipped {kind}; "
         f"{nearest(name, sorted(shipped))}"

@@ -9,8 +9,7 @@ from typing import Any
 
 import yaml
 
-from reconstruction.errors import InputError
-from spisim.config import check_fields, find_named, read_mapping, read_text
+from spisim.config import check_fields, find_named, read_mapping, read_text, shipped
 from spisim.scene.assemble import Setting, assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, Moment, SceneDescription
 from spisim.scene.drawn import draw
@@ -19,11 +18,8 @@ from spisim.scene.moment import at_moment
 
 
 def scenes_folder() -> Path:
-    """Folder of the shipped scenes; it lies beside the package. InputError if it is not there."""
-    folder = Path(__file__).parents[2] / "scenes"
-    if not folder.is_dir():
-        raise InputError(f"{folder}: the shipped scenes are missing; reinstall spisim")
-    return folder
+    """Folder of the shipped scenes. InputError if it is not there."""
+    return shipped("scenes")
 
 
 def list_scenes() -> list[str]:

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from reconstruction.errors import InputError, nearest
+from spisim.config import find_named, shipped
 from spisim.scene.description import Moment
 from spisim.scene.model import Floats, Scene, Vector3
 from spisim.scene.motion import MAX_TURN_RAD, meeting_time
@@ -110,7 +111,9 @@ def _vector(values: Floats) -> Vector3:
 
 
 def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
-    """Flight from a file of poses or way-points; the first time is its start.
+    """Flight from a file of poses or way-points, or a shipped one by its name.
+
+    The first time is its start.
 
     Either CSV with a header, `t,x,y,z,qx,qy,qz,qw` (s, m, unit quaternion) or
     `t,x,y,z,look_x,look_y,look_z` (the point looked at, with the world's z up), or the format of
@@ -121,7 +124,7 @@ def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
     what is no finite number, times that do not rise, quaternions that are not of unit length, a way
     point that looks at itself or straight up or down, and fewer than two poses.
     """
-    file = Path(path)
+    file = find_named(str(path), shipped("scenes"), "flight", (".csv", ".txt", ".tum"))
     if frame not in FRAMES:
         raise InputError(f"unknown frame {frame!r}: {nearest(frame, FRAMES)}")
     numbers, columns, values = _read(file)

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import InputError, nearest
-from spisim.config import Count, Name, Section, parse_model, read_text
+from spisim.config import Count, Name, Section, find_named, parse_model, read_text, shipped
 from spisim.config.distributions import KINDS
 from spisim.dataset.plan import Plan, PlannedSet, is_field
 from spisim.dataset.records import flat
@@ -186,7 +186,11 @@ class PlannedStudy:
         )
 
 
-def load_study(path: Path) -> PlannedStudy:
-    """Study from a YAML file; InputError, naming file and field, for whatever is wrong with it."""
+def load_study(name: str | Path) -> PlannedStudy:
+    """Study from a YAML file, or a shipped one by its name ("fog-and-rain").
+
+    Raises InputError, naming file and field, for whatever is wrong with it.
+    """
+    path = find_named(str(name), shipped("studies"), "study")
     text = read_text(path)
     return PlannedStudy(parse_model(text, StudyPlan, path), text, path.absolute())
