@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import h5py
 import numpy as np
 
-from ..errors import InputError, naming
+from ..errors import InputError
 from ..files import write_atomically
 from ..operators import BASES, PatternPlan
 from . import hdf5
@@ -54,7 +54,7 @@ def read_capture(path: str | Path) -> Capture:
     Raises InputError, naming the file, if it is missing, damaged, not a capture, of another format
     version, or if a dataset is missing, has another shape or unit, or makes no sense.
     """
-    with open_capture(path) as file, naming(path):
+    with open_capture(path) as file:
         readings = file.batch(0, file.frames)
         return Capture(
             plan=file.setup.plan,

@@ -1,5 +1,6 @@
 """What a reconstruction leaves in a folder: pictures, point cloud, and the result itself."""
 
+import re
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -59,4 +60,4 @@ def _possible() -> set[str]:
 
 def _file(kind: str, method: str, number: int) -> str:
     """Name of the picture of the ``number``-th method."""
-    return f"{kind}.png" if number == 0 else f"{kind}_{method.replace(':', '-')}.png"
+    return f"{kind}.png" if number == 0 else f"{kind}_{re.sub('[^A-Za-z0-9]', '_', method)}.png"

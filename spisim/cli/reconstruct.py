@@ -7,6 +7,7 @@ import typer
 
 from .options import CaptureArgument, Json, number_option
 
+Methods = Annotated[str | None, typer.Option(metavar="METHOD[,METHOD]", help="Methods, or all.")]
 EXAMPLE = "spisim reconstruct foggy.h5 -o foggy"
 
 
@@ -16,24 +17,30 @@ def command(
     frame: Annotated[int, number_option(0, 2**31, "Frame of the capture.")] = 0,
     patterns: Annotated[int | None, number_option(1, 2**31, "Use so many patterns only.")] = None,
     order: Annotated[str, typer.Option(help="... of this order.")] = "sequency-2d",
+    image: Methods = None,
+    ranging: Methods = None,
+    depth: Methods = None,
     json: Json = False,
 ) -> None:
     """Reconstruct image, ranges, depth map and point cloud of a capture, simulated or recorded.
 
-    Writes report.html beside them.
+    Writes report.html beside them. Methods of image, ranging and depth are chosen by name, several
+    with commas between, the default one first, or all.
     """
     from reconstruction import evaluate, first_patterns, read_capture, read_result
     from reconstruction.cli import main
     from spisim.report import write_report
 
     options = ["--output", str(output), "--frame", str(frame), *(["--json"] if json else [])]
+    for station, names in {"image": image, "ranging": ranging, "depth": depth}.items():
+        options += [] if names is None else [f"--{station}", names]
     if patterns is not None:
         options += ["--patterns", str(patterns), "--order", order]
     if status := main(["reconstruct", str(capture), *options]):
         raise typer.Exit(status)
     recording = read_capture(capture)
-    if patterns is not None:
-        recording = first_patterns(recording, patterns, order)
     result = read_result(output / "result.h5")
     metrics = None if recording.truth is None else evaluate(result, recording)
+    if patterns is not None:
+        recording = first_patterns(recording, patterns, order)
     write_report(output / "report.html", recording, result, metrics=metrics, title=capture.stem)
