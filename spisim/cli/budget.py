@@ -58,10 +58,12 @@ def command(
     figures = summarise(carried, target)
     warn(warnings := budget_warnings(carried, target))
     if output is not None:
-        from spisim.budget.plots import budget_figure, png_bytes
+        from spisim.budget.plots import budget_figure
+        from spisim.report.style import file_of, plot_style
 
-        name = Path(instrument).stem
-        write_atomically(output, png_bytes(budget_figure(carried, target, name, LIMIT_M)))
+        with plot_style():
+            figure = budget_figure(carried, target, Path(instrument).stem, LIMIT_M)
+            write_atomically(output, file_of(figure, dpi=110))
     if json:
         print_json({"instrument": instrument, **figures, "warnings": warnings, "written": output})
         return

@@ -39,18 +39,19 @@ def command(
     Draws each figure as PNG.
     """
     from reconstruction.files import require_folder, write_atomically
-    from spisim.budget.plots import png_bytes
     from spisim.paper import RESULTS
     from spisim.paper.checks import around_marks, checks_table, paste, report, summary, surroundings
+    from spisim.report.style import file_of, plot_style
 
     require_folder(output)
     if markdown is not None:
         around_marks(markdown, "paper")
     names = list(RESULTS) if which is Which.all else [which.value]
-    results = {name: RESULTS[name]() for name in names}
-    pictures = {name: output / f"{name}.png" for name in results}
-    for name, picture in pictures.items():
-        write_atomically(picture, png_bytes(results[name].figure))
+    pictures = {name: output / f"{name}.png" for name in names}
+    with plot_style():
+        results = {name: RESULTS[name]() for name in names}
+        for name, picture in pictures.items():
+            write_atomically(picture, file_of(results[name].figure, dpi=110))
     checks = [check for result in results.values() for check in result.checks]
     tables = [table for result in results.values() for table in result.tables]
     tables.append(checks_table(checks))

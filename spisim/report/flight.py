@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -19,8 +20,9 @@ from reconstruction.capture import FrameTruth
 from reconstruction.files import write_atomically
 from spisim.dataset.flight import Instant
 
-from .pictures import Scale, depth_scale, intensity_scale
-from .scene_view.picture import SPOT_COLOURS
+from .overview import depth_bar
+from .pictures import Scale, depth_scale, intensity_scale, show
+from .style import SPOT_COLOURS, file_of, plot_style
 
 #: Columns of the contact sheet.
 SHEET_COLUMNS = 8
@@ -41,7 +43,7 @@ class Sighting:
     def truth(self) -> FrameTruth:
         """What was there."""
         assert self.capture.truth is not None
-        return self.capture.truth.at(0)
+        return self.capture.truth.at(self.result.frame)
 
     @property
     def pose(self) -> np.ndarray:
@@ -67,21 +69,23 @@ class _Scales:
     @classmethod
     def of(cls, flight: Sequence[Sighting]) -> _Scales:
         return cls(
-            intensity_scale(*(seen.truth.image for seen in flight), unit=""),
+            intensity_scale(*(seen.truth.image for seen in flight)),
             depth_scale(*(seen.truth.depth_m for seen in flight)),
         )
 
-    def panels(self, seen: Sighting) -> list[tuple[str, np.ndarray]]:
-        """Titles and colours of image, depth map and true depth."""
-        depth = seen.result.depth_m
-        nothing = np.full(seen.truth.depth_m.shape, np.nan)
+    def panels(self, seen: Sighting) -> list[tuple[str, np.ndarray, Scale]]:
+        """Image, depth map and true depth, with their titles and scales."""
+        depth_m = seen.result.depth_m
+        if depth_m is None:
+            depth_m = np.full_like(seen.truth.depth_m, np.nan)
         return [
-            ("image", self.image.rgba(seen.result.image)),
-            ("depth from four spots", self.depth.rgba(nothing if depth is None else depth)),
-            ("true depth", self.depth.rgba(seen.truth.depth_m)),
+            ("image", seen.result.image, self.image),
+            ("depth", depth_m, self.depth),
+            ("true depth", seen.truth.depth_m, self.depth),
         ]
 
 
+@plot_style()
 def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> None:
     """Write a GIF: image, depth map, true depth, and the path with its spots from above.
 
@@ -106,24 +110,22 @@ def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> N
     write_atomically(path, buffer.getvalue())
 
 
+@plot_style()
 def write_sheet(path: Path, flight: Sequence[Sighting]) -> None:
     """Write a PNG with some of the instants side by side. Raises OSError."""
     scales = _Scales.of(flight)
     columns = min(SHEET_COLUMNS, len(flight))
     shown = [flight[k] for k in np.linspace(0, len(flight) - 1, columns).round().astype(int)]
-    sheet = Figure(figsize=(0.6 + 1.75 * columns, 5.4), dpi=110, layout="constrained")
+    sheet = Figure(figsize=(0.6 + 1.75 * columns, 5.4), layout="constrained")
     axes = sheet.subplots(3, columns, squeeze=False)
     for column, seen in zip(axes.T, shown, strict=True):
         column[0].set_title(f"{seen.instant.time_s:.2f} s", fontsize=9)
-        for axis, (_, colours) in zip(column, scales.panels(seen), strict=True):
-            axis.imshow(colours, interpolation="nearest")
-            axis.set(xticks=[], yticks=[])
-    for axis, (title, _) in zip(axes[:, 0], scales.panels(shown[0]), strict=True):
+        for axis, (_, image, scale) in zip(column, scales.panels(seen), strict=True):
+            show(axis, image, scale)
+    for axis, (title, *_) in zip(axes[:, 0], scales.panels(shown[0]), strict=True):
         axis.set_ylabel(title, fontsize=9)
-    _colour_bar(sheet, axes[1:, :], scales.depth)
-    buffer = io.BytesIO()
-    sheet.savefig(buffer, format="png", metadata={"Software": None})
-    write_atomically(path, buffer.getvalue())
+    depth_bar(sheet, axes[1:, :], scales.depth, shrink=0.8, aspect=24)
+    write_atomically(path, file_of(sheet, dpi=110))
 
 
 def write_table(path: Path, flight: Sequence[Sighting]) -> None:
@@ -137,7 +139,8 @@ def write_table(path: Path, flight: Sequence[Sighting]) -> None:
 
 
 def _row(seen: Sighting) -> dict[str, Any]:
-    scene, depth = seen.instant.scene, seen.metrics["depth"] or {}
+    scene = seen.instant.scene
+    spots, image, depth = (_default(seen.metrics[each]) for each in ("spots", "images", "depths"))
     row: dict[str, Any] = {"capture": seen.instant.file, "time_s": f"{seen.instant.time_s:.6g}"}
     vectors: dict[str, Any] = {
         "position_{}_m": seen.pose[:3, 3],
@@ -149,14 +152,19 @@ def _row(seen: Sighting) -> dict[str, Any]:
         row |= {
             name.format(axis): _number(value) for axis, value in zip("xyz", vector, strict=True)
         }
-    for k, spot in enumerate(seen.metrics["spots"]):
+    for k, spot in enumerate(spots):
         for key in ("true_m", "range_m", "error_m", "sigma_m"):
             row[f"spot_{k}_{key}"] = _number(spot[key])
         row[f"spot_{k}_status"] = spot["status"]
-    row["image_correlation"] = _number(seen.metrics["image"]["correlation"])
+    row["image_correlation"] = _number(image["correlation"])
     for key in ("mae_m", "rmse_m"):
-        row[f"depth_{key}"] = _number(depth.get("anchored", {}).get(key))
+        row[f"depth_{key}"] = _number(depth.get(key))
     return row
+
+
+def _default(methods: Mapping[str, Any]) -> Any:
+    """What is found of the default method, the first; nothing where there is none."""
+    return next(iter(methods.values()), {})
 
 
 def _number(value: float | None) -> str:
@@ -167,16 +175,11 @@ def _frame(flown: Sequence[Sighting], scales: _Scales, limits: tuple[float, ...]
     """One picture of the animation, after all of `flown`."""
     now = flown[-1]
     picture = Figure(figsize=(9.6, 3.05), dpi=100)
-    for k, (title, colours) in enumerate(scales.panels(now)):
+    for k, (title, image, scale) in enumerate(scales.panels(now)):
         axis = picture.add_axes((0.008 + 0.232 * k, 0.12, 0.224, 0.224 * 9.6 / 3.05))
-        axis.imshow(colours, interpolation="nearest")
-        axis.set(xticks=[], yticks=[])
+        show(axis, image, scale)
         axis.set_title(title, fontsize=9)
-    bar = picture.add_axes((0.242, 0.085, 0.454, 0.025))
-    gradient = np.linspace(scales.depth.low, scales.depth.high, 256)[None]
-    bar.imshow(scales.depth.rgba(gradient), aspect="auto", extent=(*_ends(scales.depth), 0, 1))
-    bar.set_yticks([])
-    bar.tick_params(labelsize=6.5, length=2, pad=1)
+    _colour_bar(picture.add_axes((0.242, 0.085, 0.454, 0.025)), scales.depth)
     picture.text(0.702, 0.075, "m", fontsize=7, ha="left")
     picture.text(0.008, 0.03, f"{now.instant.time_s:.2f} s", fontsize=9, weight="bold")
     plan = picture.add_axes((0.768, 0.12, 0.224, 0.224 * 9.6 / 3.05))
@@ -194,10 +197,6 @@ def _frame(flown: Sequence[Sighting], scales: _Scales, limits: tuple[float, ...]
     return picture
 
 
-def _ends(scale: Scale) -> tuple[float, float]:
-    return scale.low, scale.high
-
-
 def _map_limits(flight: Sequence[Sighting]) -> tuple[float, ...]:
     """(left, right, bottom, top) around paths and true spots."""
     points = [seen.pose[:3, 3] for seen in flight]
@@ -210,11 +209,12 @@ def _map_limits(flight: Sequence[Sighting]) -> tuple[float, ...]:
     return middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half
 
 
-def _colour_bar(sheet: Figure, axes: Any, scale: Scale) -> None:
-    shown = axes[0, 0].images[0]
-    shown.set_clim(scale.low, scale.high)
-    shown.set_cmap(scale.colours)
-    sheet.colorbar(shown, ax=axes, shrink=0.8, aspect=24, pad=0.01, label="depth, m")
+def _colour_bar(axes: Axes, scale: Scale) -> None:
+    gradient = scale.rgba(np.linspace(scale.low, scale.high, 256)[None])
+    axes.imshow(gradient, aspect="auto", extent=(scale.low, scale.high, 0, 1))
+    axes.set_yticks([])
+    axes.grid(visible=False)
+    axes.tick_params(labelsize=6.5, length=2, pad=1)
 
 
 def _rendered(figure: Figure) -> Image.Image:

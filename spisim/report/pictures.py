@@ -1,21 +1,20 @@
-"""Arrays as pictures in the page: pixels stay pixels, scales and words stay text."""
+"""Arrays as pictures: scales of colour, and pixels that stay pixels."""
 
 import base64
 import io
+from collections.abc import Iterator
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.image import imsave
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction import Capture
 from reconstruction.files import write_atomically
-
-Floats = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
@@ -40,8 +39,25 @@ class Scale:
         rgba[~np.isfinite(np.asarray(image, float)), 3] = 0
         return rgba
 
+    def address(self, image: ArrayLike) -> str:
+        """A picture of an image, to stand in a page."""
+        return data_address(_png(self.rgba(image)), "image/png")
 
-def intensity_scale(*images: ArrayLike | None, unit: str) -> Scale:
+    @property
+    def gradient(self) -> str:
+        """The colours from low to high, as CSS."""
+        stops = colormaps[self.colours](np.linspace(0, 1, 9), bytes=True)
+        return ", ".join(f"rgb({r} {g} {b})" for r, g, b, _ in stops)
+
+    @property
+    def ticks(self) -> Iterator[tuple[float, float]]:
+        """Round numbers on the scale, and where they lie in per cent."""
+        for value in MaxNLocator(5).tick_values(self.low, self.high):
+            if self.low <= value <= self.high:
+                yield value, 100 * float(self.position(value))
+
+
+def intensity_scale(*images: ArrayLike, unit: str = "") -> Scale:
     """Grey from zero to the brightest but for a few pixels."""
     return Scale(0.0, _percentile(99.5, *images), "gray", unit)
 
@@ -51,75 +67,56 @@ def view_scale(view: ArrayLike) -> Scale:
     return Scale(0.0, _percentile(98, view), "gray", "", exponent=1 / 2.2)
 
 
-def depth_scale(*images: ArrayLike | None) -> Scale:
-    """Near is bright, in metres."""
-    return Scale(_percentile(1, *images), _percentile(99, *images), "viridis_r", "m")
+def depth_scale(*images: ArrayLike) -> Scale:
+    """Near is bright, in metres; from 0 to 1 where there is no depth at all."""
+    return Scale(_percentile(1, *images, default=0.0), _percentile(99, *images), "viridis_r", "m")
 
 
-def error_scale(*images: ArrayLike | None) -> Scale:
+def error_scale(*images: ArrayLike) -> Scale:
     """Blue is too near, red is too far, in metres."""
-    limit = _percentile(95, *(None if image is None else np.abs(image) for image in images))
+    limit = _percentile(95, *map(np.abs, images))
     return Scale(-limit, limit, "RdBu_r", "m")
 
 
-def figure(image: ArrayLike, scale: Scale, title: str, note: str = "", over: str = "") -> str:
-    """A picture with its title; `over` is laid over it."""
-    small = f"<small>{escape(note)}</small>" if note else ""
-    return (
-        f'<figure><div class="frame">'
-        f'<img alt="{escape(title)}" src="{_png(scale.rgba(image))}">{over}</div>'
-        f"<figcaption>{escape(title)}{small}</figcaption></figure>"
-    )
-
-
-def colour_bar(scale: Scale, meaning: str) -> str:
-    """The scale as a bar with ticks."""
-    stops = colormaps[scale.colours](np.linspace(0, 1, 9), bytes=True)
-    gradient = ", ".join(f"rgb({r} {g} {b})" for r, g, b, _ in stops)
-    ticks = "".join(
-        f'<li style="left:{100 * scale.position(value):.1f}%">{value:g}</li>'
-        for value in MaxNLocator(5).tick_values(scale.low, scale.high)
-        if scale.low <= value <= scale.high
-    )
-    return (
-        f'<div class="scale"><span>{escape(meaning)}</span><div>'
-        f'<i style="background:linear-gradient(90deg, {gradient})"></i><ol>{ticks}</ol></div>'
-        f"<span>{escape(scale.unit)}</span></div>"
-    )
-
-
-def spot_marks(capture: Capture) -> str:
-    """Dots where the laser spots lie in the image; those outside of it are left out."""
+def spot_marks(capture: Capture) -> list[tuple[int, float, float]]:
+    """Spots, and where they lie in the image in per cent; those outside of it are left out."""
     if capture.spots is None or capture.optics is None:
-        return ""
+        return []
     x, y, z = capture.spots.directions.T
     across = 50 * (1 + x / z / capture.optics.tan_half_width)
     down = 50 * (1 + y / z / capture.optics.tan_half_height)
-    return "".join(
-        f'<span class="spot" title="spot {k}" '
-        f'style="left:{left:.2f}%;top:{top:.2f}%;--colour:var(--spot-{k})"></span>'
+    return [
+        (k, left, top)
         for k, (left, top) in enumerate(zip(across, down, strict=True))
         if 0 <= left <= 100 and 0 <= top <= 100
-    )
+    ]
 
 
-def _percentile(percent: float, *images: ArrayLike | None) -> float:
-    values = np.concatenate([np.ravel(np.asarray(i, float)) for i in images if i is not None])
-    finite = values[np.isfinite(values)]
-    return float(np.percentile(finite, percent)) if finite.size else 1.0
+def show(axes: Axes, image: ArrayLike, scale: Scale, shape: tuple[int, int] | None = None) -> None:
+    """An image alone in its axes, stretched to the shape (rows, columns) of another."""
+    height, width = np.shape(image) if shape is None else shape
+    axes.imshow(scale.rgba(image), extent=(0, width, height, 0), interpolation="nearest")
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
+
+
+def data_address(content: bytes, kind: str) -> str:
+    """A file, to stand in a page."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 def write_png(path: str | Path, rgba: NDArray[np.uint8]) -> None:
     """Write colours (H, W, 4), whole or not at all; raises OSError."""
-    write_atomically(path, _png_bytes(rgba))
+    write_atomically(path, _png(rgba))
 
 
-def _png(rgba: NDArray[np.uint8]) -> str:
-    """The picture as a data address."""
-    return "data:image/png;base64," + base64.b64encode(_png_bytes(rgba)).decode()
+def _percentile(percent: float, *images: ArrayLike, default: float = 1.0) -> float:
+    values = np.concatenate([[], *(np.ravel(np.asarray(image, float)) for image in images)])
+    finite = values[np.isfinite(values)]
+    return float(np.percentile(finite, percent)) if finite.size else default
 
 
-def _png_bytes(rgba: NDArray[np.uint8]) -> bytes:
+def _png(rgba: NDArray[np.uint8]) -> bytes:
     buffer = io.BytesIO()
     imsave(buffer, rgba, format="png")
     return buffer.getvalue()

@@ -4,192 +4,207 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, Literal
 
 import numpy as np
 
-from reconstruction import Capture, Result, evaluate
-
-#: What `reconstruction.evaluate` returns, and `saturated`.
-Evaluated = Mapping[str, Any]
+from reconstruction import Capture, InputError, Result, evaluate
+from reconstruction.errors import nearest
+from reconstruction.methods import METHODS
 
 
 @dataclass(frozen=True)
-class Metric:
-    """One number for a frame, or None where there is none.
+class Quantity:
+    """One number for what a method makes of a frame, or None where there is none.
 
-    Metrics of the same `quantity` differ by their `method` and are drawn in one plot.
+    `read` takes it from what `reconstruction.evaluate` tells of one method of the `station`.
     """
 
-    quantity: str
+    title: str
     unit: str
-    method: str
+    station: str
     better: Literal["high", "low", "near zero"]
     meaning: str
-    read: Callable[[Evaluated], float | None]
+    read: Callable[[Any], float | None]
 
     @property
-    def title(self) -> str:
-        """Quantity with its unit, as it stands at an axis."""
-        return f"{self.quantity}, {self.unit}" if self.unit else self.quantity
+    def label(self) -> str:
+        """With its unit, as it stands at an axis."""
+        return f"{self.title}, {self.unit}" if self.unit else self.title
 
 
-def _image_metrics() -> dict[str, Metric]:
-    kinds: dict[str, tuple[str, str, Literal["high", "low"], str]] = {
-        "correlation": (
-            "image correlation",
-            "",
-            "high",
-            "Pearson correlation of the image and the true one",
-        ),
-        "psnr_db": (
-            "image PSNR",
-            "dB",
-            "high",
-            "the true image's peak squared over the mean squared error",
-        ),
-        "nrmse": ("image NRMSE", "", "low", "RMS error of the image over the RMS of the true one"),
-    }
-    made = {}
-    for key, (quantity, unit, better, meaning) in kinds.items():
-        made[f"image_{key}"] = Metric(
-            quantity, unit, "matching pursuit", better, meaning, _field("images", "pursuit", key)
-        )
-        made[f"image_zero_filled_{key}"] = Metric(
-            quantity,
-            unit,
-            "zero-filled",
-            better,
-            meaning,
-            _field("images", "zero-filled", key),
-        )
-    return made
-
-
-def _depth_metrics() -> dict[str, Metric]:
-    kinds: dict[str, tuple[str, str, str, Literal["high", "low"], str]] = {
-        "mae_m": ("mae_m", "mean depth error", "m", "low", "mean absolute error of the depth map"),
-        "rmse_m": ("rmse_m", "RMS depth error", "m", "low", "RMS error of the depth map"),
-        "median": (
-            "median_relative",
-            "median depth error, relative",
-            "",
-            "low",
-            "median over the pixels of the absolute error over the true depth",
-        ),
-        "within_25": (
-            "within_25_percent",
-            "depth within 25 %",
-            "share",
-            "high",
-            "share of the pixels whose depth is within 25 % of the true one",
-        ),
-        "coverage": (
-            "coverage",
-            "pixels with a depth",
-            "share",
-            "high",
-            "share of the pixels, of those where something is hit, that have a depth",
-        ),
-    }
-    methods = {
-        "": ("anchored", "anchored on the spots"),
-        "nearest_": ("nearest", "nearest spot"),
-        "dense_": ("dense", "measured in every pixel"),
-    }
-    return {
-        f"depth_{prefix}{name}": Metric(
-            quantity, unit, method, better, meaning, _field("depths", which, key)
-        )
-        for prefix, (which, method) in methods.items()
-        for name, (key, quantity, unit, better, meaning) in kinds.items()
-    }
-
-
-def _field(*keys: str) -> Callable[[Evaluated], float | None]:
-    """A number within what `evaluate` returns; None where it or a part around it is missing."""
-
-    def read(evaluated: Evaluated) -> float | None:
-        value: Any = evaluated
-        for key in keys:
-            value = (value or {}).get(key)
-        return None if value is None else float(value)
-
-    return read
-
-
-def _over_spots(key: str, fold: Callable[[list[float]], Any]) -> Callable[[Evaluated], Any]:
+def _over_spots(key: str, fold: Callable[[list[float]], Any]) -> Callable[[Any], float | None]:
     """Fold a value of all spots that have a range; None where none has."""
 
-    def read(evaluated: Evaluated) -> float | None:
-        values = [s[key] for s in _spots(evaluated) if s["status"] == "ok" and s[key] is not None]
+    def read(spots: Any) -> float | None:
+        values = [spot[key] for spot in spots if spot["status"] == "ok" and spot[key] is not None]
         return float(fold(values)) if values else None
 
     return read
 
 
-def _spots(evaluated: Evaluated) -> list[Any]:
-    return next(iter(evaluated["spots"].values()), [])
+#: Station of what no method makes.
+READINGS = "readings"
 
-
-def _valid_spots(evaluated: Evaluated) -> float | None:
-    spots = _spots(evaluated)
-    return float(sum(spot["status"] == "ok" for spot in spots)) if spots else None
-
-
-#: All metrics by the names that a study plan uses.
-METRICS: Mapping[str, Metric] = {
-    **_image_metrics(),
-    "range_bias_m": Metric(
+#: All quantities by the names that a study plan uses.
+QUANTITIES: Mapping[str, Quantity] = {
+    "image_correlation": Quantity(
+        "image correlation",
+        "",
+        "images",
+        "high",
+        "Pearson correlation of the image and the true one",
+        itemgetter("correlation"),
+    ),
+    "image_psnr_db": Quantity(
+        "image PSNR",
+        "dB",
+        "images",
+        "high",
+        "the true image's peak squared over the mean squared error",
+        itemgetter("psnr_db"),
+    ),
+    "image_nrmse": Quantity(
+        "image NRMSE",
+        "",
+        "images",
+        "low",
+        "RMS error of the image over the RMS of the true one",
+        itemgetter("nrmse"),
+    ),
+    "range_bias_m": Quantity(
         "range bias",
         "m",
-        "",
+        "spots",
         "near zero",
         "measured minus true range, mean over the spots that have a range; above zero is too far",
         _over_spots("error_m", np.mean),
     ),
-    "range_error_m": Metric(
+    "range_error_m": Quantity(
         "range error",
         "m",
-        "",
+        "spots",
         "low",
         "absolute difference of measured and true range, mean over the spots that have a range",
         _over_spots("error_m", lambda errors: np.mean(np.abs(errors))),
     ),
-    "range_sigma_m": Metric(
+    "range_sigma_m": Quantity(
         "range sigma",
         "m",
-        "",
+        "spots",
         "low",
         "standard error that the ranging itself states, RMS over the spots that have a range",
         _over_spots("sigma_m", lambda sigmas: np.sqrt(np.mean(np.square(sigmas)))),
     ),
-    "valid_spots": Metric(
-        "spots with a range", "of 4", "", "high", "number of spots that have a range", _valid_spots
+    "valid_spots": Quantity(
+        "spots with a range",
+        "of 4",
+        "spots",
+        "high",
+        "number of spots that have a range",
+        lambda spots: float(sum(spot["status"] == "ok" for spot in spots)),
     ),
-    **_depth_metrics(),
-    "saturated": Metric(
+    "depth_mae_m": Quantity(
+        "mean depth error",
+        "m",
+        "depths",
+        "low",
+        "mean absolute error of the depth map",
+        itemgetter("mae_m"),
+    ),
+    "depth_rmse_m": Quantity(
+        "RMS depth error", "m", "depths", "low", "RMS error of the depth map", itemgetter("rmse_m")
+    ),
+    "depth_median": Quantity(
+        "median depth error, relative",
+        "",
+        "depths",
+        "low",
+        "median over the pixels of the absolute error over the true depth",
+        itemgetter("median_relative"),
+    ),
+    "depth_within_25": Quantity(
+        "depth within 25 %",
+        "share",
+        "depths",
+        "high",
+        "share of the pixels whose depth is within 25 % of the true one",
+        itemgetter("within_25_percent"),
+    ),
+    "depth_coverage": Quantity(
+        "pixels with a depth",
+        "share",
+        "depths",
+        "high",
+        "share of the pixels, of those where something is hit, that have a depth",
+        itemgetter("coverage"),
+    ),
+    "saturated": Quantity(
         "saturated readings",
         "share",
-        "",
+        READINGS,
         "low",
         "share of the single-pixel readings that cannot be used",
-        _field("saturated"),
+        float,
     ),
 }
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A quantity of what one method gives; of the default one where none is named."""
+
+    kind: str
+    method: str | None
+
+    @property
+    def quantity(self) -> Quantity:
+        """What it is of."""
+        return QUANTITIES[self.kind]
+
+    @classmethod
+    def of(cls, name: str) -> Metric:
+        """By a name as "depth_mae_m" or "depth_mae_m[nearest]"; InputError for an unknown one."""
+        if name not in (known := metric_names()):
+            raise InputError(f"unknown metric {name!r}: {nearest(name, known)}")
+        kind, _, method = name.rstrip("]").partition("[")
+        return cls(kind, method or None)
+
+
+def metric_names() -> list[str]:
+    """All quantities of default methods, then of every method by its name."""
+    return [*QUANTITIES] + [
+        _name(kind, method)
+        for kind, quantity in QUANTITIES.items()
+        for method in METHODS.get(quantity.station, ())
+    ]
 
 
 def measure(capture: Capture, results: Sequence[Result]) -> dict[str, float | None]:
     """All metrics of a capture with truth, mean over the results of its frames.
 
-    None where no frame has one.
+    None where no frame has one; of methods by name there are those that the results have.
     """
-    assert capture.truth is not None
-    frames = []
-    for result in results:
-        unusable = 1 - float(capture.buckets.usable[result.frame].mean())
-        frames.append({**evaluate(result, capture), "saturated": unusable})
-    return {name: _mean([metric.read(each) for each in frames]) for name, metric in METRICS.items()}
+    frames = [_figures(capture, result) for result in results]
+    names = dict.fromkeys([*QUANTITIES, *(name for figures in frames for name in figures)])
+    return {name: _mean([figures.get(name) for figures in frames]) for name in names}
+
+
+def _figures(capture: Capture, result: Result) -> dict[str, float | None]:
+    unusable = 1 - float(capture.buckets.usable[result.frame].mean())
+    evaluated = {**evaluate(result, capture), READINGS: {"": unusable}}
+    figures = {}
+    for kind, quantity in QUANTITIES.items():
+        for method, told in evaluated[quantity.station].items():
+            value = quantity.read(told)
+            figures.setdefault(kind, value)
+            figures[_name(kind, method)] = value
+    return figures
+
+
+def _name(kind: str, method: str) -> str:
+    return f"{kind}[{method}]" if method else kind
 
 
 def _mean(values: list[float | None]) -> float | None:

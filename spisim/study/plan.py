@@ -18,7 +18,7 @@ from spisim.config import Count, Name, Section, find_named, parse_model, read_te
 from spisim.config.distributions import KINDS
 from spisim.dataset.plan import Plan, PlannedSet, is_field
 from spisim.dataset.records import flat
-from spisim.study.metrics import METRICS
+from spisim.study.metrics import Metric
 
 #: Fields of a quick setting that add to those of the full one instead of replacing them.
 _MERGED = ("vary", "materials", "study")
@@ -44,8 +44,7 @@ class Study(Section):
     @model_validator(mode="after")
     def _makes_sense(self) -> Study:
         for name in self.metrics:
-            if name not in METRICS:
-                raise InputError(f"unknown metric {name!r}: {nearest(name, METRICS)}")
+            Metric.of(name)
         for what, names in (("metrics", self.metrics), ("x and groups", self.parameters)):
             twice = [name for name in names if names.count(name) > 1]
             if twice:

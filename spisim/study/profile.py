@@ -16,21 +16,17 @@ CENTRES_M = np.sqrt(EDGES_M[:-1] * EDGES_M[1:])
 #: Fewer pixels in a bin tell nothing.
 LEAST_PIXELS = 5
 
-#: Mean estimated depth in each bin, None where there are too few pixels, by kind of depth map.
+#: Mean estimated depth in each bin, None where there are too few pixels, by method.
 Profile = Mapping[str, Sequence[float | None]]
-
-#: The depth maps that are compared, and what they are called.
-MAPS = {"anchored": "anchored on the spots", "nearest": "nearest spot"}
 
 
 def depth_profile(results: Sequence[Result], truth: Truth) -> Profile:
     """Mean estimated depth by true depth, over the pixels of all frames."""
     profiles = {}
-    for name in MAPS:
-        known = [result for result in results if name in result.depths]
-        true_m = np.array([truth.at(result.frame).depth_m for result in known]).ravel()
-        estimated_m = np.array([result.depths[name] for result in known], np.float64).ravel()
-        profiles[name] = _means(true_m, estimated_m)
+    for method in dict.fromkeys(method for result in results for method in result.depths):
+        having = [result for result in results if method in result.depths]
+        true_m = np.array([truth.at(result.frame).depth_m for result in having])
+        profiles[method] = _means(true_m, np.array([result.depths[method] for result in having]))
     return profiles
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from spisim.dataset.records import Record
 from spisim.study.evaluation import Evaluation
-from spisim.study.metrics import METRICS
+from spisim.study.metrics import Metric
 from spisim.study.plan import PlannedStudy, Study, condition_of
 from spisim.study.profile import Profile
 from spisim.study.statistics import Estimate, estimate
@@ -164,7 +164,7 @@ def _base(condition: Condition, first: Condition, study: Study) -> Condition:
 def _other_methods(name: str, metrics: Sequence[str]) -> list[str]:
     """Metrics of the same quantity by another method that come later."""
     later = metrics[metrics.index(name) + 1 :]
-    return [other for other in later if METRICS[other].quantity == METRICS[name].quantity]
+    return [other for other in later if Metric.of(other).kind == Metric.of(name).kind]
 
 
 def _paired(rows: Sequence[Row], name: str, others: Sequence[Row], other_name: str) -> Estimate:
@@ -181,7 +181,8 @@ def _paired(rows: Sequence[Row], name: str, others: Sequence[Row], other_name: s
 def results_csv(results: Results) -> str:
     """One row per sample: index, round, scene, parameters, all metrics, what went wrong."""
     parameters = dict.fromkeys(name for row in results.rows for name in row.parameters)
-    head = ("index", "round", "scene_name", *parameters, *METRICS, "error")
+    metrics = dict.fromkeys(name for row in results.rows for name in row.metrics)
+    head = ("index", "round", "scene_name", *parameters, *metrics, "error")
     return _csv(
         head,
         (
@@ -190,7 +191,7 @@ def results_csv(results: Results) -> str:
                 row.round,
                 row.scene_name,
                 *(row.parameters.get(name) for name in parameters),
-                *(row.metrics.get(name) for name in METRICS),
+                *(row.metrics.get(name) for name in metrics),
                 row.error,
             )
             for row in results.rows

@@ -26,7 +26,7 @@ PLAN: dict[str, Any] = {
         "x": "scene.fog.visibility_m",
         "x_scale": "log",
         "rounds": 2,
-        "metrics": ["range_bias_m", "depth_mae_m", "depth_nearest_mae_m"],
+        "metrics": ["range_bias_m", "depth_mae_m", "depth_mae_m[nearest]"],
     },
 }
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from densescene import make_capture
 from reconstruction import Capture, InputError, Result, evaluate, make_plan, reconstruct
@@ -18,7 +20,7 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from spisim.report import write_overview, write_report
 from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
-from spisim.report.plots import arrival_plot, spot_plot
+from spisim.report.spot_plots import arrival_figure, light_figure
 
 GEOMETRY: dict[str, Any] = {
     "directions": np.tile([0.0, 0.0, 1.0], (4, 1)),
@@ -85,7 +87,6 @@ class Page(HTMLParser):
 def test_a_full_report_has_all_parts_and_needs_no_other_file(
     capture: Capture, result: Result, tmp_path: Path
 ) -> None:
-    assert capture.truth is not None
     path = tmp_path / "report.html"
     histogram = np.zeros((4, 600))
     histogram[:, 400:430] = 1e-6
@@ -93,7 +94,7 @@ def test_a_full_report_has_all_parts_and_needs_no_other_file(
         path,
         capture,
         result,
-        metrics=evaluate(result, capture.truth),
+        metrics=evaluate(result, capture),
         transport=SimpleNamespace(spot_histogram=histogram, path_length_m=0.02 * np.arange(600)),
         view=np.ones((8, 8), np.float32),
         timings={"load": 0.5},
@@ -106,7 +107,11 @@ def test_a_full_report_has_all_parts_and_needs_no_other_file(
         "Recording", "Image", "Depth", "Laser spots", "Against truth", "Time", "Parameters",
     ]  # fmt: skip
     assert page.addresses
-    assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
+    assert all(
+        address.startswith(("data:image/png;base64,", "data:image/svg+xml;base64,"))
+        for address in page.addresses
+    )
+    assert text.count("data:image/svg+xml;base64,") == 1
     assert "http" not in text
     assert "url(" not in text
     assert "a &lt;b&gt; &amp; c" in text
@@ -116,14 +121,13 @@ def test_a_full_report_has_all_parts_and_needs_no_other_file(
 
 def test_a_dense_map_stands_beside_its_errors(tmp_path: Path) -> None:
     capture = make_capture()
-    assert capture.truth is not None
     result = reconstruct(capture)
-    metrics = evaluate(result, capture.truth)
+    metrics = evaluate(result, capture)
     text = report_of(capture, tmp_path, metrics=metrics)
     assert "Measured in every pixel" in text
-    assert "Anchored by the spots" not in text
-    assert "mean dense depth error" in text
-    assert "in 75 % of the pixels" in text
+    assert "Anchored on the spots" not in text
+    assert "mean depth error" in text
+    assert "<tr><td>pixels with a value</td><td>75.0 %</td></tr>" in text
     assert "continuous wave, 4 taps, 15 MHz" in text
 
 
@@ -155,10 +159,10 @@ def test_metrics_that_do_not_exist_are_shown_as_dashes(
     nothing = dict.fromkeys(("correlation", "nrmse", "psnr_db"))
     spots = [dict.fromkeys(("range_m", "true_m", "error_m", "sigma_m"))] * 4
     metrics = {
-        "truth": {"image_noise": None},
-        "image": nothing | {"zero_filled": nothing},
-        "spots": spots,
-        "depth": None,
+        "truth": {"image_error": None},
+        "images": dict.fromkeys(result.images, nothing),
+        "spots": dict.fromkeys(result.rangings, spots),
+        "depths": {},
     }
     write_report(tmp_path / "report.html", capture, result, metrics=metrics)
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -200,8 +204,7 @@ def test_a_spot_without_a_range_says_why(capture: Capture, tmp_path: Path) -> No
 def test_the_report_has_settings_and_the_noise_of_the_truth(
     capture: Capture, result: Result, tmp_path: Path
 ) -> None:
-    assert capture.truth is not None
-    text = report_of(capture, tmp_path, metrics=evaluate(result, capture.truth))
+    text = report_of(capture, tmp_path, metrics=evaluate(result, capture))
     assert "<pre>spp: 7</pre>" in text
     assert "standard error is 1 % of its RMS" in text
 
@@ -266,43 +269,56 @@ def test_depth_scales_ignore_unknown_pixels_and_errors_are_symmetric() -> None:
     assert 1.0 < error.high <= 3.0
 
 
-def test_spots_are_marked_where_their_rays_cross_the_image(capture: Capture) -> None:
-    assert [
-        tuple(map(float, place))
-        for place in re.findall(r"left:([\d.]+)%;top:([\d.]+)%", spot_marks(capture))
-    ] == [(25, 25), (75, 25), (25, 75), (75, 75)]
+def test_depth_scales_of_nothing_run_from_0_to_1() -> None:
+    assert depth_scale() == depth_scale([[np.nan]]) == Scale(0, 1, "viridis_r", "m")
+
+
+def test_spots_are_marked_where_their_rays_cross_the_image(
+    capture: Capture, tmp_path: Path
+) -> None:
+    marks = spot_marks(capture)
+    assert [k for k, _, _ in marks] == [0, 1, 2, 3]
+    places = [(25, 25), (75, 25), (25, 75), (75, 75)]
+    assert [place for _, *place in marks] == [pytest.approx(place) for place in places]
+    assert 'style="left:75.00%;top:25.00%;--colour:var(--spot-1)"' in report_of(capture, tmp_path)
+
+
+def curves(figure: Figure) -> tuple[list[Line2D], list[float]]:
+    """The four curves of a plot of spots, and the places of its dashed lines."""
+    (axes,) = figure.axes
+    lines = [line for line in axes.lines if len(line.get_xdata()) > 2]
+    return lines, [line.get_xdata()[0] for line in axes.lines if line not in lines]
 
 
 def test_the_plot_marks_the_true_path_length_where_the_light_peaks() -> None:
     histogram = np.full((4, 500), 1e-9)
     histogram[:, 250] = 1e-6
     light = SimpleNamespace(spot_histogram=histogram, path_length_m=0.02 * np.arange(500))
-    drawing = spot_plot(light, np.full(4, 5.0))
-    marks = re.findall(r'class="truth"[^>]*d="M([\d.]+) ', drawing)
-    points = re.search(r'points="([^"]*)"', drawing)
-    assert points is not None
-    pairs = [pair.split(",") for pair in points[1].split()]
-    peak = min(pairs, key=lambda pair: float(pair[1]))
-    assert marks == [peak[0]] * 4
+    figure = light_figure(light, np.full(4, 5.0))
+    assert figure is not None
+    lines, marks = curves(figure)
+    peaks = [line.get_xdata()[np.argmax(line.get_ydata())] for line in lines]
+    assert marks == pytest.approx([5.0] * 4)
+    assert peaks == pytest.approx([5.0] * 4)
 
 
 def test_no_light_gives_no_plot() -> None:
     dark = SimpleNamespace(spot_histogram=np.zeros((4, 9)), path_length_m=np.arange(9.0))
-    assert spot_plot(dark, None) == ""
+    assert light_figure(dark, None) is None
 
 
 def test_recorded_arrivals_are_drawn_where_their_path_is(capture: Capture, tmp_path: Path) -> None:
     counts = np.zeros((1, 4, 50))
     counts[0, :, 20] = 900
     spots = replace(HISTOGRAMS, counts=counts, start_s=10e-9)
-    drawing = arrival_plot(spots, 0, np.full(4, 30.5 * 0.299792458))
-    (curve, *_) = re.findall(r'points="([^"]+)"', drawing)
-    points = [tuple(map(float, point.split(","))) for point in curve.split()]
-    highest = min(points, key=lambda point: point[1])[0]
-    truth = float(re.findall(r'class="truth"[^>]+d="M([\d.]+) ', drawing)[0])
-    bin_width = points[1][0] - points[0][0]
-    assert 0 <= truth - highest <= bin_width
-    assert arrival_plot(HISTOGRAMS, 0, None)
-    assert arrival_plot(replace(HISTOGRAMS, counts=0 * counts), 0, None) == ""
+    figure = arrival_figure(spots, 0, np.full(4, 30.5 * 0.299792458))
+    assert figure is not None
+    lines, (true_m, *_) = curves(figure)
+    length_m = lines[0].get_xdata()
+    highest_m = length_m[np.argmax(lines[0].get_ydata())]
+    assert 0 <= true_m - highest_m <= length_m[1]
+    assert arrival_figure(HISTOGRAMS, 0, None) is not None
+    assert arrival_figure(replace(HISTOGRAMS, counts=0 * counts), 0, None) is None
     text = report_of(replace(capture, spots=HISTOGRAMS), tmp_path)
-    assert "arrivals per bin" in text
+    assert "The arrivals as recorded." in text
+    assert text.count("data:image/svg+xml;base64,") == 1

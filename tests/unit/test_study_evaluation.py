@@ -1,8 +1,10 @@
 """Metrics of a study, and that captures are evaluated once."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,22 +13,40 @@ import pytest
 from datasets import make_set
 from reconstruction import Capture, InputError, evaluate, reconstruct
 from spisim.dataset.records import Outcome, failure
-from spisim.study import METRICS
+from spisim.study import QUANTITIES
 from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of, kept_at
+from spisim.study.metrics import Metric, metric_names
 from spisim.study.profile import CENTRES_M, EDGES_M, depth_profile
 
 
 def test_metrics_are_those_of_the_evaluation(capture: Capture) -> None:
     assert capture.truth is not None
-    told = evaluate(reconstruct(capture), capture.truth)
+    result = reconstruct(capture)
+    told = evaluate(result, capture)
     found = evaluation_of(capture).metrics
-    assert set(found) == set(METRICS)
-    assert found["image_correlation"] == told["image"]["correlation"]
-    assert found["image_zero_filled_psnr_db"] == told["image"]["zero_filled"]["psnr_db"]
-    assert found["depth_mae_m"] == told["depth"]["anchored"]["mae_m"]
-    assert found["depth_nearest_within_25"] == told["depth"]["nearest"]["within_25_percent"]
-    assert found["depth_dense_mae_m"] is None
+    assert set(QUANTITIES) < set(found) < set(metric_names())
+    default = next(iter(result.images))
+    assert found["image_correlation"] == told["images"][default]["correlation"]
+    assert found[f"image_correlation[{default}]"] == found["image_correlation"]
+    for method, figures in told["images"].items():
+        assert found[f"image_psnr_db[{method}]"] == figures["psnr_db"]
+    for method, figures in told["depths"].items():
+        assert found[f"depth_within_25[{method}]"] == figures["within_25_percent"]
+    assert found["depth_mae_m"] == next(iter(told["depths"].values()))["mae_m"]
     assert (found["valid_spots"], found["saturated"]) == (4, 0)
+
+
+def test_unknown_metrics_are_told_with_the_nearest_names() -> None:
+    assert Metric.of("depth_mae_m[nearest]") == Metric("depth_mae_m", "nearest")
+    assert Metric.of("saturated") == Metric("saturated", None)
+    for name, meant in {
+        "depth_mea_m": "depth_mae_m",
+        "depth_mae_m[nearst]": "depth_mae_m[nearest]",
+        "depth_mae_m[nearest": "depth_mae_m[nearest]",
+        "saturated[nearest]": "saturated",
+    }.items():
+        with pytest.raises(InputError, match=re.escape(f"{name!r}: did you mean '{meant}'")):
+            Metric.of(name)
 
 
 def test_range_metrics_are_over_the_spots_that_have_a_range(capture: Capture) -> None:
@@ -64,16 +84,18 @@ def test_a_capture_without_truth_is_refused(capture: Capture) -> None:
 
 def test_depth_profiles_are_means_of_the_pixels_in_a_bin(capture: Capture) -> None:
     assert capture.truth is not None
-    depth = capture.truth.depth_m.copy()
+    depth = capture.truth.at(0).depth_m.copy()
     depth[0] = np.nan
     depth[1, :2] = 1.0  # four pixels of two frames are too few
-    truth = replace(capture.truth, depth_m=depth)
-    result = replace(reconstruct(capture), depth_m=np.full_like(depth, 3.0), depth_nearest_m=None)
-    profile = depth_profile([result, replace(result, depth_m=np.full_like(depth, 6.0))], truth)
+    truth: Any = SimpleNamespace(at=lambda frame: SimpleNamespace(depth_m=depth))
+    lost = np.full_like(depth, np.nan)
+    depths = {"first": np.full_like(depth, 3.0), "lost": lost}, {"first": np.full_like(depth, 6.0)}
+    results: Any = [SimpleNamespace(frame=k, depths=each) for k, each in enumerate(depths)]
+    profile = depth_profile(results, truth)
     bins = np.histogram(depth[np.isfinite(depth)], EDGES_M)[0]
     assert sorted(bins[bins > 0])[0] == 2
-    assert profile["anchored"] == [4.5 if pixels > 2 else None for pixels in bins]
-    assert profile["nearest"] == [None] * CENTRES_M.size
+    assert profile["first"] == [4.5 if pixels > 2 else None for pixels in bins]
+    assert profile["lost"] == [None] * CENTRES_M.size
 
 
 # What was evaluated is kept

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from spisim.dataset.records import Record
-from spisim.report.study.page import write_report
+from spisim.report.study import write_study
+from spisim.report.study.labels import axis_label, condition_label, value_label
 from spisim.report.study.plots import study_plots
 from spisim.report.study.profile_plot import profile_of, profile_plot
-from spisim.study import METRICS
+from spisim.study import QUANTITIES
 from spisim.study.evaluation import Evaluation
-from spisim.study.labels import axis_label, condition_label, value_label
 from spisim.study.profile import CENTRES_M
 from spisim.study.results import (
     ALL_SCENES,
@@ -49,7 +49,7 @@ def record(index: int, scene: str, parameters: dict[str, Any], error: str | None
     )
 
 
-METHODS = ["depth_mae_m", "depth_nearest_mae_m", "valid_spots"]
+METHODS = ["depth_mae_m", "depth_mae_m[nearest]", "valid_spots"]
 
 
 def made(folder: Path, lost: tuple[int, ...] = ()) -> Results:
@@ -68,7 +68,7 @@ def made(folder: Path, lost: tuple[int, ...] = ()) -> Results:
         records.append(record(index, "target-plane", parameters, failed))
         if not failed:
             depth = float(rounds[index // 2]) + (0.5 if near else 0.0)
-            values = dict.fromkeys(METRICS) | dict(
+            values = dict.fromkeys(QUANTITIES) | dict(
                 zip(METHODS, (depth, 2 * depth, 4.0), strict=True)
             )
             evaluations[index] = Evaluation(values)
@@ -86,7 +86,7 @@ def test_every_sample_and_every_combination_has_a_row(tmp_path: Path) -> None:
     assert [row["round"] for row in rows] == [str(index // 2) for index in range(20)]
     assert rows[7]["error"] == "a laser <hits> nothing"
     assert rows[7]["depth_mae_m"] == ""
-    assert float(rows[6]["depth_nearest_mae_m"]) == 2 * float(rows[6]["depth_mae_m"])
+    assert float(rows[6]["depth_mae_m[nearest]"]) == 2 * float(rows[6]["depth_mae_m"])
     means = table(summary_csv(results))
     assert [(row["scene.fog.visibility_m"], row["metric"]) for row in means] == [
         (visibility, name) for visibility in ("20", "100") for name in METHODS
@@ -114,7 +114,7 @@ def test_differences_are_between_samples_of_the_same_round(tmp_path: Path) -> No
     assert summary.low is not None
     assert summary.high is not None
     assert summary.high - summary.low > 2
-    method = found["100", "depth_mae_m", "depth_nearest_mae_m"]
+    method = found["100", "depth_mae_m", "depth_mae_m[nearest]"]
     assert float(method["mean"]) == pytest.approx(-float(summary.mean or 0))
     assert ("20", "depth_mae_m", "depth_mae_m") not in found
     assert len(found) == 3 + 2
@@ -132,7 +132,7 @@ def test_scenes_are_the_units_where_there_are_several(tmp_path: Path) -> None:
         sample = study.data_set.sample(index)
         records.append(record(index, sample.scene_name, dict(sample.parameters)))
         value = 1.0 if sample.scene_name == "target-plane" else 3.0
-        evaluations[index] = Evaluation(dict.fromkeys(METRICS) | {"range_bias_m": value})
+        evaluations[index] = Evaluation(dict.fromkeys(QUANTITIES) | {"range_bias_m": value})
     found = results_of(study, records, evaluations).summaries[(20,), "range_bias_m"].estimate
     assert (found.n, found.units, found.low, found.high) == (6, 2, 1.0, 3.0)
 
@@ -148,7 +148,7 @@ def test_all_scenes_stand_together_beside_each(tmp_path: Path) -> None:
     for index in range(8):
         sample = study.data_set.sample(index)
         records.append(record(index, sample.scene_name, dict(sample.parameters)))
-        evaluations[index] = Evaluation(dict.fromkeys(METRICS) | {"range_bias_m": float(index)})
+        evaluations[index] = Evaluation(dict.fromkeys(QUANTITIES) | {"range_bias_m": float(index)})
     results = results_of(study, records, evaluations)
     names = ("target-plane", "target-tilted-plane", ALL_SCENES)
     assert results.conditions == [(name, fog) for name in names for fog in (20, 100)]
@@ -184,7 +184,7 @@ def test_a_combination_without_values_has_the_name_of_the_reference(tmp_path: Pa
 def test_methods_share_a_plot_and_plots_are_the_same_each_time(tmp_path: Path) -> None:
     results = made(tmp_path)
     plots = study_plots(results)
-    assert [plot.metrics for plot in plots] == [tuple(METHODS[:2]), tuple(METHODS[2:])]
+    assert [plot.name for plot in plots] == ["depth_mae_m", "valid_spots"]
     for plot, again in zip(plots, study_plots(results), strict=True):
         assert plot.png.startswith(b"\x89PNG")
         assert plot.svg == again.svg
@@ -212,7 +212,7 @@ def test_a_depth_profile_is_over_the_scenes_that_have_such_a_depth(tmp_path: Pat
 
 def test_the_page_needs_no_other_file_and_escapes_what_it_shows(tmp_path: Path) -> None:
     results = made(tmp_path, lost=(1, 3, 5, 7, 9, 11))
-    write_report(tmp_path / "report.html", results, study_plots(results))
+    write_study(tmp_path, results)
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/svg+xml;base64,") == 2
     assert "http" not in page.replace("http-equiv", "")
@@ -226,5 +226,5 @@ def test_the_page_needs_no_other_file_and_escapes_what_it_shows(tmp_path: Path) 
 def test_a_combination_of_which_nothing_is_left_is_shown_without_marks(tmp_path: Path) -> None:
     results = made(tmp_path, lost=tuple(range(1, 20, 2)))
     assert results.summaries[(100,), "depth_mae_m"].estimate.n == 0
-    write_report(tmp_path / "report.html", results, study_plots(results))
+    write_study(tmp_path, results)
     assert "<td>–</td>" in (tmp_path / "report.html").read_text()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from scipy.spatial import ConvexHull
 
 from reconstruction.files import write_atomically
 from spisim.instrument import Instrument
+from spisim.report.style import file_of, plot_style
 from spisim.scene import Scene
 from spisim.transport import Sight
 
@@ -61,11 +61,10 @@ def write_look(path: str | Path, look: Look, fov_deg: float = 50.0) -> None:
 
     Raises OSError where the file cannot be written.
     """
-    buffer = io.BytesIO()
-    look_figure(look, fov_deg).savefig(buffer, format="png", metadata={"Software": None})
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, file_of(look_figure(look, fov_deg), dpi=100))
 
 
+@plot_style()
 def look_figure(look: Look, fov_deg: float = 50.0) -> Figure:
     """The same, to be saved."""
     sheet = Figure(figsize=(13.2, 7.2), dpi=100, facecolor="white")

@@ -1,31 +1,131 @@
-"""What a study found, as a page with its plots."""
+"""A study as plots, and as one HTML page that needs no other file."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from pathlib import Path
 
 from reconstruction.files import write_atomically
-from spisim.report.study.page import write_report
-from spisim.report.study.plots import study_plots
-from spisim.report.study.profile_plot import profile_plot
-from spisim.study import Results
+from spisim import __version__
+from spisim.report.page import write_page
+from spisim.report.pictures import data_address
+from spisim.study.metrics import Metric
+from spisim.study.results import Condition, Results, Row
+from spisim.study.statistics import FEW_UNITS, Estimate
 
-__all__ = ["write_study"]
+from .labels import axis_label, condition_label, method_label, metric_label
+from .plots import Plot, study_plots
+from .profile_plot import profile_plot
+
+#: Estimates by combination, by the name of their column.
+Columns = dict[str, dict[Condition, Estimate]]
+
+#: Failures that are listed.
+MOST_FAILURES = 20
 
 
 def write_study(folder: Path, results: Results) -> tuple[Path, ...]:
-    """Write report.html and, beside it, its plots; the files, that one first.
+    """Write the page and the plots of a study into its folder; return them, the page first.
 
-    Plots of an earlier run that are none of this one's are removed.
+    Plots of an earlier run are removed. Raises OSError where a file cannot be written.
     """
     plots = study_plots(results)
     if results.planned.study.x == "scene":
         plots.append(profile_plot(results))
-    pictures = []
+    pictures = {}
     for plot in plots:
-        for suffix, content in (("png", plot.png), ("svg", plot.svg)):
-            pictures.append(folder / "plots" / f"{plot.name}.{suffix}")
-            write_atomically(pictures[-1], content)
-    for path in set((folder / "plots").iterdir()) - set(pictures):  # of other metrics, earlier
+        pictures[folder / "plots" / f"{plot.name}.png"] = plot.png
+        pictures[folder / "plots" / f"{plot.name}.svg"] = plot.svg
+    for path, content in pictures.items():
+        write_atomically(path, content)
+    for path in set((folder / "plots").iterdir()) - set(pictures):
         path.unlink()
-    report = folder / "report.html"
-    write_report(report, results, plots)
-    return (report, *pictures)
+    write_study_page(folder / "report.html", results, plots)
+    return (folder / "report.html", *pictures)
+
+
+def write_study_page(path: Path, results: Results, plots: Sequence[Plot]) -> None:
+    """Write the page: plots, tables, what failed, the plan, and how to read it."""
+    plan, study = results.planned.plan, results.planned.study
+    good = [row for row in results.rows if row.metrics]
+    failed = [row for row in results.rows if not row.metrics]
+    first = results.conditions[0]
+    means = {
+        metric_label(name): {c: results.summaries[c, name].estimate for c in results.conditions}
+        for name in results.metrics
+    }
+    differences: Columns = {}
+    methods: Columns = {}
+    for each in results.differences:
+        head, columns = metric_label(each.metric), differences
+        if each.condition == each.minus_condition:
+            quantity = Metric.of(each.metric).quantity.label
+            names = method_label(each.metric), method_label(each.minus_metric)
+            head, columns = f"{quantity}: {' less '.join(names)}", methods
+        columns.setdefault(head, {})[each.condition] = each.estimate
+    write_page(
+        path,
+        "study",
+        title=plan.name,
+        description=plan.description,
+        cards=[
+            (f"{len(good):,}", "samples", f"{len(failed)} failed"),
+            (plan.combinations, "combinations", "of all grids"),
+            (len({row.scene_name for row in good}), "scenes", "different ones"),
+            (len({row.round for row in good}), "rounds", "of other seeds"),
+        ],
+        warnings=_warnings(results),
+        plots=[(plot.quantity, data_address(plot.svg, "image/svg+xml")) for plot in plots],
+        parameters=" and ".join(map(axis_label, study.parameters)),
+        first=condition_label(study, (None, *first[1:]) if study.x == "scene" else first),
+        means=_rows(results, means),
+        differences=_rows(results, differences),
+        methods=_rows(results, methods),
+        failed=len(failed),
+        failures=_failures(failed),
+        plan=results.planned.text,
+        version=__version__,
+    )
+
+
+def _rows(results: Results, columns: Columns) -> tuple[list[str], list[tuple[str, list[Estimate]]]]:
+    """Names of the columns, and the rows of all combinations that these have, by name."""
+    return list(columns), [
+        (condition_label(results.planned.study, c), [column[c] for column in columns.values()])
+        for c in results.conditions
+        if columns and all(c in column for column in columns.values())
+    ]
+
+
+def _warnings(results: Results) -> list[str]:
+    told = []
+    units = [s.estimate.units for s in results.summaries.values() if s.estimate.n]
+    if units and min(units) < FEW_UNITS:
+        told.append(
+            f"Some means rest on {min(units)} independent scenes or rounds: their intervals are "
+            f"too narrow, or missing. Five are needed, ten are better."
+        )
+    for name in results.metrics:
+        lacking = [
+            condition_label(results.planned.study, condition)
+            for condition in results.conditions
+            if results.summaries[condition, name].estimate.n < results.tried[condition] / 2
+        ]
+        if lacking:
+            told.append(
+                f"{metric_label(name)}: more than half of the samples have none in "
+                f"{_some(lacking)}; the means are those of the others."
+            )
+    return told
+
+
+def _failures(failed: Sequence[Row]) -> list[str]:
+    lines = [f"sample {row.index}: {row.error}" for row in failed[:MOST_FAILURES]]
+    if len(failed) > MOST_FAILURES:
+        lines.append(f"and {len(failed) - MOST_FAILURES} more, in results.csv")
+    return lines
+
+
+def _some(names: list[str], most: int = 4) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return "; ".join(names[:most]) + more

@@ -1,10 +1,12 @@
-"""Names of parameters and combinations as people read them."""
+"""Names of parameters, combinations and metrics as people read them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+from reconstruction.methods import method_title
+from spisim.study.metrics import Metric
 from spisim.study.plan import Study
 
 #: Endings of fields and the units that they mean, longer ones first.
@@ -61,15 +63,32 @@ def brief(value: Any) -> str:
 
 
 def group_label(study: Study, group: Sequence[Any]) -> str:
-    """Name of a curve: the values of the study's groups."""
-    told = zip(study.groups, group, strict=True)
-    return ", ".join(value_label(name, value) for name, value in told if value is not None)
+    """Name of a curve: the values of the study's groups; its reference where there are none."""
+    return condition_label(study, (None, *group))
 
 
 def condition_label(study: Study, condition: Sequence[Any]) -> str:
     """Name of a combination: curve and value of x."""
     x, *group = condition
-    told = [group_label(study, group)] if any(value is not None for value in group) else []
+    told = [
+        value_label(name, value)
+        for name, value in zip(study.groups, group, strict=True)
+        if value is not None
+    ]
     if x is not None:
-        told.append(x if isinstance(x, str) else value_label(study.x, x))
+        told.append(value_label(study.x, x))
     return ", ".join(told) or study.reference
+
+
+def method_label(name: str) -> str:
+    """Of a metric by its name: what the method is called."""
+    metric = Metric.of(name)
+    station, method = metric.quantity.station, metric.method
+    return "default" if method is None else method_title(station, method)
+
+
+def metric_label(name: str) -> str:
+    """Quantity with its unit, and the method where one is named."""
+    metric = Metric.of(name)
+    label = metric.quantity.label
+    return label if metric.method is None else f"{label} ({method_label(name)})"

@@ -1,0 +1,218 @@
+"""One HTML page about one capture: what was there, what was measured, how far off it is."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from reconstruction import Capture, Result, capture_warnings
+from reconstruction.methods import method_title
+from reconstruction.spots import CwSpots, HistogramSpots, PatternTaps, PulsedSpots, Spots
+
+from .comparison import compared_methods
+from .page import duration, length, number, write_page
+from .pictures import (
+    data_address,
+    depth_scale,
+    error_scale,
+    intensity_scale,
+    spot_marks,
+    view_scale,
+)
+from .spot_plots import SpotHistograms, arrival_figure, light_figure
+from .style import file_of, plot_style
+
+Metrics = Mapping[str, Any]
+Cards = list[tuple[str, str, str]]
+
+MEDIUM = {
+    "": "where",
+    "kind": "kind",
+    "extinction, 1/m": "extinction_per_m",
+    "albedo": "albedo",
+    "g": "g",
+    "p(180°), 1/sr": "backscatter_per_sr",
+    "visibility, m": "visibility_m",
+    "water, g/m³": "water_g_per_m3",
+}
+
+_READINGS = {
+    "cw": "Signal and background are amplitude and mean of a tap at the first frequency.",
+    "pulsed": "Signal is the whole pulse, background that of one window.",
+    "dtof": "Signal is the arrivals of the pulse, background those in one time bin.",
+}
+
+
+@plot_style()
+def write_report(
+    path: str | Path,
+    capture: Capture,
+    result: Result,
+    *,
+    metrics: Metrics | None = None,
+    transport: SpotHistograms | None = None,
+    view: NDArray[np.floating] | None = None,
+    timings: Mapping[str, float] | None = None,
+    title: str = "Capture",
+) -> None:
+    """Write a self-contained page. What is not known (truth, spots, view) is left out.
+
+    Parameters
+    ----------
+    path: the HTML file, written whole or not at all.
+    metrics: what `reconstruction.evaluate` returns.
+    transport: light of the spots over path length.
+    view: (h, w) transport image of the scene with more pixels (`spisim.transport.fine_view`).
+    timings: seconds per step before the reconstruction.
+    title: what the page calls the capture.
+
+    Raises OSError where the file cannot be written.
+    """
+    truth = None if capture.truth is None else capture.truth.at(result.frame)
+    depths = {method_title("depths", name): depth for name, depth in result.depths.items()}
+    errors = {} if truth is None else {name: d - truth.depth_m for name, d in depths.items()}
+    spots = capture.spots
+    way = None if truth is None or spots is None else _path_lengths(spots, truth.spot_range_m)
+    write_page(
+        path,
+        "capture",
+        title=title,
+        capture=capture,
+        result=result,
+        truth=truth,
+        metrics=metrics,
+        cards=_cards(capture, result, metrics),
+        warnings=capture_warnings(capture, result.frame),
+        view=view,
+        view_scale=None if view is None else view_scale(view),
+        facts=_facts(capture),
+        medium=MEDIUM,
+        media=media_of(capture),
+        marks=spot_marks(capture),
+        images=[
+            (method_title("images", name), image, _quality(metrics, name))
+            for name, image in result.images.items()
+        ],
+        image_scale=intensity_scale(
+            *(result.images.values() if truth is None else [truth.image]), unit=f"{result.unit}s"
+        ),
+        depths=depths,
+        depth_scale=depth_scale(*(depths.values() if truth is None else [truth.depth_m])),
+        errors=errors,
+        error_scale=error_scale(*errors.values()),
+        rangings={method_title("spots", name): ranges for name, ranges in result.rangings.items()},
+        readings=None if spots is None else _READINGS[spots.method],
+        arrivals=_plot(
+            arrival_figure(spots, result.frame, way) if isinstance(spots, HistogramSpots) else None
+        ),
+        light=_plot(None if transport is None else light_figure(transport, way)),
+        compared=[] if metrics is None else compared_methods(metrics),
+        seconds=dict(timings or {}) | dict(result.timings_s),
+    )
+
+
+def media_of(capture: Capture) -> list[Mapping[str, Any]]:
+    """What hung in the air of a simulation: `media` of its settings; none of other recordings."""
+    try:
+        settings = yaml.safe_load(capture.provenance.settings)
+    except yaml.YAMLError:  # of another program
+        return []
+    media = settings.get("media") if isinstance(settings, dict) else None
+    return [one for one in media if isinstance(one, dict)] if isinstance(media, list) else []
+
+
+def _cards(capture: Capture, result: Result, metrics: Metrics | None) -> Cards:
+    """The figures that tell how good the reconstruction is."""
+    plan = capture.plan
+    patterns = f"{plan.sampled} of {plan.pixels} patterns, {plan.exposures} exposures"
+    cards = [(f"{100 * plan.sampling_ratio:.3g} %", "sampling ratio", patterns)]
+    frame_s = plan.exposures * capture.buckets.pattern_period_s
+    reconstructed = f"{1e3 * sum(result.timings_s.values()):.0f} ms"
+    if np.isfinite(frame_s):
+        cards.append((f"{1 / frame_s:.3g} Hz", "frame rate", f"reconstructed in {reconstructed}"))
+    else:
+        cards.append((reconstructed, "to reconstruct", "frame rate not known"))
+    return cards if metrics is None else cards + _quality_cards(metrics)
+
+
+def _quality_cards(metrics: Metrics) -> Cards:
+    """Of each station the first method's figure, and those of the others."""
+    cards = []
+    for station, key, label, written in (
+        ("images", "correlation", "image correlation", lambda value: number(value, 3)),
+        ("depths", "mae_m", "mean depth error", length),
+    ):
+        told = {name: written(figures[key]) for name, figures in metrics[station].items()}
+        others = [f"{method_title(station, name)} {value}" for name, value in told.items()][1:]
+        cards += [(value, label, ", ".join(others)) for value in list(told.values())[:1]]
+    for spots in list(metrics["spots"].values())[:1]:
+        errors = [abs(spot["error_m"]) for spot in spots if spot["error_m"] is not None]
+        largest = length(max(errors, default=None))
+        cards.insert(1, (largest, "largest range error", f"of {len(errors)} measured spots"))
+    return cards
+
+
+def _quality(metrics: Metrics | None, method: str) -> str:
+    if metrics is None:
+        return ""
+    figures = metrics["images"][method]
+    return f"correlation {number(figures['correlation'], 3)}, NRMSE {number(figures['nrmse'], 3)}"
+
+
+def _facts(capture: Capture) -> dict[str, str]:
+    """How the capture was recorded."""
+    provenance, plan, buckets = capture.provenance, capture.plan, capture.buckets
+    height, width = plan.shape
+    noise = buckets.noise_electrons
+    facts = {
+        "source": provenance.source,
+        "software": provenance.software,
+        "seed": "–" if provenance.seed is None else str(provenance.seed),
+        "frames": str(capture.frames),
+        "virtual pixels": f"{width} × {height}",
+        "patterns": f"{plan.sampled} of {plan.pixels}, {plan.basis}, {plan.order}",
+        "exposures": str(plan.exposures),
+        "exposure time": duration(buckets.exposure_time_s),
+        "duration": duration(plan.exposures * buckets.pattern_period_s),
+        "electronics noise": (
+            f"{noise:,.0f} electrons rms per exposure" if np.isfinite(noise) else "not known"
+        ),
+        "saturated readings": str(int(np.count_nonzero(~buckets.usable))),
+    }
+    if capture.spots is not None:
+        facts["time of flight"] = _method(capture.spots)
+    if capture.pattern_taps is not None:
+        facts["of every pattern"] = _continuous_wave(capture.pattern_taps)
+    return facts
+
+
+def _method(spots: Spots) -> str:
+    """How time of flight was measured, in a few words."""
+    if isinstance(spots, CwSpots):
+        return _continuous_wave(spots)
+    if isinstance(spots, PulsedSpots):
+        return f"pulsed, three windows of {duration(spots.pulse_width_s)}"
+    if isinstance(spots, HistogramSpots):
+        bins = spots.counts.shape[-1]
+        return f"histograms, {bins} bins of {duration(spots.bin_width_s)}"
+    raise TypeError(f"unknown {type(spots).__name__}")
+
+
+def _continuous_wave(readings: CwSpots | PatternTaps) -> str:
+    frequencies = ", ".join(f"{f / 1e6:g}" for f in np.unique(readings.tap_frequencies_hz))
+    return f"continuous wave, {readings.taps.shape[-1]} taps, {frequencies} MHz"
+
+
+def _path_lengths(spots: Spots, range_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """From the laser's exit to the spot and on to its detector (4,)."""
+    points = range_m[:, None] * spots.directions
+    back: NDArray[np.float64] = np.linalg.norm(points - spots.detector_positions_m, axis=1)
+    return range_m + back
+
+
+def _plot(figure: Figure | None) -> str | None:
+    return None if figure is None else data_address(file_of(figure, "svg"), "image/svg+xml")

@@ -1,0 +1,70 @@
+"""Pages from templates, and numbers as people read them."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from reconstruction.files import write_atomically
+
+
+def write_page(path: str | Path, template: str, **content: Any) -> None:
+    """Write a page that needs no other file; all of its content is escaped.
+
+    Raises OSError where the file cannot be written.
+    """
+    page = _templates().get_template(f"{template}.html").render(content)
+    write_atomically(path, page.encode())
+
+
+@cache
+def _templates() -> Environment:
+    templates = Environment(
+        loader=PackageLoader(__package__),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    templates.filters |= {"number": number, "metres": length, "plain": plain, "capital": capital}
+    return templates
+
+
+def capital(words: str) -> str:
+    """With a capital letter in front; the others stay as they are."""
+    return words[:1].upper() + words[1:]
+
+
+def number(value: float | None, digits: int) -> str:
+    """With so many decimal places; a dash where there is none."""
+    return "–" if value is None or not np.isfinite(value) else f"{value:,.{digits}f}"
+
+
+def plain(value: object) -> str:
+    """Whatever a file may tell, in few characters; a dash for nothing."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(plain, value))
+    return str(value)
+
+
+def length(metres: float | None) -> str:
+    """In the unit that suits it; a dash where there is none."""
+    if metres is None or not np.isfinite(metres):
+        return "–"
+    return f"{100 * metres:.1f} cm" if abs(metres) < 1 else f"{metres:.2f} m"
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit that suits it."""
+    if not np.isfinite(seconds):
+        return "not known"
+    for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")):
+        if round(seconds * factor, 6) >= 1:
+            return f"{seconds * factor:.4g} {unit}"
+    return f"{seconds * 1e12:.4g} ps"
