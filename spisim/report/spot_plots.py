@@ -70,15 +70,16 @@ def _figure(
     limits: tuple[float, float],
     label: str,
 ) -> Figure:
-    """Curves (4, bins) on a logarithmic scale; what is below it runs along its foot."""
+    """Curves (4, bins) on a logarithmic scale."""
     figure = Figure(figsize=(9.6, 2.9), layout="constrained")
     axes = figure.subplots()
     length_m = np.arange(values.shape[1]) * bin_width_m
     for k, (row, colour) in enumerate(zip(values, SPOT_COLOURS, strict=True)):
-        axes.plot(length_m, np.maximum(row, limits[0]), color=colour, lw=1.3, label=f"spot {k}")
+        axes.plot(length_m, row, color=colour, lw=1.3, label=f"spot {k}")
         if true_length_m is not None and np.isfinite(true_length_m[k]):
             axes.axvline(true_length_m[k], color=colour, lw=1, ls="--")
-    axes.set(yscale="log", ylim=limits, xlim=(0, values.shape[1] * bin_width_m))
+    axes.set_yscale("log", nonpositive="clip")
+    axes.set(ylim=limits, xlim=(0, values.shape[1] * bin_width_m))
     axes.set(xlabel="path length, m", ylabel=label)
-    axes.legend(loc="upper right", ncols=len(values))
+    figure.legend(loc="outside upper right", ncols=len(values))
     return figure

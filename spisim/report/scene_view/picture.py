@@ -108,6 +108,7 @@ def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
     radius = np.tan(np.radians(min(detector.field_of_view_deg, 179)) / 2)
     axis.add_patch(Circle((0, 0), radius, fill=False, ec=DETECTOR, lw=1.4, ls=(0, (5, 4))))
     axis.set(xlim=(-half, half), ylim=(half, -half), xticks=[], yticks=[])
+    axis.spines[:].set_visible(False)
     text = f"projector {projector.fov_deg:g}°"
     texts = [_label(axis, (0, -high), text, PROJECTOR, (0, 4), "bottom")]
     if radius < half:
@@ -198,7 +199,9 @@ def _draw_section(
     rays = section.rays((shape[0] * FINE, shape[1] * FINE), limits, cut)
     axis.imshow(_picture(look.sight, rays, shape), extent=limits, aspect="auto")
     axis.set(xlim=limits[:2], ylim=limits[2:])
-    axis.tick_params(labelsize=8, colors=PALE_INK)
+    axis.tick_params(labelsize=8)
+    axis.spines[:].set_visible(False)
+    axis.grid(visible=False)
     pose = look.scene.drone_pose
     here = section.place(pose[:3, 3])
     reach = 2 * np.ptp(limits[:2])

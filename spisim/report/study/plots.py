@@ -25,8 +25,6 @@ from .labels import axis_label, brief, condition_label, group_label, method_labe
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 #: Of the methods of one quantity, in turn: the line, and whether its marks are filled.
 LINES = (("-", True), ("--", False), (":", False), ("-.", True))
-#: Of what stands for no group, or for all.
-GREY = "0.25"
 #: Between curves side by side, and to what stands beside the axis, as shares of its length.
 DODGE, BESIDE = 0.012, 0.09
 #: Ratio of means from which an axis of errors is logarithmic.
@@ -34,8 +32,9 @@ LOG_FROM = 30
 #: That a line of the legend has room for.
 LEGEND_CHARACTERS = 110
 
-#: How marks look, as `errorbar` takes it.
+#: How marks look, as `errorbar` takes it; of what stands for no group, or for all.
 Look = dict[str, Any]
+NO_GROUP: Look = {"color": "0.25", "marker": "o", "ms": 5}
 
 
 @dataclass(frozen=True)
@@ -74,10 +73,10 @@ def group_look(number: int) -> Look:
     return {"color": f"C{number}", "marker": MARKERS[number % len(MARKERS)], "ms": 5}
 
 
-def _method_look(number: int, colour: str) -> Look:
-    """How a method looks, by its number."""
+def _method_look(number: int, of: Look) -> Look:
+    """How a method of a group looks, by its number."""
     line, filled = LINES[number % len(LINES)]
-    return {"ls": line, "mfc": colour if filled else "white"}
+    return {**of, "ls": line, "mfc": of["color"] if filled else "white"}
 
 
 def _curves(
@@ -89,7 +88,7 @@ def _curves(
         groups.setdefault(condition[1:], []).append(condition)
     return [
         (
-            group_look(number) | _method_look(method, f"C{number}"),
+            _method_look(method, group_look(number)),
             [results.summaries[condition, name] for condition in chosen],
         )
         for number, chosen in enumerate(groups.values())
@@ -119,7 +118,7 @@ def _over_numbers(results: Results, metrics: Sequence[str]) -> Figure:
         at = high + (number + 0.5) * BESIDE * span
         ticks[at] = condition_label(study, condition)
         for method, name in enumerate(metrics):
-            look = {"color": GREY, "marker": "o", **_method_look(method, GREY), "ls": "none"}
+            look = {**_method_look(method, NO_GROUP), "ls": "none"}
             estimate = results.summaries[condition, name].estimate
             draw_estimates(axes, look, [at + method * DODGE * span], [estimate])
     if beside:
@@ -209,8 +208,7 @@ def _legend(
             looks[group_label(results.planned.study, group)] = group_look(number)
     if len(metrics) > 1:
         for number, name in enumerate(metrics):
-            grey = {"color": GREY, "marker": "o", "ms": 5}
-            looks[method_label(name)] = grey | _method_look(number, GREY)
+            looks[method_label(name)] = _method_look(number, NO_GROUP)
     if looks:
         legend_above(figure, [Line2D([], [], **look) for look in looks.values()], looks)
 
