@@ -16,7 +16,10 @@ from .ranging import RANGING_METHODS, Ranges, ranging_method, reads
 from .result import Image, Result
 
 Names = str | Sequence[str] | None
-"""Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones."""
+"""Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
+
+Among several, ``usual`` stands for those.
+"""
 
 USUAL_IMAGES = ("pursuit", "zero-filled")
 USUAL_DEPTHS = ("anchored", "nearest", "dense")
@@ -145,7 +148,7 @@ def _image_names(names: Names, readings: UsableReadings) -> Sequence[str]:
     """Names of methods that can be compiled; of those asked for by name, all must."""
     if names == "all":
         return _fitting([*USUAL_IMAGES, *IMAGE_METHODS], readings.solver)
-    chosen = _listed(USUAL_IMAGES if names is None else names)
+    chosen = _listed(names, USUAL_IMAGES)
     for name in chosen:
         image_method(name)
     for name in chosen:
@@ -156,23 +159,25 @@ def _image_names(names: Names, readings: UsableReadings) -> Sequence[str]:
 def _ranging_names(names: Names, setup: Setup) -> Sequence[str]:
     spots = setup.spots
     if spots is None:
-        for name in () if names in (None, "all") else _listed(names):
+        for name in () if names == "all" else _listed(names, ()):
             RANGING_METHODS[name]
         return ()
     if names == "all":
         return list(dict.fromkeys([spots.method, *(n for n in RANGING_METHODS if reads(n, spots))]))
-    return _listed(spots.method if names is None else names)
+    return _listed(names, [spots.method])
 
 
 def _depth_names(names: Names, setup: Setup) -> Sequence[str]:
-    if names is None or names == "all":
-        wanted = USUAL_DEPTHS if names is None else dict.fromkeys((*USUAL_DEPTHS, *DEPTH_METHODS))
-        return [name for name in wanted if not lacks(DEPTH_METHODS[name], setup)]
-    return _listed(names)
+    wanted = dict.fromkeys((*USUAL_DEPTHS, *DEPTH_METHODS)) if names == "all" else USUAL_DEPTHS
+    fitting = [name for name in wanted if not lacks(DEPTH_METHODS[name], setup)]
+    return fitting if names == "all" else _listed(names, fitting)
 
 
-def _listed(names: str | Sequence[str] | None) -> Sequence[str]:
-    return [names] if isinstance(names, str) else list(dict.fromkeys(names or ()))
+def _listed(names: Names, usual: Sequence[str]) -> Sequence[str]:
+    """Names one by one, the usual ones in their place."""
+    given = ["usual"] if names is None else [names] if isinstance(names, str) else names
+    listed = (name for each in given for name in (usual if each == "usual" else [each]))
+    return list(dict.fromkeys(listed))
 
 
 def _fitting(names: Iterable[str], compiled: Callable[[str], Any]) -> list[str]:

@@ -39,6 +39,12 @@ class Charge:
         return np.asarray(self.excess_noise_factor * np.maximum(electrons, 1) + electronics)
 
 
+def taps_summary(frequencies_hz: Reals) -> str:
+    """Taps of these frequencies in a few words."""
+    different = ", ".join(f"{frequency_hz / 1e6:g}" for frequency_hz in np.unique(frequencies_hz))
+    return f"continuous wave, {frequencies_hz.size} taps, {different} MHz"
+
+
 def check_taps(group: str, frequencies_hz: Reals, phases_rad: Reals) -> None:
     """Raise InputError unless each frequency has taps of three phases or more."""
     for frequency_hz in np.unique(frequencies_hz):

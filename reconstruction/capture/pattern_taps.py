@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .charge import Charge, check_taps
+from .charge import Charge, check_taps, taps_summary
 from .schema import Stored
 
 Reals = NDArray[np.float64]
@@ -28,6 +28,11 @@ class PatternTaps(Charge):
     tap_phases_rad: Annotated[Reals, Stored("rad", ("pattern taps",))]
     phase_offsets_rad: Annotated[Reals, Stored("rad", ("pattern taps",))]
     detector_position_m: Annotated[Reals, Stored("m", (3,))]
+
+    @property
+    def summary(self) -> str:
+        """How they were measured, in a few words."""
+        return taps_summary(self.tap_frequencies_hz)
 
     def check(self) -> None:
         """Raise InputError unless every phase can be solved for."""

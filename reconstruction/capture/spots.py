@@ -30,6 +30,11 @@ class Spots:
         """What the detectors have recorded, frames first."""
         raise NotImplementedError
 
+    @property
+    def summary(self) -> str:
+        """How they were measured, in a few words."""
+        return f"{self.method}, {self.readings.shape[-1]} readings of each spot"
+
     def check(self) -> None:
         """Raise InputError unless the numbers fit together."""
         lengths = np.linalg.norm(self.directions, axis=1)

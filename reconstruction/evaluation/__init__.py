@@ -1,5 +1,6 @@
 """How good a result is, against the truth that a simulation knows."""
 
+from .methods import METHODS, method_title
 from .metrics import depth_metrics, evaluate, image_metrics
 
-__all__ = ["depth_metrics", "evaluate", "image_metrics"]
+__all__ = ["METHODS", "depth_metrics", "evaluate", "image_metrics", "method_title"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from typing import Any
 
@@ -64,13 +63,6 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
     longest = _range_reach(instrument, target, limit_m)
     _map_panel(spot_map, longest, f"spots: distance with σ of range {100 * limit_m:g} cm")
     return figure
-
-
-def png_bytes(figure: Figure) -> bytes:
-    """The figure as a PNG file."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    return buffer.getvalue()
 
 
 def distance_axis(axes: Axes, nearest_m: float, farthest_m: float) -> None:

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result, capture_warnings
-from reconstruction.methods import method_title
-from reconstruction.spots import CwSpots, HistogramSpots, PatternTaps, PulsedSpots, Spots
+from reconstruction.capture import Spots
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.evaluation import method_title
 
 from .comparison import compared_methods
 from .page import duration, length, number, write_page
@@ -40,12 +41,6 @@ MEDIUM = {
     "water, g/m³": "water_g_per_m3",
 }
 
-_READINGS = {
-    "cw": "Signal and background are amplitude and mean of a tap at the first frequency.",
-    "pulsed": "Signal is the whole pulse, background that of one window.",
-    "dtof": "Signal is the arrivals of the pulse, background those in one time bin.",
-}
-
 
 @plot_style()
 def write_report(
@@ -72,7 +67,9 @@ def write_report(
 
     Raises OSError where the file cannot be written.
     """
-    truth = None if capture.truth is None else capture.truth.at(result.frame)
+    truths = capture.truth
+    known = truths is not None and truths.knows(result.frame)
+    truth = truths.at(result.frame) if truths is not None and known else None
     depths = {method_title("depths", name): depth for name, depth in result.depths.items()}
     errors = {} if truth is None else {name: d - truth.depth_m for name, d in depths.items()}
     spots = capture.spots
@@ -105,7 +102,6 @@ def write_report(
         errors=errors,
         error_scale=error_scale(*errors.values()),
         rangings={method_title("spots", name): ranges for name, ranges in result.rangings.items()},
-        readings=None if spots is None else _READINGS[spots.method],
         arrivals=_plot(
             arrival_figure(spots, result.frame, way) if isinstance(spots, HistogramSpots) else None
         ),
@@ -184,27 +180,10 @@ def _facts(capture: Capture) -> dict[str, str]:
         "saturated readings": str(int(np.count_nonzero(~buckets.usable))),
     }
     if capture.spots is not None:
-        facts["time of flight"] = _method(capture.spots)
+        facts["time of flight"] = capture.spots.summary
     if capture.pattern_taps is not None:
-        facts["of every pattern"] = _continuous_wave(capture.pattern_taps)
+        facts["of every pattern"] = capture.pattern_taps.summary
     return facts
-
-
-def _method(spots: Spots) -> str:
-    """How time of flight was measured, in a few words."""
-    if isinstance(spots, CwSpots):
-        return _continuous_wave(spots)
-    if isinstance(spots, PulsedSpots):
-        return f"pulsed, three windows of {duration(spots.pulse_width_s)}"
-    if isinstance(spots, HistogramSpots):
-        bins = spots.counts.shape[-1]
-        return f"histograms, {bins} bins of {duration(spots.bin_width_s)}"
-    raise TypeError(f"unknown {type(spots).__name__}")
-
-
-def _continuous_wave(readings: CwSpots | PatternTaps) -> str:
-    frequencies = ", ".join(f"{f / 1e6:g}" for f in np.unique(readings.tap_frequencies_hz))
-    return f"continuous wave, {readings.taps.shape[-1]} taps, {frequencies} MHz"
 
 
 def _path_lengths(spots: Spots, range_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from reconstruction.methods import method_title
+from reconstruction.evaluation import method_title
 
 from .page import number
 

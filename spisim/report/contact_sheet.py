@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from reconstruction import InputError, Result, evaluate, reconstruct
-from reconstruction.capture import Truth
+from reconstruction.capture import FrameTruth
 from reconstruction.files import require_file
 from spisim.dataset.reader import DataSet, StoredSample
 
@@ -25,7 +25,7 @@ class _Shown:
 
     sample: StoredSample
     result: Result | None = None
-    truth: Truth | None = None
+    truth: FrameTruth | None = None
     metrics: Mapping[str, Any] | None = None
     media: Sequence[Mapping[str, Any]] = ()
     problem: str = ""
@@ -90,13 +90,13 @@ def evenly(count: int, limit: int) -> list[int]:
 def _show(sample: StoredSample) -> _Shown:
     try:
         capture = sample.capture
-        result = reconstruct(capture)
+        result, media = reconstruct(capture), media_of(capture)
+        if capture.truth is None:
+            return _Shown(sample, result, media=media)
+        truth, metrics = capture.truth.at(result.frame), evaluate(result, capture)
     except InputError as error:
         return _Shown(sample, problem=str(error))
-    if capture.truth is None:
-        return _Shown(sample, result, media=media_of(capture))
-    truth, metrics = capture.truth.at(result.frame), evaluate(result, capture)
-    return _Shown(sample, result, truth, metrics, media_of(capture))
+    return _Shown(sample, result, truth, metrics, media)
 
 
 def _common(samples: DataSet) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.constants import c
 
-from reconstruction.spots import HistogramSpots
+from reconstruction.capture.readings.dtof import HistogramSpots
 
 from .style import SPOT_COLOURS
 

@@ -11,14 +11,18 @@ from functools import cache
 from pathlib import Path
 
 import reconstruction
-from reconstruction import Capture, InputError, read_capture, reconstruct
+from reconstruction import Capture, InputError, Reconstructor, read_capture
 from reconstruction.files import write_atomically
 from spisim.dataset.folder import PER_FOLDER
 from spisim.dataset.reader import DataSet, open_data_set
 from spisim.dataset.records import DIED, Outcome, Record
 from spisim.dataset.workers import Executor
 from spisim.study import metrics, profile
+from spisim.study.metrics import Methods
 from spisim.study.profile import Profile, depth_profile
+
+#: What stations are called where methods are chosen.
+_OPTIONS = {"images": "image", "spots": "ranging", "depths": "depth"}
 
 
 @dataclass(frozen=True)
@@ -36,27 +40,32 @@ class Evaluator:
 
     folder: Path
     files: Mapping[int, tuple[str, str]]  # capture and its SHA-256, by index
+    methods: Methods
 
     def __call__(self, index: int) -> Outcome:
         """Evaluate one capture; one that cannot be reconstructed is kept with the reason."""
         file, sha256 = self.files[index]
         try:
-            found = evaluation_of(read_capture(self.folder / file))
+            found = evaluation_of(read_capture(self.folder / file), self.methods)
         except InputError as error:
             found = Evaluation({}, error=str(error))
-        told = {"key": key_of(sha256), **asdict(found)}
+        told = {"key": key_of(sha256, self.methods), **asdict(found)}
         write_atomically(kept_at(self.folder, index), json.dumps(told).encode())
         return Outcome(index, "done")
 
 
-def evaluation_of(capture: Capture) -> Evaluation:
-    """Reconstruct all frames and compare them with the truth.
+def evaluation_of(capture: Capture, methods: Methods = ()) -> Evaluation:
+    """Reconstruct all frames by the usual methods and these, and compare them with the truth.
 
     Raises InputError where there is no truth, or nothing to reconstruct.
     """
     if capture.truth is None:
         raise InputError("the capture holds no truth to compare with")
-    results = [reconstruct(capture, frame) for frame in range(capture.frames)]
+    names: dict[str, list[str]] = {}
+    for station, name in methods:
+        names.setdefault(_OPTIONS[station], ["usual"]).append(name)
+    reconstructor = Reconstructor(capture.setup, **names)
+    results = reconstructor.batch(capture.batch(0, capture.frames))
     return Evaluation(metrics.measure(capture, results), depth_profile(results, capture.truth))
 
 
@@ -64,14 +73,16 @@ def evaluate_all(
     folder: Path,
     executor: Callable[[Evaluator], Executor],
     progress: Callable[[float], None] = lambda share: None,
+    methods: Methods = (),
 ) -> tuple[DataSet, dict[int, Evaluation]]:
     """The data set in a folder, and the metrics of its captures by index.
 
-    What was found before is taken, as long as capture and reconstruction are the same. Whatever
+    `methods` are those to be evaluated besides the usual ones, by station and name. What was found
+    before is taken, as long as capture, reconstruction and methods are the same. Whatever
     takes its worker with it is told as an error of that capture, and not kept.
     """
     data = open_data_set(folder)
-    found = {record.index: _kept(folder, record) for record in data.records}
+    found = {record.index: _kept(folder, record, methods) for record in data.records}
     missing = {
         record.index: (str(record.file), str(record.sha256))
         for record in data.records
@@ -79,14 +90,14 @@ def evaluate_all(
     }
     lost: dict[int, Evaluation] = {}
     if missing:
-        with executor(Evaluator(folder, missing)) as running:
+        with executor(Evaluator(folder, missing, methods)) as running:
             for done, outcome in enumerate(running.run(missing), start=1):
                 if not outcome.done:
                     lost[outcome.index] = Evaluation(
                         {}, error=f"evaluation: {outcome.error or DIED}"
                     )
                 progress(done / len(missing))
-    kept = {record.index: _kept(folder, record) for record in data.records}
+    kept = {record.index: _kept(folder, record, methods) for record in data.records}
     evaluations = {index: each for index, each in kept.items() if each is not None}
     return data, evaluations | lost
 
@@ -96,9 +107,9 @@ def kept_at(folder: Path, index: int) -> Path:
     return folder / "metrics" / f"{index // PER_FOLDER:03}" / f"{index:06}.json"
 
 
-def key_of(sha256: str) -> str:
-    """What the metrics of a capture depend on: its content, and the code that finds them."""
-    return hashlib.sha256(f"{sha256} {_code()}".encode()).hexdigest()
+def key_of(sha256: str, methods: Methods) -> str:
+    """What the metrics of a capture depend on: its content, the code that finds them, methods."""
+    return hashlib.sha256(f"{sha256} {_code()} {methods}".encode()).hexdigest()
 
 
 @cache
@@ -109,9 +120,9 @@ def _code() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
-def _kept(folder: Path, record: Record) -> Evaluation | None:
+def _kept(folder: Path, record: Record, methods: Methods) -> Evaluation | None:
     with suppress(OSError, ValueError, KeyError):
         told = json.loads(kept_at(folder, record.index).read_bytes())
-        if told["key"] == key_of(str(record.sha256)):
+        if told["key"] == key_of(str(record.sha256), methods):
             return Evaluation(told["metrics"], told["profile"], told["error"])
     return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, Literal
@@ -10,8 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from reconstruction import Capture, InputError, Result, evaluate
-from reconstruction.errors import nearest
-from reconstruction.methods import METHODS
+from reconstruction.capture.readings import READINGS
+from reconstruction.errors import naming, nearest
+from reconstruction.evaluation import METHODS
+from reconstruction.reconstructor import USUAL_DEPTHS, USUAL_IMAGES
+
+#: Methods by station and name.
+Methods = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,7 @@ def _over_spots(key: str, fold: Callable[[list[float]], Any]) -> Callable[[Any],
 
 
 #: Station of what no method makes.
-READINGS = "readings"
+BUCKETS = "buckets"
 
 #: All quantities by the names that a study plan uses.
 QUANTITIES: Mapping[str, Quantity] = {
@@ -143,7 +148,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "saturated": Quantity(
         "saturated readings",
         "share",
-        READINGS,
+        BUCKETS,
         "low",
         "share of the single-pixel readings that cannot be used",
         float,
@@ -166,19 +171,26 @@ class Metric:
     @classmethod
     def of(cls, name: str) -> Metric:
         """By a name as "depth_mae_m" or "depth_mae_m[nearest]"; InputError for an unknown one."""
-        if name not in (known := metric_names()):
-            raise InputError(f"unknown metric {name!r}: {nearest(name, known)}")
-        kind, _, method = name.rstrip("]").partition("[")
-        return cls(kind, method or None)
+        kind, bracket, method = name.removesuffix("]").partition("[")
+        if kind not in QUANTITIES or (bracket and QUANTITIES[kind].station not in METHODS):
+            raise InputError(f"unknown metric {name!r}: {nearest(name, QUANTITIES)}")
+        if bracket:
+            with naming(f"metric {name!r}"):
+                METHODS[QUANTITIES[kind].station](method)
+        return cls(kind, method if bracket else None)
 
 
-def metric_names() -> list[str]:
-    """All quantities of default methods, then of every method by its name."""
-    return [*QUANTITIES] + [
-        _name(kind, method)
-        for kind, quantity in QUANTITIES.items()
-        for method in METHODS.get(quantity.station, ())
-    ]
+def unusual_methods(names: Iterable[str]) -> Methods:
+    """Methods that metrics name besides those by which everything is reconstructed anyway."""
+    usual = {None, *USUAL_IMAGES, *USUAL_DEPTHS, *READINGS}
+    metrics = [Metric.of(name) for name in names]
+    return tuple(
+        dict.fromkeys(
+            (metric.quantity.station, str(metric.method))
+            for metric in metrics
+            if metric.method not in usual
+        )
+    )
 
 
 def measure(capture: Capture, results: Sequence[Result]) -> dict[str, float | None]:
@@ -193,8 +205,8 @@ def measure(capture: Capture, results: Sequence[Result]) -> dict[str, float | No
 
 def _figures(capture: Capture, result: Result) -> dict[str, float | None]:
     unusable = 1 - float(capture.buckets.usable[result.frame].mean())
-    evaluated = {**evaluate(result, capture), READINGS: {"": unusable}}
-    figures = {}
+    evaluated = {**evaluate(result, capture), BUCKETS: {"": unusable}}
+    figures: dict[str, float | None] = {}
     for kind, quantity in QUANTITIES.items():
         for method, told in evaluated[quantity.station].items():
             value = quantity.read(told)

@@ -16,6 +16,7 @@ from spisim.dataset.runner import SPACE_TIMEOUT_S, State, run_dataset
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import Executor, Make
 from spisim.study.evaluation import evaluate_all
+from spisim.study.metrics import unusual_methods
 from spisim.study.plan import PlannedStudy
 from spisim.study.results import (
     Results,
@@ -95,7 +96,9 @@ def run_study(
         say=say,
         progress=made,
     )
-    data, evaluations = evaluate_all(folder, executor, evaluated)
+    data, evaluations = evaluate_all(
+        folder, executor, evaluated, unusual_methods(planned.study.metrics)
+    )
     if not any(each.metrics for each in evaluations.values()):
         reasons = [record.error for record in data.failed]
         reasons += [evaluation.error for evaluation in evaluations.values()]

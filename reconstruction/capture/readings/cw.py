@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..charge import Charge, check_taps
+from ..charge import Charge, check_taps, taps_summary
 from ..schema import Stored
 from ..spots import Spots
 
@@ -40,6 +40,11 @@ class CwSpots(Charge, Spots):
     def readings(self) -> NDArray[Any]:
         """The taps."""
         return self.taps
+
+    @property
+    def summary(self) -> str:
+        """How they were measured, in a few words."""
+        return taps_summary(self.tap_frequencies_hz)
 
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and every phase can be solved for."""

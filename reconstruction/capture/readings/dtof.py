@@ -44,6 +44,12 @@ class HistogramSpots(Spots):
         """The histograms."""
         return self.counts
 
+    @property
+    def summary(self) -> str:
+        """How they were measured, in a few words."""
+        bins = self.counts.shape[-1]
+        return f"histograms, {bins} bins of {1e9 * self.bin_width_s:.4g} ns"
+
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and the histograms can be true."""
         super().check()

@@ -38,6 +38,11 @@ class PulsedSpots(Charge, Spots):
         """The three windows."""
         return self.taps
 
+    @property
+    def summary(self) -> str:
+        """How they were measured, in a few words."""
+        return f"pulsed, three windows of {1e9 * self.pulse_width_s:.4g} ns"
+
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and the windows do not overlap."""
         super().check()

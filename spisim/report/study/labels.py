@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from reconstruction.methods import method_title
+from reconstruction.evaluation import method_title
 from spisim.study.metrics import Metric
 from spisim.study.plan import Study
 

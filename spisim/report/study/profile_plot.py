@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from reconstruction.methods import method_title
+from reconstruction.evaluation import method_title
 from spisim.study.profile import CENTRES_M
 from spisim.study.results import Results, Row, over_units
 from spisim.study.statistics import Estimate
