@@ -18,7 +18,7 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
             table.add_row(*row)
         results.print(table)
     error = percent(metrics["truth"]["image_error"])
-    results.print(f"error of the true image, RMS: {error}\n", style="dim")
+    results.print(f"standard error of the true image, RMS: {error}\n", style="dim")
 
 
 def plain_table(first: str, *columns: str, least: int = 11) -> Table:

@@ -47,7 +47,9 @@ def write_overview(
     write_atomically(path, file_of(sheet))
 
 
-def depth_bar(sheet: Figure, axes: NDArray[np.object_], scale: Scale, **options: float) -> None:
-    """The scale of depth beside axes; options as `Figure.colorbar` takes them."""
+def depth_bar(
+    sheet: Figure, axes: NDArray[np.object_], scale: Scale, *, shrink: float, aspect: float
+) -> None:
+    """The scale of depth beside axes, `shrink` of their height and `aspect` times as high as wide."""
     colours = ScalarMappable(Normalize(scale.low, scale.high), scale.colours)
-    sheet.colorbar(colours, ax=axes, pad=0.01, label="depth, m", **options)
+    sheet.colorbar(colours, ax=axes, pad=0.01, label="depth, m", shrink=shrink, aspect=aspect)

@@ -101,7 +101,7 @@ def test_evaluate_for_people_is_a_table(capture_file: Path) -> None:
     run = spisim("evaluate", capture_file)
     assert run.exit_code == 0, run.stderr
     assert "correlation" in run.stdout
-    assert "noise of the true image, RMS: 1.0 %" in run.stdout
+    assert "standard error of the true image, RMS: 1.0 %" in run.stdout
     assert run.stderr == ""
 
 

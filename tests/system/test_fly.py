@@ -66,7 +66,7 @@ def test_captures_know_pose_and_motion_of_their_instant(folder: Path, flown: Pat
         assert place.drone_pose == pytest.approx(flight.pose(number), abs=1e-9)
         assert place.drone_velocity_m_s == pytest.approx(flight.velocity(number), abs=1e-12)
         assert capture.provenance.seed == number
-    truth = [read_capture(flown / f"capture-{n:04d}.h5").truth for n in (0, 1)]
+    truth = [read_capture(flown / f"capture-{n:04d}.h5").truth.at(0) for n in (0, 1)]
     moved = truth[0].depth_m[:, -1] - truth[1].depth_m[:, -1]  # the wall, right of the post
     assert moved == pytest.approx(1, abs=0.02)
 

@@ -176,7 +176,7 @@ def draw_estimates(
     low = [e.mean if e.low is None else e.low for _, e in known]
     high = [e.mean if e.high is None else e.high for _, e in known]
     bars = np.maximum([means - low, high - means], 0)
-    style = {"lw": 1.3, "elinewidth": 1.1, "capsize": 2.5} | look
+    style: Look = {"lw": 1.3, "elinewidth": 1.1, "capsize": 2.5} | look
     if along == "y":
         axes.errorbar(at, means, yerr=bars, **style)
     else:
