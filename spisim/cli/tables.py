@@ -10,14 +10,14 @@ from .console import results
 
 def print_errors(metrics: Mapping[str, Any]) -> None:
     """Print image, range and depth errors, as `reconstruction.evaluate` returns them."""
-    from spisim.report.comparison import compared_methods, compared_spots, percent
+    from spisim.report.comparison import compared_methods, compared_spots, written
 
     for compared in (*compared_methods(metrics), *compared_spots(metrics)):
         table = plain_table(compared.name, *compared.columns)
         for row in compared.rows:
             table.add_row(*row)
         results.print(table)
-    error = percent(metrics["truth"]["image_error"])
+    error = written(metrics["truth"]["image_error"], 100, "{:.1f} %")
     results.print(f"standard error of the true image, RMS: {error}\n", style="dim")
 
 

@@ -1,13 +1,11 @@
 """What `reconstruction.evaluate` finds, as tables."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
 from reconstruction.evaluation import method_title
-
-from .page import number
 
 
 @dataclass(frozen=True)
@@ -19,36 +17,26 @@ class Comparison:
     rows: Sequence[Sequence[str]]
 
 
-def percent(share: float | None) -> str:
-    """A share; a dash where there is none."""
-    return "–" if share is None else f"{100 * share:.1f} %"
-
-
-def three_digits(value: float | None) -> str:
-    """With three decimal places; a dash where there is none."""
-    return number(value, 3)
-
-
-def centimetres(metres: float | None) -> str:
-    """A length in them; a dash where there is none."""
-    return number(None if metres is None else 100 * metres, 1)
-
-
-#: Of image and depth: what each figure is called and how it is written.
-FIGURES: Mapping[str, Mapping[str, tuple[str, Callable[[float | None], str]]]] = {
+#: Of image and depth: what each figure is called, times how much it is written, and how.
+FIGURES: Mapping[str, Mapping[str, tuple[str, float, str]]] = {
     "images": {
-        "correlation": ("correlation", three_digits),
-        "nrmse": ("RMS error over RMS of the truth", three_digits),
-        "psnr_db": ("PSNR, dB", three_digits),
+        "correlation": ("correlation", 1, "{:.3f}"),
+        "nrmse": ("RMS error over RMS of the truth", 1, "{:.3f}"),
+        "psnr_db": ("PSNR, dB", 1, "{:.3f}"),
     },
     "depths": {
-        "mae_m": ("mean error, m", three_digits),
-        "rmse_m": ("RMS error, m", three_digits),
-        "median_relative": ("median error", percent),
-        "within_25_percent": ("within 25 % of truth", percent),
-        "coverage": ("pixels with a value", percent),
+        "mae_m": ("mean error, m", 1, "{:.3f}"),
+        "rmse_m": ("RMS error, m", 1, "{:.3f}"),
+        "median_relative": ("median error", 100, "{:.1f} %"),
+        "within_25_percent": ("within 25 % of truth", 100, "{:.1f} %"),
+        "coverage": ("pixels with a value", 100, "{:.1f} %"),
     },
 }
+
+
+def written(value: float | None, factor: float = 1, pattern: str = "{:.3f}") -> str:
+    """A figure times a factor; a dash where there is none."""
+    return "–" if value is None else pattern.format(factor * value)
 
 
 def compared_methods(metrics: Mapping[str, Any]) -> list[Comparison]:
@@ -58,8 +46,8 @@ def compared_methods(metrics: Mapping[str, Any]) -> list[Comparison]:
             name,
             [method_title(station, method) for method in metrics[station]],
             [
-                (words, *(written(figures[key]) for figures in metrics[station].values()))
-                for key, (words, written) in FIGURES[station].items()
+                (words, *(written(each[key], *how) for each in metrics[station].values()))
+                for key, (words, *how) in FIGURES[station].items()
             ],
         )
         for name, station in (("image", "images"), ("depth", "depths"))
@@ -77,6 +65,6 @@ def compared_spots(metrics: Mapping[str, Any]) -> list[Comparison]:
 
 
 def _spot(place: int, spot: Mapping[str, Any]) -> tuple[str, ...]:
-    measured = three_digits(spot["range_m"]) if spot["status"] == "ok" else spot["status"]
-    errors = centimetres(spot["error_m"]), centimetres(spot["sigma_m"])
-    return f"spot {place}", three_digits(spot["true_m"]), measured, *errors
+    measured = written(spot["range_m"]) if spot["status"] == "ok" else spot["status"]
+    errors = (written(spot[key], 100, "{:.1f}") for key in ("error_m", "sigma_m"))
+    return f"spot {place}", written(spot["true_m"]), measured, *errors

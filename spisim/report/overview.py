@@ -50,6 +50,6 @@ def write_overview(
 def depth_bar(
     sheet: Figure, axes: NDArray[np.object_], scale: Scale, *, shrink: float, aspect: float
 ) -> None:
-    """The scale of depth beside axes, `shrink` of their height and `aspect` times as high as wide."""
+    """The scale of depth beside axes: `shrink` of their height, `aspect` times its width."""
     colours = ScalarMappable(Normalize(scale.low, scale.high), scale.colours)
     sheet.colorbar(colours, ax=axes, pad=0.01, label="depth, m", shrink=shrink, aspect=aspect)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -21,137 +20,86 @@ Methods = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Quantity:
-    """One number for what a method makes of a frame, or None where there is none.
+    """One number for what a method makes of a frame: the one called `key` of its `station`.
 
-    `read` takes it from what `reconstruction.evaluate` tells of one method of the `station`.
+    `label` tells it with its unit, as it stands at an axis.
     """
 
-    title: str
-    unit: str
     station: str
+    key: str
+    label: str
     better: Literal["high", "low", "near zero"]
     meaning: str
-    read: Callable[[Any], float | None]
 
-    @property
-    def label(self) -> str:
-        """With its unit, as it stands at an axis."""
-        return f"{self.title}, {self.unit}" if self.unit else self.title
-
-
-def _over_spots(key: str, fold: Callable[[list[float]], Any]) -> Callable[[Any], float | None]:
-    """Fold a value of all spots that have a range; None where none has."""
-
-    def read(spots: Any) -> float | None:
-        values = [spot[key] for spot in spots if spot["status"] == "ok" and spot[key] is not None]
-        return float(fold(values)) if values else None
-
-    return read
-
-
-#: Station of what no method makes.
-BUCKETS = "buckets"
 
 #: All quantities by the names that a study plan uses.
 QUANTITIES: Mapping[str, Quantity] = {
     "image_correlation": Quantity(
-        "image correlation",
-        "",
-        "images",
-        "high",
-        "Pearson correlation of the image and the true one",
-        itemgetter("correlation"),
+        "images", "correlation", "image correlation", "high", "Pearson's, with the true image"
     ),
     "image_psnr_db": Quantity(
-        "image PSNR",
-        "dB",
-        "images",
-        "high",
-        "the true image's peak squared over the mean squared error",
-        itemgetter("psnr_db"),
+        "images", "psnr_db", "image PSNR, dB", "high", "true peak squared over mean squared error"
     ),
     "image_nrmse": Quantity(
-        "image NRMSE",
-        "",
-        "images",
-        "low",
-        "RMS error of the image over the RMS of the true one",
-        itemgetter("nrmse"),
+        "images", "nrmse", "image NRMSE", "low", "RMS error over the RMS of the true image"
     ),
     "range_bias_m": Quantity(
-        "range bias",
-        "m",
         "spots",
+        "bias_m",
+        "range bias, m",
         "near zero",
         "measured minus true range, mean over the spots that have a range; above zero is too far",
-        _over_spots("error_m", np.mean),
     ),
     "range_error_m": Quantity(
-        "range error",
-        "m",
         "spots",
+        "error_m",
+        "range error, m",
         "low",
         "absolute difference of measured and true range, mean over the spots that have a range",
-        _over_spots("error_m", lambda errors: np.mean(np.abs(errors))),
     ),
     "range_sigma_m": Quantity(
-        "range sigma",
-        "m",
         "spots",
+        "sigma_m",
+        "range sigma, m",
         "low",
         "standard error that the ranging itself states, RMS over the spots that have a range",
-        _over_spots("sigma_m", lambda sigmas: np.sqrt(np.mean(np.square(sigmas)))),
     ),
     "valid_spots": Quantity(
-        "spots with a range",
-        "of 4",
-        "spots",
-        "high",
-        "number of spots that have a range",
-        lambda spots: float(sum(spot["status"] == "ok" for spot in spots)),
+        "spots", "valid", "spots with a range, of 4", "high", "number of spots that have a range"
     ),
     "depth_mae_m": Quantity(
-        "mean depth error",
-        "m",
-        "depths",
-        "low",
-        "mean absolute error of the depth map",
-        itemgetter("mae_m"),
+        "depths", "mae_m", "mean depth error, m", "low", "mean absolute error of the depth map"
     ),
     "depth_rmse_m": Quantity(
-        "RMS depth error", "m", "depths", "low", "RMS error of the depth map", itemgetter("rmse_m")
+        "depths", "rmse_m", "RMS depth error, m", "low", "RMS error of the depth map"
     ),
     "depth_median": Quantity(
-        "median depth error, relative",
-        "",
         "depths",
+        "median_relative",
+        "median depth error, relative",
         "low",
         "median over the pixels of the absolute error over the true depth",
-        itemgetter("median_relative"),
     ),
     "depth_within_25": Quantity(
-        "depth within 25 %",
-        "share",
         "depths",
+        "within_25_percent",
+        "depth within 25 %, share",
         "high",
         "share of the pixels whose depth is within 25 % of the true one",
-        itemgetter("within_25_percent"),
     ),
     "depth_coverage": Quantity(
-        "pixels with a depth",
-        "share",
         "depths",
+        "coverage",
+        "pixels with a depth, share",
         "high",
         "share of the pixels, of those where something is hit, that have a depth",
-        itemgetter("coverage"),
     ),
     "saturated": Quantity(
-        "saturated readings",
-        "share",
-        BUCKETS,
+        "buckets",
+        "saturated",
+        "saturated readings, share",
         "low",
         "share of the single-pixel readings that cannot be used",
-        float,
     ),
 }
 
@@ -200,25 +148,36 @@ def measure(capture: Capture, results: Sequence[Result]) -> dict[str, float | No
     """
     frames = [_figures(capture, result) for result in results]
     names = dict.fromkeys([*QUANTITIES, *(name for figures in frames for name in figures)])
-    return {name: _mean([figures.get(name) for figures in frames]) for name in names}
+    return {name: _mean(figures.get(name) for figures in frames) for name in names}
 
 
 def _figures(capture: Capture, result: Result) -> dict[str, float | None]:
+    evaluated = evaluate(result, capture)
+    spots = {method: _spot_figures(each) for method, each in evaluated["spots"].items()}
     unusable = 1 - float(capture.buckets.usable[result.frame].mean())
-    evaluated = {**evaluate(result, capture), BUCKETS: {"": unusable}}
+    stations = {**evaluated, "spots": spots, "buckets": {"": {"saturated": unusable}}}
     figures: dict[str, float | None] = {}
     for kind, quantity in QUANTITIES.items():
-        for method, told in evaluated[quantity.station].items():
-            value = quantity.read(told)
-            figures.setdefault(kind, value)
-            figures[_name(kind, method)] = value
+        for method, told in stations[quantity.station].items():
+            figures.setdefault(kind, told[quantity.key])
+            figures[f"{kind}[{method}]" if method else kind] = told[quantity.key]
     return figures
 
 
-def _name(kind: str, method: str) -> str:
-    return f"{kind}[{method}]" if method else kind
+def _spot_figures(spots: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
+    """Of all spots that have a range; None where none has."""
+    valid = [spot for spot in spots if spot["status"] == "ok"]
+    errors, sigmas = (
+        [spot[key] for spot in valid if spot[key] is not None] for key in ("error_m", "sigma_m")
+    )
+    return {
+        "bias_m": _mean(errors),
+        "error_m": _mean(map(abs, errors)),
+        "sigma_m": float(np.sqrt(np.mean(np.square(sigmas)))) if sigmas else None,
+        "valid": float(len(valid)),
+    }
 
 
-def _mean(values: list[float | None]) -> float | None:
+def _mean(values: Iterable[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
