@@ -46,8 +46,8 @@ def compared_methods(metrics: Mapping[str, Any]) -> list[Comparison]:
             name,
             [method_title(station, method) for method in metrics[station]],
             [
-                (words, *(written(each[key], *how) for each in metrics[station].values()))
-                for key, (words, *how) in FIGURES[station].items()
+                (words, *(written(each[key], factor, how) for each in metrics[station].values()))
+                for key, (words, factor, how) in FIGURES[station].items()
             ],
         )
         for name, station in (("image", "images"), ("depth", "depths"))
