@@ -1,7 +1,7 @@
 """One look for all plots of the package, and figures as files."""
 
 import io
-from contextlib import _GeneratorContextManager
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 SPOT_COLOURS = ("#2f78b7", "#c96a15", "#2f8f62", "#8a5bb8")
 
 
-def plot_style() -> _GeneratorContextManager[None]:
-    """What figures are made and saved in, with it or decorated by it, whoever's settings hold."""
-    return rc_context(fname=Path(__file__).with_name("plots.mplstyle"))
+#: What figures are made and saved in, `with plot_style():` or decorated; users' settings are not
+#: asked.
+plot_style = partial(rc_context, fname=Path(__file__).with_name("plots.mplstyle"))
 
 
 def file_of(figure: Figure, kind: Literal["png", "svg"] = "png", **options: Any) -> bytes:

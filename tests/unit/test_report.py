@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -21,6 +22,7 @@ from reconstruction.capture.readings.pulsed import PulsedSpots
 from spisim.report import write_overview, write_report
 from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
 from spisim.report.spot_plots import arrival_figure, light_figure
+from spisim.report.style import file_of, plot_style
 
 GEOMETRY: dict[str, Any] = {
     "directions": np.tile([0.0, 0.0, 1.0], (4, 1)),
@@ -129,6 +131,33 @@ def test_a_dense_map_stands_beside_its_errors(tmp_path: Path) -> None:
     assert "mean depth error" in text
     assert "<tr><td>pixels with a value</td><td>75.0 %</td></tr>" in text
     assert "continuous wave, 4 taps, 15 MHz" in text
+
+
+def test_every_method_of_a_result_is_shown_by_its_title(capture: Capture, tmp_path: Path) -> None:
+    result = reconstruct(capture, image=["usual", "pursuit:dct"])
+    images, depths = dict(result.images), dict(result.depths)
+    images["of <elsewhere>"] = depths["of <elsewhere>"] = result.image
+    more = replace(result, images=images, depths=depths)
+    write_report(tmp_path / "report.html", capture, more, metrics=evaluate(more, capture))
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for name in ("Matching pursuit", "Matching pursuit, dct", "Of &lt;elsewhere&gt;"):
+        assert f"<figcaption>{name}<small>correlation " in text
+    assert text.count("<th>of &lt;elsewhere&gt;</th>") == 2
+    assert "<figcaption>Error: of &lt;elsewhere&gt;</figcaption>" in text
+
+
+def test_the_look_of_plots_is_their_own() -> None:
+    light = SimpleNamespace(spot_histogram=np.ones((4, 9)), path_length_m=np.arange(9.0))
+
+    def drawn() -> bytes:
+        with plot_style():
+            figure = light_figure(light, None)
+            assert figure is not None
+            return file_of(figure, "svg")
+
+    usual = drawn()
+    with rc_context({"font.size": 30, "axes.grid": False}):
+        assert drawn() == usual
 
 
 @pytest.mark.parametrize(
