@@ -87,7 +87,7 @@ def names(text: str | None) -> str | Sequence[str] | None:
 
 def _one_frame(path: Path, frame: int) -> Capture:
     """A capture of one frame of those in a file; of the truth that of this frame, if known."""
-    with open_capture(path) as file, naming(path):
+    with open_capture(path) as file:
         readings, truth = file.frame(frame), file.truth()
         return Capture(
             plan=file.setup.plan,

@@ -108,7 +108,7 @@ def test_plans_without_shared_readings_are_left_alone(capture: Capture, polarity
     _, coefficients, noise = measured(one)
     assert np.array_equal(coefficients, decoded(one))
     variance = np.abs(one.buckets.signal[0]) + NOISE**2
-    assert noise == pytest.approx(np.sqrt(np.median(decoder_for(one.plan).matrix**2 @ variance)))
+    assert noise == pytest.approx(np.sqrt(np.median(decoder_for(one.plan).matrix ** 2 @ variance)))
 
 
 @pytest.mark.parametrize("noise", [np.nan, 0.0])
