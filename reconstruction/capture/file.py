@@ -244,7 +244,7 @@ def _truth_of_the_first_frame(file: h5py.File, *, still: bool) -> Truth:
     """What files of version 2 hold."""
     values: dict[str, Any] = {}
     for name, stored in stored_fields(Truth):
-        if stored.axes[1:]:
+        if stored.axes[1:]:  # all but which frames these are
             value = hdf5.get(file, f"truth/{name}", stored.units)
             values[name] = stored.kept(f"truth/{name}", value)[None]
     return Truth(frame=np.zeros(1, np.int64), still=still, **values)
