@@ -171,6 +171,24 @@ def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, cap
     assert "3.000" in out
 
 
+def test_methods_are_chosen_and_pictures_of_others_do_not_stay(path, tmp_path, capsys):
+    def run(*options):
+        assert main([str(path), "-o", str(tmp_path / "out"), "--json", *options]) == 0
+        report = json.loads(capsys.readouterr().out)
+        return report, {file.name for file in (tmp_path / "out").iterdir()}
+
+    report, files = run("--image", "zero-filled,pursuit:dct", "--depth", "nearest,anchored")
+    assert report["images"] == ["zero-filled", "pursuit:dct"]
+    assert list(report["depth_coverage"]) == ["nearest", "anchored"]
+    default = {"image.png", "depth.png", "cloud.ply", "result.h5"}
+    assert files == default | {"image_pursuit-dct.png", "depth_anchored.png"}
+    result = read_result(tmp_path / "out" / "result.h5")
+    assert list(result.images) == ["zero-filled", "pursuit:dct"]
+    report, files = run("--image", "pursuit", "--depth", "nearest", "--ranging", "all")
+    assert list(report["spots"]) == ["cw"]
+    assert files == default
+
+
 def test_json_is_one_object(path, tmp_path, capsys):
     arguments = [
         "reconstruct",
@@ -230,6 +248,10 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         ([str(path), "-o", out, "--frame", "2"], "frames 0..1"),
         ([str(path), "-o", out, "--patterns", "0"], "patterns = 0"),
         ([str(path), "-o", out, "--patterns", "9", "--order", "natral"], "did you mean 'natural'"),
+        ([str(path), "-o", out, "--image", "zero-fill"], "did you mean 'zero-filled'"),
+        ([str(path), "-o", out, "--image", "zero-filled:dct"], "'zero-filled' uses no dictionary"),
+        ([str(path), "-o", out, "--ranging", "dtof"], "reads 'dtof' spots, not those of 'cw'"),
+        ([str(path), "-o", out, "--depth", "nearest,dense"], "'dense' needs pattern taps, which"),
         ([str(path), "-o", str(tmp_path / "file" / "x")], "file is not a folder"),
         ([str(path), "-o", str(tmp_path / "file")], "file is not a folder"),
         (["import", str(path), "-o", out, "--shape", "8x8"], "unknown file type"),
