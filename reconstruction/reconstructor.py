@@ -149,6 +149,8 @@ def _image_names(names: Names, readings: UsableReadings) -> Sequence[str]:
     if names == "all":
         return _fitting([*USUAL_IMAGES, *IMAGE_METHODS], readings.solver)
     chosen = _listed(names, USUAL_IMAGES)
+    if not chosen:
+        raise InputError("no image method is named; at least one is needed")
     for name in chosen:
         image_method(name)
     for name in chosen:

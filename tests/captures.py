@@ -5,6 +5,7 @@ import numpy as np
 from reconstruction.capture import (
     Buckets,
     Capture,
+    FrameTruth,
     Optics,
     PatternTaps,
     Provenance,
@@ -66,7 +67,7 @@ def full_capture():
     """Two frames with spots by continuous wave, taps of every pattern, and truth."""
     rng = np.random.default_rng(0)
     plan = make_plan((4, 8), 10)
-    image = rng.random((4, 8)).astype(np.float32)
+    images = rng.random((2, 4, 8)).astype(np.float32)
     return Capture(
         plan=plan,
         buckets=Buckets(
@@ -85,8 +86,13 @@ def full_capture():
         provenance=Provenance(
             "simulation", "spisim 0", "2025-01-01T00:00:00+00:00", "λ: 1550", "s", 7, "spp: 1"
         ),
-        truth=Truth(
-            image, image / 9, image, np.where(image > 0.5, image, np.nan), image, rng.random(4)
+        truth=Truth.of(
+            [
+                FrameTruth(
+                    image, image / 9, image, np.where(image > 0.5, image, np.nan), image, spots
+                )
+                for image, spots in zip(images, rng.random((2, 4)), strict=True)
+            ]
         ),
         pattern_taps=PatternTaps(
             **CHARGE,

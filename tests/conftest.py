@@ -5,7 +5,7 @@ import pytest
 from scipy.constants import c
 
 from reconstruction import Capture, PatternPlan, make_plan
-from reconstruction.capture import Buckets, Optics, Provenance, Truth
+from reconstruction.capture import Buckets, FrameTruth, Optics, Provenance, Truth
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.operators import expose
 
@@ -52,13 +52,17 @@ def capture(plan: PatternPlan) -> Capture:
             seed=0,
             settings="spp: 7",
         ),
-        truth=Truth(
-            image=image.astype(np.float32),
-            image_error=(0.01 * image).astype(np.float32),
-            range_m=depth.astype(np.float32),
-            depth_m=depth.astype(np.float32),
-            reflectance=np.full(SHAPE, 0.5, np.float32),
-            spot_range_m=spot_range,
+        truth=Truth.of(
+            [
+                FrameTruth(
+                    image=image.astype(np.float32),
+                    image_error=(0.01 * image).astype(np.float32),
+                    range_m=depth.astype(np.float32),
+                    depth_m=depth.astype(np.float32),
+                    reflectance=np.full(SHAPE, 0.5, np.float32),
+                    spot_range_m=spot_range,
+                )
+            ]
         ),
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.constants import c
 
 from reconstruction import Capture, PatternPlan, make_plan
-from reconstruction.capture import Buckets, Optics, PatternTaps, Provenance, Truth
+from reconstruction.capture import Buckets, FrameTruth, Optics, PatternTaps, Provenance, Truth
 from reconstruction.depth import pixel_rays
 from reconstruction.operators import expose
 
@@ -86,13 +86,17 @@ def make_capture(patterns=None) -> Capture:
         spots=None,
         optics=OPTICS,
         provenance=Provenance("simulation", "test", "2026-01-01T00:00:00+00:00", ""),
-        truth=Truth(
-            image=4 * light.astype(np.float32),
-            image_error=np.zeros(SHAPE, np.float32),
-            range_m=range_m.astype(np.float32),
-            depth_m=(range_m * RAYS[..., 2]).astype(np.float32),
-            reflectance=np.full(SHAPE, 0.5, np.float32),
-            spot_range_m=np.full(4, np.nan),
+        truth=Truth.of(
+            [
+                FrameTruth(
+                    image=4 * light.astype(np.float32),
+                    image_error=np.zeros(SHAPE, np.float32),
+                    range_m=range_m.astype(np.float32),
+                    depth_m=(range_m * RAYS[..., 2]).astype(np.float32),
+                    reflectance=np.full(SHAPE, 0.5, np.float32),
+                    spot_range_m=np.full(4, np.nan),
+                )
+            ]
         ),
         pattern_taps=readings,
     )

@@ -1,6 +1,10 @@
-"""Images to reconstruct, and how alike two of them are."""
+"""Images to reconstruct, reconstructions of them, and how alike two of them are."""
 
 import numpy as np
+
+from reconstruction.image import Coefficients, image_method
+from reconstruction.operators import RowOperator
+from reconstruction.operators.bases.hadamard import Hadamard
 
 
 def natural_image(side, seed):
@@ -12,6 +16,12 @@ def natural_image(side, seed):
         row, column = rng.uniform(0, side, 2)
         image[(y - row) ** 2 + (x - column) ** 2 < radius**2] = rng.uniform(0.1, 1)
     return image
+
+
+def image_from(coefficients, index, shape, method="pursuit", noise=0.0):
+    """The image that a method makes of coefficients (K,) of Hadamard rows (K,)."""
+    solve = image_method(method).compile(RowOperator(Hadamard(shape), index))
+    return solve(Coefficients(coefficients, np.full(coefficients.shape, noise)))
 
 
 def correlation(a, b):

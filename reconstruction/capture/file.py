@@ -25,11 +25,12 @@ from .model import (
     Truth,
     axis_sizes,
     check_frames,
+    check_part,
     check_parts,
 )
 from .pattern_taps import PatternTaps
 from .readings import READINGS
-from .schema import FRAMES, Stored, check_shape, check_values, stored_fields
+from .schema import FRAMES, Stored, check_shape, stored_fields
 from .spots import Spots
 
 FORMAT = "spisim-capture"
@@ -126,13 +127,11 @@ class CaptureFile:
         if not hdf5.has(self._file, "truth"):
             return None
         if self._version >= (3, 0):
-            return _read(self._file, "truth", Truth)
-        values: dict[str, Any] = {}
-        for name, stored in stored_fields(Truth):
-            if name not in ("frame", "still"):  # version 2 has the truth of the first frame alone
-                value = hdf5.get(self._file, f"truth/{name}", stored.units)[None]
-                values[name] = stored.kept(f"truth/{name}", value)
-        return Truth(frame=np.zeros(1, np.int64), still=self.frames == 1, **values)
+            truth = _read(self._file, "truth", Truth)
+        else:
+            truth = _truth_of_the_first_frame(self._file, still=self.frames == 1)
+        check_part("truth", truth, axis_sizes(self.setup.plan))
+        return truth
 
     def _readings(self, start: int, stop: int) -> Frames:
         rows, setup = slice(start, stop), self.setup
@@ -172,17 +171,15 @@ def _write(file: h5py.File, capture: Capture) -> None:
 
 def _read_plan(file: h5py.File) -> PatternPlan:
     basis = BASES[hdf5.get_text(file, "patterns/basis")]
-    shape = hdf5.get(file, "patterns/shape", "1")
-    if shape.shape != (2,) or shape.dtype.kind not in "iu":
-        raise InputError(
-            f"patterns/shape has shape {shape.shape} and type {shape.dtype}, expected 2 integers"
-        )
+    shape = hdf5.get_numbers(file, "patterns/shape")
+    if shape.shape != (2,) or not (np.isfinite(shape) & (shape == np.floor(shape))).all():
+        raise InputError(f"patterns/shape is {shape.tolist()}, expected 2 integers")
     height, width = (int(side) for side in shape)
     arrays = {name: hdf5.get(file, f"patterns/{name}", "1") for name in basis.arrays}
     return PatternPlan(
         shape=(height, width),
-        index=hdf5.get(file, "patterns/index", "1"),
-        polarity=hdf5.get(file, "patterns/polarity", "1"),
+        index=hdf5.get_numbers(file, "patterns/index"),
+        polarity=hdf5.get_numbers(file, "patterns/polarity"),
         order=hdf5.get_text(file, "patterns/order"),
         patterns=basis.restored((height, width), arrays),
     )
@@ -197,7 +194,7 @@ def _read_provenance(file: h5py.File) -> Provenance:
         source=source,
         software=hdf5.get_attribute(file, "software"),
         created=hdf5.get_attribute(file, "created"),
-        seed=int(hdf5.get_scalar(file, "provenance/seed")) if seeded else None,
+        seed=hdf5.get_integer(file, "provenance/seed") if seeded else None,
         **{name: hdf5.get_text(file, f"provenance/{name}") for name in TEXTS},
     )
 
@@ -214,6 +211,8 @@ def _spots_class(file: h5py.File) -> type[Spots] | None:
 def _check_shapes(file: h5py.File, group: str, part: type, sizes: dict[str, int]) -> None:
     for name, stored in stored_fields(part):
         shape = hdf5.get_shape(file, f"{group}/{name}", stored.units)
+        if not stored.axes and set(shape) == {1}:
+            shape = ()  # a scalar may be an array of one element
         check_shape(f"{group}/{name}", shape, stored, sizes)
 
 
@@ -238,8 +237,17 @@ def _with_rows(file: h5py.File, group: str, part: Part, rows: slice) -> Part:
 def _value(file: h5py.File, where: str, stored: Stored, rows: slice | None) -> Any:
     value = hdf5.get(file, where, stored.units, rows if stored.by_frame else None)
     array = stored.kept(where, value)
-    check_values(where, array, stored)
     return array.item() if not stored.axes and array.size == 1 else array
+
+
+def _truth_of_the_first_frame(file: h5py.File, *, still: bool) -> Truth:
+    """What files of version 2 hold."""
+    values: dict[str, Any] = {}
+    for name, stored in stored_fields(Truth):
+        if stored.axes[1:]:  # all but which frames these are
+            value = hdf5.get(file, f"truth/{name}", stored.units)
+            values[name] = stored.kept(f"truth/{name}", value)[None]
+    return Truth(frame=np.zeros(1, np.int64), still=still, **values)
 
 
 def _checked_version(text: str) -> tuple[int, int]:

@@ -92,17 +92,30 @@ def get(file: h5py.File, name: str, units: str, rows: slice | None = None) -> ND
         return np.asarray(dataset[()] if rows is None else dataset[rows])
 
 
-def get_scalar(file: h5py.File, name: str, units: str = "1") -> Any:
-    """Read a dataset that holds a single value; InputError as `get`, and if there are more."""
-    value = get(file, name, units)
-    if value.size != 1:
-        raise InputError(f"{name} has shape {value.shape}, expected a scalar")
-    return value.item()
+def get_numbers(file: h5py.File, name: str, units: str = "1") -> NDArray[Any]:
+    """Read a dataset of numbers; InputError as `get`, and if they are none."""
+    values = get(file, name, units)
+    if values.dtype.kind not in "iufb":
+        raise InputError(f"{name} must hold numbers, found {values.dtype}")
+    return values
+
+
+def get_number(file: h5py.File, name: str, units: str = "1") -> float:
+    """Read a dataset that holds a single number; InputError as `get_numbers`."""
+    return float(_single(name, get_numbers(file, name, units)))
+
+
+def get_integer(file: h5py.File, name: str) -> int:
+    """Read a dataset that holds a single integer; InputError as `get_numbers`."""
+    value = _single(name, get_numbers(file, name))
+    if not float(value).is_integer():
+        raise InputError(f"{name} is {value}, must be an integer")
+    return int(value)
 
 
 def get_text(file: h5py.File, name: str) -> str:
     """Read a dataset that holds one string."""
-    return as_text(get_scalar(file, name))
+    return as_text(_single(name, get(file, name, "1")))
 
 
 def get_units(file: h5py.File, name: str) -> str:
@@ -121,6 +134,12 @@ def get_attribute(item: h5py.File | h5py.Dataset, name: str) -> Any:
             raise InputError(f"attribute {name!r} of {item.name} is missing")
         value = item.attrs[name]
     return as_text(value)
+
+
+def _single(name: str, values: NDArray[Any]) -> Any:
+    if values.size != 1:
+        raise InputError(f"{name} has shape {values.shape}, expected a scalar")
+    return values.item()
 
 
 def _dataset(file: h5py.File, name: str, units: str) -> h5py.Dataset:

@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..operators import PatternPlan
 from .buckets import Buckets
 from .pattern_taps import PatternTaps
-from .schema import FRAMES, Stored, between, check_shape, check_values, stored_fields
+from .schema import FRAMES, Stored, between, check_shape, stored_fields
 from .spots import Spots
 
 Image = NDArray[np.float32]
@@ -81,16 +81,19 @@ class Truth:
 
     def knows(self, frame: int) -> bool:
         """Whether the truth of a frame is known."""
-        return bool(self.still or frame in self.frame)
+        return bool(self._places(frame).size)
 
     def at(self, frame: int) -> FrameTruth:
         """The truth of one frame; InputError if it is not known."""
-        found = np.zeros(1, int) if self.still else np.flatnonzero(self.frame == frame)
+        found = self._places(frame)
         if not found.size:
             known = ", ".join(map(str, self.frame.tolist()))
             raise InputError(f"frame {frame}: the capture holds the truth of frames {known} alone")
         names = (field.name for field in fields(FrameTruth))
         return FrameTruth(**{name: getattr(self, name)[found[0]] for name in names})
+
+    def _places(self, frame: int) -> NDArray[np.intp]:
+        return np.flatnonzero((self.frame == frame) | self.still)
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,9 @@ class Setup:
         """SHA-256 over the pattern plan."""
         plan = self.plan
         arrays = [getattr(plan.patterns, name) for name in plan.patterns.arrays]
-        return _digest(np.array(plan.shape), plan.index, plan.polarity, *arrays).digest()
+        digest = _digest(np.array(plan.shape), plan.index, plan.polarity, *arrays)
+        digest.update(plan.basis.encode())
+        return bytes(digest.digest())
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,13 +236,18 @@ def check(capture: Capture) -> None:
     for group in PARTS:
         part = getattr(capture, group)
         if part is not None:
-            for name, stored in stored_fields(type(part)):
-                value = np.asarray(getattr(part, name))
-                check_shape(f"{group}/{name}", value.shape, stored, sizes)
-                check_values(f"{group}/{name}", value, stored)
+            check_part(group, part, sizes)
     if sizes[FRAMES] < 1:
         raise InputError("buckets/counts holds no frame")
     check_parts(capture)
+
+
+def check_part(group: str, part: object, sizes: dict[str, int]) -> None:
+    """Raise InputError unless shapes and values of a part are as its schema says."""
+    for name, stored in stored_fields(type(part)):
+        value = np.asarray(getattr(part, name))
+        check_shape(f"{group}/{name}", value.shape, stored, sizes)
+        stored.kept(f"{group}/{name}", value)
 
 
 def check_parts(capture: "Capture | Frames | Setup") -> None:

@@ -37,15 +37,23 @@ class Stored(NamedTuple):
         return np.dtype(self.dtype)
 
     def kept(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
-        """The values in the type in which they are kept; InputError where they do not fit it."""
+        """The values in the type in which they are kept.
+
+        Raises InputError where they do not fit it or are not allowed.
+        """
         dtype = self.type_of(value)
         if value.dtype.kind not in "iufb":
             raise InputError(f"{name} must hold numbers, found {value.dtype}")
+        if not self.nan and not np.isfinite(value).all():
+            raise InputError(f"{name} holds values that are not finite")
         if dtype.kind == "i" and value.size:
             limits = np.iinfo(dtype)
             if not (value.min() >= limits.min and value.max() <= limits.max):
                 raise InputError(f"{name} holds integers beyond {8 * dtype.itemsize} bits")
-        return value.astype(dtype)
+        bad = value <= 0 if self.sign == "positive" else value < 0
+        if self.sign != "any" and bad.any():
+            raise InputError(f"{name} is {value[bad].flat[0]}, must be {self.sign}")
+        return value.astype(dtype, copy=False)
 
 
 def stored_fields(part: type) -> tuple[tuple[str, Stored], ...]:
@@ -74,13 +82,3 @@ def check_shape(name: str, shape: tuple[int, ...], stored: Stored, sizes: dict[s
     if shape != expected:
         axes = ", ".join(f"{axis} = {sizes.get(str(axis), axis)}" for axis in stored.axes)
         raise InputError(f"{name} has shape {shape}, expected ({axes or 'a scalar'})")
-
-
-def check_values(name: str, value: NDArray[Any], stored: Stored) -> None:
-    """Check the values of one dataset."""
-    if not stored.nan and not np.isfinite(value).all():
-        raise InputError(f"{name} holds values that are not finite")
-    stored.kept(name, value)
-    bad = value <= 0 if stored.sign == "positive" else value < 0
-    if stored.sign != "any" and bad.any():
-        raise InputError(f"{name} is {value[bad].flat[0]}, must be {stored.sign}")

@@ -140,8 +140,13 @@ def expose(plan: PatternPlan, image: ArrayLike) -> Floats:
     if pixels.shape[-2:] != plan.shape:
         raise ValueError(f"image {pixels.shape} does not end in the plan's shape {plan.shape}")
     flat = pixels.reshape(*pixels.shape[:-2], plan.pixels)
-    signed = plan.patterns.project(flat, plan.index)
-    total = flat.sum(axis=-1, keepdims=True)
+    level = plan.patterns.level
+    if level is None:
+        signed = plan.patterns.project(flat, plan.index)
+        total = flat.sum(axis=-1, keepdims=True)
+    else:  # summed as the rows are, so that a dark exposure is exactly 0
+        sums = plan.patterns.project(flat, np.append(plan.index, np.int32(level)))
+        signed, total = sums[..., :-1], sums[..., -1:]
     return np.where(plan.polarity == 0, signed, (total + plan.polarity * signed) / 2)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..capture import Recording, Setup
 from ..depth import DEPTH_METHODS, pixel_rays, point_cloud_ply
 from ..files import write_atomically
-from ..image import IMAGE_METHODS, image_method
+from ..image import DICTIONARIES, IMAGE_METHODS, image_method
 from ..result import Result
 from .result_file import result_bytes
 
@@ -53,9 +53,10 @@ def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
 
 def _possible() -> set[str]:
     """Names of the files that a result may have."""
-    images = (_file("image", name, number) for name in IMAGE_METHODS for number in (0, 1))
-    depths = (_file("depth", name, number) for name in DEPTH_METHODS for number in (0, 1))
-    return {*images, *depths, "cloud.ply"}
+    with_dictionary = [f"{name}:{atoms}" for name in IMAGE_METHODS for atoms in DICTIONARIES]
+    images = {_file("image", name, 1) for name in [*IMAGE_METHODS, *with_dictionary]}
+    depths = {_file("depth", name, 1) for name in DEPTH_METHODS}
+    return images | depths | {"image.png", "depth.png", "cloud.ply"}
 
 
 def _file(kind: str, method: str, number: int) -> str:

@@ -48,11 +48,11 @@ def read_result(path: str | Path) -> Result:
             rangings={name: _ranges(file, f"rangings/{name}") for name in names["rangings"]},
             depths={name: _map(file, f"depths/{name}", "m", shape) for name in names["depths"]},
             range_over_depth=_map(file, "range_over_depth", "1", shape) if stretched else None,
-            timings_s={n: float(hdf5.get_scalar(file, f"timings_s/{n}", "s")) for n in timings},
+            timings_s={n: hdf5.get_number(file, f"timings_s/{n}", "s") for n in timings},
             unit=unit,
             recording=hdf5.get_text(file, "recording"),
-            frame=int(hdf5.get_scalar(file, "frame")),
-            patterns=int(hdf5.get_scalar(file, "patterns")),
+            frame=hdf5.get_integer(file, "frame"),
+            patterns=hdf5.get_integer(file, "patterns"),
         )
 
 
@@ -67,14 +67,16 @@ def _names(file: h5py.File, group: str) -> list[str]:
 
 
 def _map(file: h5py.File, name: str, units: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    values = hdf5.get(file, name, units)
+    values = hdf5.get_numbers(file, name, units)
     if values.ndim != 2 or values.shape != shape:
         raise InputError(f"dataset {name} has shape {values.shape}, the image {shape}")
     return values
 
 
 def _ranges(file: h5py.File, group: str) -> Ranges:
-    values = {name: hdf5.get(file, f"{group}/{name}", units) for name, units in RANGES.items()}
+    values = {
+        name: hdf5.get_numbers(file, f"{group}/{name}", units) for name, units in RANGES.items()
+    }
     status = tuple(hdf5.as_text(text) for text in hdf5.get(file, f"{group}/status", "1").flat)
     for name, array in values.items():
         if array.shape != (len(status),):

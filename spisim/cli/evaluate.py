@@ -34,7 +34,7 @@ def command(
     else:
         file = folder / "result.h5"
         result = read_result(file)
-    with naming(capture if file is None else file):
+    with naming(capture if file is None else f"{file} for {capture}"):
         metrics = evaluate(result, recording)
     if json:
         print_json(metrics)

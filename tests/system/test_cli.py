@@ -64,7 +64,7 @@ def test_reconstruct_and_evaluate_agree(capture_file: Path, tmp_path: Path) -> N
     stored = spisim("evaluate", capture_file, tmp_path / "result", "--json")
     anew = spisim("evaluate", capture_file, "--json")
     assert json.loads(stored.stdout) == json.loads(anew.stdout)
-    assert json.loads(anew.stdout)["image"]["correlation"] > 0.9
+    assert json.loads(anew.stdout)["images"]["pursuit"]["correlation"] > 0.9
 
 
 def test_evaluate_refuses_the_result_of_another_recording(
@@ -76,8 +76,7 @@ def test_evaluate_refuses_the_result_of_another_recording(
     other = tmp_path / "other.h5"
     write_capture(replace(capture, buckets=replace(capture.buckets, counts=counts)), other)
     message = mistake("evaluate", other, tmp_path / "result").replace("\n", "")
-    assert f"{tmp_path / 'result' / 'result.h5'} is the result of another recording" in message
-    assert str(other) in message
+    assert f"{tmp_path / 'result' / 'result.h5'} for {other}: the result is not one of" in message
 
 
 def test_evaluate_takes_a_result_of_some_of_the_patterns(
@@ -88,8 +87,8 @@ def test_evaluate_takes_a_result_of_some_of_the_patterns(
     stored = spisim("evaluate", capture_file, tmp_path / "few", "--json")
     assert stored.exit_code == 0, stored.stderr
     anew = spisim("evaluate", capture_file, "--json")
-    correlations = [json.loads(run.stdout)["image"]["correlation"] for run in (stored, anew)]
-    assert correlations[0] < correlations[1]
+    images = [json.loads(run.stdout)["images"] for run in (stored, anew)]
+    assert images[0]["pursuit"]["correlation"] < images[1]["pursuit"]["correlation"]
 
 
 def test_evaluate_tells_how_to_make_a_missing_result(capture_file: Path, tmp_path: Path) -> None:

@@ -135,15 +135,16 @@ def test_arrays_are_stacked(data: DataSet, capture: Capture) -> None:
     arrays = data[:4].arrays("buckets", "true_depth_m", "spot_range_m", "power_w")
     assert {name: values.shape for name, values in arrays.items()} == {
         "buckets": (4, 1, capture.plan.exposures),
-        "true_depth_m": (4, 16, 16),
+        "true_depth_m": (4, 1, 16, 16),
         "spot_range_m": (4, 1, 4),
         "power_w": (4,),
     }
     assert capture.truth is not None
-    np.testing.assert_allclose(arrays["spot_range_m"][2, 0], capture.truth.spot_range_m, rtol=1e-9)
+    true_m = capture.truth.at(0).spot_range_m
+    np.testing.assert_allclose(arrays["spot_range_m"][2, 0], true_m, rtol=1e-9)
     np.testing.assert_array_equal(arrays["buckets"][3], capture.buckets.signal)
     np.testing.assert_array_equal(arrays["power_w"], [0, 0.1, 0.2, 0.3])
-    assert np.ptp(arrays["true_depth_m"][:, 0, 0]) == 3
+    assert np.ptp(arrays["true_depth_m"][:, 0, 0, 0]) == 3
 
 
 def test_what_is_no_number_is_no_array(data: DataSet) -> None:
@@ -201,7 +202,7 @@ def test_the_table_has_a_column_for_every_parameter(data: DataSet) -> None:
 def test_xarray_has_axes_units_and_coordinates(data: DataSet) -> None:
     pytest.importorskip("xarray")
     dataset = data[:6].xarray()
-    assert dataset["true_depth_m"].dims == ("sample", "row", "column")
+    assert dataset["true_depth_m"].dims == ("sample", "frame", "row", "column")
     assert dataset["true_depth_m"].attrs["units"] == "m"
     assert dataset["spot_readings"].dims == ("sample", "frame", "spot", "tap")
     far = dataset.where(dataset.power_w > 0.35, drop=True)

@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from images import image_from
 from reconstruction.capture import Optics
-from reconstruction.depth import (
-    anchored_depth,
-    nearest_range,
-    pixel_of,
-    pixel_rays,
-    point_cloud_ply,
-)
-from reconstruction.depth.methods.anchored import NEARER
-from reconstruction.image import pursuit_for
+from reconstruction.depth import pixel_of, pixel_rays, point_cloud_ply
+from reconstruction.depth.methods.anchored import MAX_NEARER, anchored_depth
+from reconstruction.depth.methods.nearest import nearest_range
 from reconstruction.operators import fwht, make_plan
 
 SIDE = 64
@@ -87,7 +82,7 @@ def test_anchored_map_beats_the_nearest_anchor_on_average(kind, sampled):
             coefficients = fwht(image.ravel())
             sigma = 0.05 * coefficients[1:].std()
             coefficients = coefficients[index] + view.rng.normal(0, sigma, index.size)
-            image = pursuit_for((SIDE, SIDE), index).reconstruct(coefficients, sigma)
+            image = image_from(coefficients, index, (SIDE, SIDE), noise=sigma)
         ranges = at_anchors(view.depth_m)
         maps = (
             anchored_depth(image, ANCHORS, ranges, np.full(4, 0.01)),
@@ -171,7 +166,7 @@ def test_a_noisy_image_stays_within_limits():
     image = np.random.default_rng(4).normal(0.1, 1, (SIDE, SIDE))
     ranges = np.array([2.0, 3.0, 4.0, 5.0])
     mapped = anchored_depth(image, ANCHORS, ranges, np.full(4, 0.01))
-    assert mapped.min() >= 2 / NEARER
+    assert mapped.min() >= 2 / MAX_NEARER
     assert mapped.max() <= 5
 
 

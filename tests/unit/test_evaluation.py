@@ -6,16 +6,49 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reconstruction import Result, evaluate
-from reconstruction.capture import Truth
+from reconstruction import (
+    Capture,
+    InputError,
+    Result,
+    evaluate,
+    first_patterns,
+    make_plan,
+    reconstruct,
+)
+from reconstruction.capture import Buckets, FrameTruth, Provenance, Truth
 from reconstruction.evaluation import depth_metrics, image_metrics
+from reconstruction.operators import expose
 from reconstruction.ranging import Ranges
 
 IMAGE = np.arange(1.0, 9).reshape(2, 4)
+TRUTH = FrameTruth(IMAGE, IMAGE / 50, IMAGE, IMAGE, IMAGE, np.array([1.0, 2.0, 3.0, 4.0]))
 
 
-def make_truth(depth_m=IMAGE):
-    return Truth(IMAGE, IMAGE / 50, IMAGE, depth_m, IMAGE, np.array([1.0, 2.0, 3.0, 4.0]))
+def make_capture(*truths, frames=1, still=False):
+    """Frames of which the next is always twice as bright, with the truths of the first."""
+    plan = make_plan((2, 4))
+    counts = expose(plan, IMAGE * 2.0 ** np.arange(frames)[:, None, None])
+    return Capture(
+        plan=plan,
+        buckets=Buckets(
+            counts=counts,
+            saturated=np.zeros(counts.shape, dtype=bool),
+            exposure_time_s=np.nan,
+            pattern_period_s=np.nan,
+            electrons_per_count=1.0,
+            offset_counts=0.0,
+            noise_electrons=0.0,
+            excess_noise_factor=1.0,
+            dead_time_s=0.0,
+        ),
+        spots=None,
+        optics=None,
+        provenance=Provenance("simulation", "test", "", ""),
+        truth=Truth.of(truths or [TRUTH], still=still),
+    )
+
+
+CAPTURE = make_capture()
 
 
 def make_result(**changes):
@@ -27,17 +60,13 @@ def make_result(**changes):
         status=("ok", "ok", "saturated", "ok"),
     )
     values = {
-        "image": IMAGE,
-        "image_zero_filled": IMAGE + 1,
-        "ranges": ranges,
-        "range_m": IMAGE,
-        "depth_m": IMAGE * 1.1,
-        "depth_nearest_m": IMAGE * 1.5,
-        "range_dense_m": None,
-        "depth_dense_m": None,
+        "images": {"pursuit": IMAGE, "zero-filled": IMAGE + 1},
+        "rangings": {"cw": ranges},
+        "depths": {"anchored": IMAGE * 1.1, "nearest": IMAGE * 1.5},
+        "range_over_depth": None,
         "timings_s": {},
         "unit": "electron",
-        "recording": "",
+        "recording": CAPTURE.frame(0).digest(CAPTURE.setup),
         "frame": 0,
         "patterns": 8,
     }
@@ -86,37 +115,87 @@ def test_coverage_is_the_share_of_what_is_hit_that_has_a_depth():
 
 
 def test_every_map_that_there_is_gets_metrics():
-    dense = make_result(depth_m=None, depth_nearest_m=None, depth_dense_m=IMAGE * 1.2)
-    assert evaluate(dense, make_truth())["depth"].keys() == {"dense"}
-    every = make_result(depth_dense_m=IMAGE * 1.2)
-    assert evaluate(every, make_truth())["depth"].keys() == {"anchored", "nearest", "dense"}
+    dense = make_result(depths={"dense": IMAGE * 1.2})
+    assert evaluate(dense, CAPTURE)["depths"].keys() == {"dense"}
+    every = make_result(depths=dict.fromkeys(("anchored", "nearest", "dense", "new"), IMAGE))
+    assert evaluate(every, CAPTURE)["depths"].keys() == every.depths.keys()
 
 
-def test_evaluate_compares_both_images_and_both_maps():
-    metrics = evaluate(make_result(), make_truth())
-    assert metrics["image"]["nrmse"] == 0
-    assert metrics["image"]["zero_filled"]["nrmse"] > 0
-    assert metrics["depth"]["anchored"]["median_relative"] == pytest.approx(0.1)
-    assert metrics["depth"]["nearest"]["within_25_percent"] == 0
-    assert metrics["spots"][0] == pytest.approx(
+def test_evaluate_compares_all_images_maps_and_rangings():
+    metrics = evaluate(make_result(), CAPTURE)
+    assert metrics["frame"] == 0
+    assert metrics["images"]["pursuit"]["nrmse"] == 0
+    assert metrics["images"]["zero-filled"]["nrmse"] > 0
+    assert metrics["depths"]["anchored"]["median_relative"] == pytest.approx(0.1)
+    assert metrics["depths"]["nearest"]["within_25_percent"] == 0
+    (spots,) = metrics["spots"].values()
+    assert spots[0] == pytest.approx(
         {"range_m": 1.5, "true_m": 1.0, "error_m": 0.5, "sigma_m": 0.1, "status": "ok"}
     )
     nothing = dict.fromkeys(("range_m", "error_m", "sigma_m"))
-    assert metrics["spots"][2] == nothing | {"true_m": 3, "status": "saturated"}
+    assert spots[2] == nothing | {"true_m": 3, "status": "saturated"}
 
 
-def test_the_noise_of_the_truth_is_relative_to_its_rms():
-    truth = make_truth()
-    assert evaluate(make_result(), truth)["truth"]["image_noise"] == pytest.approx(0.02)
-    dark = replace(truth, image=np.zeros_like(IMAGE))
-    assert evaluate(make_result(), dark)["truth"]["image_noise"] is None
+def test_the_error_of_the_truth_is_relative_to_its_rms():
+    assert evaluate(make_result(), CAPTURE)["truth"]["image_error"] == pytest.approx(0.02)
+    dark = make_capture(replace(TRUTH, image=np.zeros_like(IMAGE)))
+    assert evaluate(make_result(), dark)["truth"]["image_error"] is None
 
 
 def test_evaluate_is_ready_for_json_with_or_without_depth():
     for result in (
         make_result(),
-        make_result(ranges=None, range_m=None, depth_m=None, depth_nearest_m=None),
+        make_result(rangings={}, depths={}),
     ):
-        json.dumps(evaluate(result, make_truth()), allow_nan=False)
-    assert evaluate(result, make_truth())["depth"] is None
-    assert evaluate(result, make_truth())["spots"] == []
+        json.dumps(evaluate(result, CAPTURE), allow_nan=False)
+    assert evaluate(result, CAPTURE)["depths"] == {}
+    assert evaluate(result, CAPTURE)["spots"] == {}
+
+
+# What belongs together
+
+
+def test_every_frame_is_held_against_its_own_truth():
+    brighter = replace(TRUTH, image=2 * IMAGE, depth_m=IMAGE + 1)
+    moving = make_capture(TRUTH, brighter, frames=2)
+    metrics = [evaluate(reconstruct(moving, frame), moving) for frame in (0, 1)]
+    assert [each["frame"] for each in metrics] == [0, 1]
+    errors = [each["images"]["zero-filled"]["nrmse"] for each in metrics]
+    assert errors == pytest.approx([0, 0], abs=1e-6)
+    with_depth = replace(reconstruct(moving, 1), depths={"new": IMAGE + 1})
+    assert evaluate(with_depth, moving)["depths"]["new"]["mae_m"] == 0
+
+
+def test_one_truth_is_that_of_every_frame_where_nothing_moves():
+    still = make_capture(TRUTH, frames=3, still=True)
+    error = evaluate(reconstruct(still, 2), still)["images"]["zero-filled"]["nrmse"]
+    assert error == pytest.approx(3, abs=1e-6)  # four times as bright as the truth
+
+
+def test_a_frame_whose_truth_is_not_known_is_refused():
+    moving = make_capture(TRUTH, TRUTH, frames=3)
+    for frame in (0, 1):
+        evaluate(reconstruct(moving, frame), moving)
+    with pytest.raises(InputError, match="frame 2: the capture holds the truth of frames 0, 1"):
+        evaluate(reconstruct(moving, 2), moving)
+
+
+def test_a_result_of_another_frame_or_capture_is_refused():
+    moving = make_capture(TRUTH, TRUTH, frames=2)
+    result = reconstruct(moving, 1)
+    with pytest.raises(InputError, match="not one of frame 0 of this capture"):
+        evaluate(replace(result, frame=0), moving)
+    with pytest.raises(InputError, match=r"frame 1: the capture has frames 0\.\.0"):
+        evaluate(result, CAPTURE)
+    for other in (
+        replace(moving, plan=make_plan((2, 4), order="natural")),
+        replace(moving, buckets=replace(moving.buckets, counts=moving.buckets.counts + 1)),
+        first_patterns(moving, 5),
+    ):
+        with pytest.raises(InputError, match="not one of frame 1 of this capture"):
+            evaluate(result, other)
+
+
+def test_a_capture_without_truth_is_refused():
+    with pytest.raises(InputError, match="holds no truth to compare with"):
+        evaluate(make_result(), replace(CAPTURE, truth=None))

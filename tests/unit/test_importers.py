@@ -10,6 +10,7 @@ from scipy.linalg import hadamard
 
 from reconstruction import read_capture, reconstruct, write_capture
 from reconstruction.capture.importers import capture_from_readings, load_array, plan_from_matrix
+from reconstruction.cli import main
 from reconstruction.errors import InputError
 from reconstruction.operators import expose, illumination, make_plan, signed_coefficients
 
@@ -98,16 +99,58 @@ def test_an_inverted_signed_pattern_inverts_its_reading():
     assert np.allclose(signed_coefficients(plan, readings * sign)[1], expose(plan, image))
 
 
+RANDOM = np.random.default_rng(1)
+OTHERS = {
+    "random": (RANDOM.integers(0, 2, (30, 12)).astype(float), (3, 4)),
+    "grey": (RANDOM.random((20, 16)), (4, 4)),
+    "random signs": (RANDOM.choice([-1.0, 1.0], (20, 16)), (4, 4)),
+    "signed grey": (RANDOM.uniform(-1, 1, (20, 15)), (3, 5)),
+    "all but one are Hadamard's": (np.vstack([hadamard(16)[:2], np.eye(16)[:1] * 2 - 1]), (4, 4)),
+    "grey beside all-on": (np.vstack([np.ones((1, 16)), np.full((1, 16), 0.5)]), (4, 4)),
+    "one pixel each": (np.eye(12), (3, 4)),
+    "Hadamard's, of sides that are no powers of two": (hadamard(4)[:, :3], (1, 3)),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_other_patterns_are_a_basis_of_their_own(kind):
+    matrix, shape = OTHERS[kind]
+    plan, sign = plan_from_matrix(matrix, shape)
+    assert plan.basis == "dense"
+    assert (sign == 1).all()
+    assert (plan.polarity == (1 if matrix.min() >= 0 else 0)).all()
+    shown = [illumination(plan, k).ravel() for k in range(plan.exposures)]
+    np.testing.assert_allclose(shown, matrix, atol=1e-7)
+    image = RANDOM.random(shape)
+    np.testing.assert_allclose(expose(plan, image), matrix @ image.ravel(), atol=1e-6)
+
+
+def test_a_recording_with_random_patterns_becomes_an_image(tmp_path):
+    """As many exposures as pixels and half as many again, on a steady background: exact."""
+    matrix = RANDOM.integers(0, 2, (180, 120)).astype(np.int8)
+    image = RANDOM.random((10, 12))
+    readings = 1e4 * (matrix @ image.ravel() + 7)
+    scipy.io.savemat(tmp_path / "a.mat", {"data": readings, "shown": matrix})
+    arguments = ["import", str(tmp_path / "a.mat"), "-o", str(tmp_path / "a.h5")]
+    of_file = ["--shape", "10x12", "--variable", "data", "--patterns-variable", "shown"]
+    assert main([*arguments, *of_file]) == 0
+    found = reconstruct(read_capture(tmp_path / "a.h5"))
+    for found_image in found.images.values():
+        np.testing.assert_allclose(found_image, 1e4 * image, atol=1)
+
+
 @pytest.mark.parametrize(
     ("matrix", "message"),
     [
         (np.ones((3, 5)), r"shape \(3, 5\), expected \(M, 16\)"),
-        (np.vstack([hadamard(16)[:2], np.eye(16)[:1] * 2 - 1]), "row 2 of the pattern matrix"),
-        (np.vstack([(1 + hadamard(16)[:1]) / 2, np.full((1, 16), 0.5)]), "row 1 of the pattern"),
-        (hadamard(16)[:2] * 1.5, "row 0 of the pattern matrix is not a Hadamard pattern"),
+        (np.ones((0, 16)), r"shape \(0, 16\), expected \(M, 16\)"),
+        (hadamard(16)[:2] * 1.5, "row 0 of the pattern matrix holds 1.5; allowed: 0..1 for disp"),
+        (np.vstack([np.ones((2, 16)), np.full((1, 16), 255)]), "row 2 of the pattern .* holds 255"),
+        (np.vstack([np.zeros((1, 16)), np.full((1, 16), np.nan)]), "row 1 of the .* holds nan"),
+        (np.full((1, 16), -1.01), "row 0 of the pattern matrix holds -1.01; .*-1..1 for signed"),
     ],
 )
-def test_other_patterns_are_refused(matrix, message):
+def test_what_is_no_pattern_is_refused(matrix, message):
     with pytest.raises(InputError, match=message):
         plan_from_matrix(matrix, (4, 4))
 

@@ -6,6 +6,7 @@ from scipy.linalg import hadamard
 
 from reconstruction.errors import InputError, nearest
 from reconstruction.operators import (
+    ORDERS,
     POLARITIES,
     PatternPlan,
     expose,
@@ -13,10 +14,10 @@ from reconstruction.operators import (
     illumination,
     make_plan,
     mean_illumination,
-    ordered_rows,
     sequency,
     signed_coefficients,
 )
+from reconstruction.operators.bases.hadamard import Hadamard
 
 
 @pytest.mark.parametrize("size", [1, 2, 8, 64])
@@ -51,13 +52,13 @@ def test_row_is_the_outer_product_of_two_small_rows():
 
 @pytest.mark.parametrize("order", ["natural", "sequency", "sequency-2d"])
 def test_every_order_holds_every_row_once_and_starts_all_on(order):
-    rows = ordered_rows((8, 16), order)
+    rows = ORDERS[order](Hadamard((8, 16)))
     assert np.array_equal(np.sort(rows), np.arange(128))
     assert rows[0] == 0
 
 
 def test_sequency_2d_puts_coarse_patterns_first():
-    rows = ordered_rows((8, 16), "sequency-2d")
+    rows = ORDERS["sequency-2d"](Hadamard((8, 16)))
     frequency = sequency(8)[rows // 16] / 8 + sequency(16)[rows % 16] / 16
     assert (np.diff(frequency) >= 0).all()
     assert set(rows[:2]) == {0, np.argmax(sequency(16) == 1)}  # half a cycle across the longer side

@@ -20,7 +20,7 @@ from fourspots import (
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.ranging import measure_ranges
 from reconstruction.ranging.geometry import range_from_path
-from reconstruction.ranging.methods.cw import demodulate
+from reconstruction.ranging.methods.cw import demodulate, quadrature_weights
 
 FREQUENCY = 15e6
 
@@ -59,14 +59,15 @@ def test_ranges_come_back_with_amplitude_and_offset(taps):
 def test_unequal_tap_phases_are_solved_by_least_squares():
     tap_phases = np.array([0.1, 1.9, 4.4])
     taps = 7 + 2 * np.cos(1.3 - tap_phases)
-    phase, amplitude, offset, _ = demodulate(taps, np.ones(3), tap_phases)
+    phase, amplitude, offset, _ = demodulate(taps, np.ones(3), quadrature_weights(tap_phases))
     assert (phase, amplitude, offset) == pytest.approx((1.3, 2, 7))
 
 
 def test_four_taps_reduce_to_the_arctangent_and_the_propagated_variance():
     rng = np.random.default_rng(0)
     taps, variance = rng.uniform(1, 9, (50, 4)), rng.uniform(1, 9, (50, 4))
-    phase, amplitude, _, sigma = demodulate(taps, variance, np.arange(4) * np.pi / 2)
+    weights = quadrature_weights(np.arange(4) * np.pi / 2)
+    phase, amplitude, _, sigma = demodulate(taps, variance, weights)
     expected = np.arctan2(taps[:, 1] - taps[:, 3], taps[:, 0] - taps[:, 2])
     assert np.allclose(phase, expected)
     opposite = np.sin(expected) ** 2 * (variance[:, 0] + variance[:, 2])
@@ -92,7 +93,8 @@ def test_sigma_is_the_scatter_of_20000_trials(taps, noise, excess):
     everywhere = np.broadcast_to(mean, (20_000, *mean.shape))
     recorded = charge(np.random.default_rng(taps), everywhere, excess, noise)
     # all trials at once, through the functions that do the work
-    phase, _, _, _ = demodulate(recorded, recorded, 2 * np.pi * np.arange(taps) / taps - 0.4)
+    weights = quadrature_weights(2 * np.pi * np.arange(taps) / taps - 0.4)
+    phase, _, _, _ = demodulate(recorded, recorded, weights)
     path = np.mod(phase, 2 * np.pi) * c / (2 * np.pi * FREQUENCY)
     ranges, _ = range_from_path(path, DIRECTIONS, DETECTORS)
     assert_scatter(ranges, RANGES, expected.sigma_m)

@@ -101,7 +101,7 @@ def test_reconstruct_gives_electrons_per_pixel_and_ranges(capture):
 
 def test_nearest_baseline_takes_the_spots_ranges(capture):
     result = reconstruct(capture)
-    ranges = result.depth_nearest_m * (result.range_m / result.depth_m)
+    ranges = result.depths["nearest"] * result.range_over_depth
     assert np.allclose(np.unique(ranges.round(4)), SPOT_RANGES)
 
 
@@ -124,7 +124,8 @@ def test_without_a_valid_spot_there_is_no_map(capture):
     saturated = np.ones((2, 4, 4), dtype=bool)
     result = reconstruct(replace(capture, spots=replace(capture.spots, saturated=saturated)))
     assert not result.ranges.valid.any()
-    assert result.depth_m is result.range_m is result.depth_nearest_m is None
+    assert result.depth_m is result.range_m is None
+    assert not result.depths
 
 
 @pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
@@ -148,13 +149,18 @@ def test_fewer_patterns_is_what_fewer_patterns_would_have_given(capture, polarit
 
 def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, capsys):
     assert main([str(path), "-o", str(tmp_path / "out")]) == 0
-    names = {"image.png", "image_zero_filled.png", "depth.png", "cloud.ply", "result.h5"}
+    pictures = {"image.png", "image_zero-filled.png", "depth.png", "depth_nearest.png"}
+    names = pictures | {"cloud.ply", "result.h5"}
     assert {file.name for file in (tmp_path / "out").iterdir()} == names
     for name in ("image.png", "depth.png"):
         assert matplotlib.image.imread(tmp_path / "out" / name).std() > 0.05
     result, copy = reconstruct(read_capture(path)), read_result(tmp_path / "out" / "result.h5")
-    assert np.array_equal(copy.image, result.image)
-    assert np.array_equal(copy.depth_m, result.depth_m)
+    for group in ("images", "depths"):
+        found, expected = getattr(copy, group), getattr(result, group)
+        assert list(found) == list(expected)  # the default method first
+        assert all(np.array_equal(found[name], expected[name]) for name in expected)
+    assert np.array_equal(copy.range_m, result.range_m)
+    assert list(copy.rangings) == ["cw"]
     assert np.array_equal(copy.ranges.valid, result.ranges.valid)
     assert copy.ranges.status == result.ranges.status
     assert copy.timings_s.keys() == result.timings_s.keys()
@@ -163,6 +169,24 @@ def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, cap
     out = capsys.readouterr().out
     assert "307 patterns (60.0 %)" in out
     assert "3.000" in out
+
+
+def test_methods_are_chosen_and_pictures_of_others_do_not_stay(path, tmp_path, capsys):
+    def run(*options):
+        assert main([str(path), "-o", str(tmp_path / "out"), "--json", *options]) == 0
+        report = json.loads(capsys.readouterr().out)
+        return report, {file.name for file in (tmp_path / "out").iterdir()}
+
+    report, files = run("--image", "zero-filled,pursuit:dct", "--depth", "nearest,anchored")
+    assert report["images"] == ["zero-filled", "pursuit:dct"]
+    assert list(report["depth_coverage"]) == ["nearest", "anchored"]
+    default = {"image.png", "depth.png", "cloud.ply", "result.h5"}
+    assert files == default | {"image_pursuit-dct.png", "depth_anchored.png"}
+    result = read_result(tmp_path / "out" / "result.h5")
+    assert list(result.images) == ["zero-filled", "pursuit:dct"]
+    report, files = run("--image", "pursuit", "--depth", "nearest", "--ranging", "all")
+    assert list(report["spots"]) == ["cw"]
+    assert files == default
 
 
 def test_json_is_one_object(path, tmp_path, capsys):
@@ -178,7 +202,7 @@ def test_json_is_one_object(path, tmp_path, capsys):
     assert main(arguments) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["patterns"] == 50
-    assert report["spots"][3]["range_m"] == pytest.approx(5.0)
+    assert report["spots"]["cw"][3]["range_m"] == pytest.approx(5.0)
     assert Path(report["files"]["depth.png"]).is_file()
 
 
@@ -224,11 +248,15 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         ([str(path), "-o", out, "--frame", "2"], "frames 0..1"),
         ([str(path), "-o", out, "--patterns", "0"], "patterns = 0"),
         ([str(path), "-o", out, "--patterns", "9", "--order", "natral"], "did you mean 'natural'"),
+        ([str(path), "-o", out, "--image", "zero-fill"], "did you mean 'zero-filled'"),
+        ([str(path), "-o", out, "--image", "zero-filled:dct"], "'zero-filled' uses no dictionary"),
+        ([str(path), "-o", out, "--ranging", "dtof"], "reads 'dtof' spots, not those of 'cw'"),
+        ([str(path), "-o", out, "--depth", "nearest,dense"], "'dense' needs pattern taps, which"),
         ([str(path), "-o", str(tmp_path / "file" / "x")], "file is not a folder"),
         ([str(path), "-o", str(tmp_path / "file")], "file is not a folder"),
         (["import", str(path), "-o", out, "--shape", "8x8"], "unknown file type"),
         (["import", str(readings), "-o", out, "--shape", "8x8"], f"{readings}: the readings have"),
-        ([*by_rows, "--variable", "short", "--shape", "7x8"], "7 x 8: both sides must be powers"),
+        ([*by_rows, "--variable", "short", "--shape", "7x8"], "expected (M, 56) for 7 x 8 pixels"),
         ([*by_rows, "--variable", "short"], "the readings have shape (63,)"),
         ([*by_rows, "--variable", "turned"], "the readings have shape (64, 2)"),
         ([str(tmp_path), "-o", out], "is a folder; the name of a capture file is needed"),
@@ -276,11 +304,14 @@ def test_a_damaged_result_is_told(capture, tmp_path):
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("image", None, "dataset image is missing"),
-        ("ranges/status", None, "dataset ranges/status is missing"),
-        ("ranges/status", ["ok", "ok", "ok", "fine"], "'fine'"),
-        ("image_zero_filled", np.zeros((4, 4)), r"image_zero_filled has shape \(4, 4\)"),
-        ("ranges/range_m", np.zeros(3), r"ranges/range_m has shape \(3,\)"),
+        ("images/pursuit", None, "images/pursuit is missing"),
+        ("rangings/cw/status", None, "dataset rangings/cw/status is missing"),
+        ("rangings/cw/status", ["ok", "ok", "ok", "fine"], "'fine'"),
+        ("images/zero-filled", np.zeros((4, 4)), r"images/zero-filled has shape \(4, 4\)"),
+        ("images/zero-filled", np.full(SHAPE, b"x"), "images/zero-filled must hold numbers"),
+        ("rangings/cw/range_m", np.zeros(3), r"rangings/cw/range_m has shape \(3,\)"),
+        ("frame", 0.5, "frame is 0.5, must be an integer"),
+        ("timings_s/decoding", b"x", "timings_s/decoding must hold numbers"),
     ],
 )
 def test_a_wrong_part_of_a_result_is_named(capture, tmp_path, name, value, message):
@@ -298,7 +329,7 @@ def test_a_wrong_part_of_a_result_is_named(capture, tmp_path, name, value, messa
 def test_a_result_of_some_patterns_is_still_one_of_the_recording(capture, path, tmp_path):
     assert main([str(path), "-o", str(tmp_path / "out"), "--patterns", "50", "--frame", "1"]) == 0
     result = read_result(tmp_path / "out" / "result.h5")
-    assert result.recording == capture.digest
+    assert result.recording == capture.frame(1).digest(capture.setup)
     assert (result.patterns, result.frame) == (50, 1)
 
 
@@ -329,7 +360,7 @@ def test_pictures_of_unscaled_counts_do_not_speak_of_electrons(capture, tmp_path
     write_outputs(reconstruct(unscaled), unscaled, tmp_path)
     assert labels.count("counts per exposure") == 2
     with h5py.File(tmp_path / "result.h5") as file:
-        assert file["image"].attrs["units"] == b"count"
+        assert file["images/pursuit"].attrs["units"] == b"count"
 
 
 def test_the_depth_picture_tells_the_depth_of_the_spots(capture, tmp_path, monkeypatch):
@@ -340,7 +371,8 @@ def test_the_depth_picture_tells_the_depth_of_the_spots(capture, tmp_path, monke
     capture.spots.saturated[0, 3] = True
     write_outputs(reconstruct(capture), capture, tmp_path)
     depth = SPOT_RANGES * capture.spots.directions[:, 2]
-    assert texts == [*(f" {metres:.2f} m" for metres in depth[:3]), " saturated"]
+    labels = [*(f" {metres:.2f} m" for metres in depth[:3]), " saturated"]
+    assert texts == labels * 2  # in the picture of each map
 
 
 def test_module_runs_without_the_simulator(path, tmp_path):

@@ -12,7 +12,10 @@ import scipy.io
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InputError, naming, nearest
-from ...operators import PatternPlan, checked_shape, fwht
+from ...operators import Basis, PatternPlan, checked_shape, fwht
+from ...operators.bases.dense import Dense
+from ...operators.bases.hadamard import Hadamard
+from ...operators.hadamard import power_of_two
 from ..buckets import Buckets
 from ..model import Capture, Provenance
 
@@ -59,33 +62,51 @@ def plan_from_matrix(
 ) -> tuple[PatternPlan, NDArray[np.int8]]:
     """Plan from a matrix (M, N) of displayed patterns, pixels row-major, and each reading's sign.
 
-    Every row must be a Hadamard row: 0/1 for displayed light, or -1/+1 for a signed value. A row
-    -h gives the sign -1, with which its reading must be multiplied, else the sign is +1. Raises
-    InputError naming the first row that is something else.
+    Values are 0..1 for displayed light, or -1..1 for signed values. Where every row is a Hadamard
+    row the plan is one of these; then a signed row -h gives the sign -1, with which its reading
+    must be multiplied. Any others are a dense basis, and all signs +1. Raises InputError for
+    another shape, and naming the first value that is something else.
     """
     matrix = np.asarray(patterns, dtype=np.float64)
-    shape = checked_shape(shape)
-    pixels = shape[0] * shape[1]
-    if matrix.ndim != 2 or matrix.shape[1] != pixels:
+    height, width = shape = checked_shape(shape)
+    if matrix.ndim != 2 or not len(matrix) or matrix.shape[1] != height * width:
         raise InputError(
-            f"the pattern matrix has shape {matrix.shape}, expected (M, {pixels}) for "
-            f"{shape[0]} x {shape[1]} pixels"
+            f"the pattern matrix has shape {matrix.shape}, expected (M, {height * width}) for "
+            f"{height} x {width} pixels"
         )
-    displayed = matrix.min() >= 0
-    signed = 2 * matrix - 1 if displayed else matrix
+    bad = np.argwhere(~(np.abs(matrix) <= 1))
+    if bad.size:
+        row, column = bad[0]
+        raise InputError(
+            f"row {row} of the pattern matrix holds {matrix[row, column]:g}; allowed: 0..1 for "
+            "displayed light, -1..1 for signed values"
+        )
+    displayed = bool(matrix.min() >= 0)
+    known = _hadamard_rows(2 * matrix - 1 if displayed else matrix, shape)
+    if known is None:
+        transmittance = matrix if displayed else (1 + matrix) / 2
+        basis: Basis = Dense(transmittance.reshape(-1, height, width))
+        index, sign = np.arange(len(matrix), dtype=np.int32), np.ones(len(matrix), np.int8)
+    else:
+        basis = Hadamard(shape)
+        index, sign = known
+    polarity = sign if displayed else np.zeros_like(sign)
+    plan = PatternPlan(shape, index, polarity, patterns=basis)
+    return plan, np.ones_like(sign) if displayed else sign
+
+
+def _hadamard_rows(
+    signed: NDArray[np.float64], shape: tuple[int, int]
+) -> tuple[NDArray[np.int32], NDArray[np.int8]] | None:
+    """Number and sign of each row h or -h, None where one of them is something else."""
+    if not all(power_of_two(side) for side in shape) or (np.abs(signed) != 1).any():
+        return None
     spectrum = fwht(signed)
     index = np.abs(spectrum).argmax(axis=1)
     peak = spectrum[np.arange(len(index)), index]
-    wrong = (np.abs(signed) != 1).any(axis=1) | (np.abs(peak) != pixels)
-    if wrong.any():
-        raise InputError(
-            f"row {int(wrong.argmax())} of the pattern matrix is not a Hadamard pattern with "
-            "values 0/1 or -1/+1"
-        )
-    sign = np.sign(peak).astype(np.int8)
-    polarity = sign if displayed else np.zeros_like(sign)
-    plan = PatternPlan(shape, index.astype(np.int32), polarity)
-    return plan, np.ones_like(sign) if displayed else sign
+    if (np.abs(peak) != signed.shape[1]).any():
+        return None
+    return index.astype(np.int32), np.sign(peak).astype(np.int8)
 
 
 def capture_from_readings(

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reconstruction.pipeline import measured_coefficients
 
 from images import correlation, natural_image
 from reconstruction import Capture, PatternPlan, make_plan, reconstruct
 from reconstruction.capture import Buckets
-from reconstruction.image import without_shared_errors
-from reconstruction.operators import expose, fwht
+from reconstruction.image import Imaging, without_shared_errors
+from reconstruction.operators import decoder_for, expose, fwht
 
 SHAPE = (32, 32)
 NOISE = 300.0
@@ -38,7 +37,15 @@ def recorded(capture, image, plan, seed, noise=NOISE):
 
 def decoded(capture):
     """Coefficients as the plan decodes them, with all errors."""
-    return capture.plan.decoder @ capture.buckets.signal[0]
+    return decoder_for(capture.plan).decode(capture.buckets.signal[0])
+
+
+def measured(capture):
+    """Rows, coefficients without what they share, and their noise."""
+    buckets = capture.buckets
+    readings = Imaging(capture.plan).of(buckets.usable[0])
+    coefficients = readings.decode(buckets.signal[0], buckets.variance[0])
+    return readings.decoder.index, coefficients.values, coefficients.noise
 
 
 def image_like(seed):
@@ -51,14 +58,21 @@ def test_two_shared_readings_are_the_generalised_least_squares_of_the_formula():
     variance = rng.uniform(1, 2, plan.exposures)
     prior = np.append(np.inf, rng.uniform(0.1, 50, plan.sampled - 1))
     coefficients = rng.normal(0, 5, plan.sampled)
-    found, left = without_shared_errors(plan.decoder, coefficients, variance, prior)
+    decoder = decoder_for(plan)
+    found, left = without_shared_errors(
+        decoder.shared_columns(),
+        coefficients,
+        own=decoder.own_variance(variance),
+        shared=variance[decoder.shared],
+        prior=prior,
+    )
 
     # The posterior mean and variance of the shared errors, from the joint covariance.
-    decoder = plan.decoder.toarray()
+    matrix = decoder.matrix.toarray()
     weight_of_level = 1e9  # stands for an unknown level
     image = np.diag(np.append(weight_of_level, prior[1:]))
-    covariance = image + decoder @ np.diag(variance) @ decoder.T
-    shared = decoder[:, [0, -1]]
+    covariance = image + matrix @ np.diag(variance) @ matrix.T
+    shared = matrix[:, [0, -1]]
     cross = np.diag(variance[[0, -1]]) @ shared.T
     errors = cross @ np.linalg.solve(covariance, coefficients)
     np.testing.assert_allclose(found, coefficients - shared @ errors, rtol=1e-5)
@@ -69,14 +83,21 @@ def test_two_shared_readings_are_the_generalised_least_squares_of_the_formula():
 
 
 def test_one_common_number_is_the_weighted_mean_of_the_docstring():
-    decoder = make_plan((4, 4), 9, polarity="single-ended").decoder[1:]
-    variance = np.ones(decoder.shape[1])
+    plan = make_plan((4, 4), 9, polarity="single-ended")
+    decoder = decoder_for(plan)
+    variance = np.ones(plan.exposures)
     variance[-1] = 0  # the dark reading is sure: only the all-on reading errs
-    prior = np.linspace(0.1, 9, decoder.shape[0])
-    coefficients = np.random.default_rng(1).normal(0, 3, decoder.shape[0])
+    prior = np.linspace(0.1, 9, 8)
+    coefficients = np.random.default_rng(1).normal(0, 3, 8)
     weight = 1 / (prior + 4)
     common = (weight * coefficients).sum() / (weight.sum() + 1)
-    found, _ = without_shared_errors(decoder, coefficients, variance, prior)
+    found, _ = without_shared_errors(
+        decoder.shared_columns()[1:],  # all rows but the level
+        coefficients,
+        own=decoder.own_variance(variance)[1:],
+        shared=variance[decoder.shared],
+        prior=prior,
+    )
     np.testing.assert_allclose(found, coefficients - common)
 
 
@@ -84,10 +105,10 @@ def test_one_common_number_is_the_weighted_mean_of_the_docstring():
 def test_plans_without_shared_readings_are_left_alone(capture: Capture, polarity: str) -> None:
     one = recorded(capture, image_like(1), make_plan(SHAPE, 200, polarity=polarity), 1, 0.0)
     one = replace(one, buckets=replace(one.buckets, noise_electrons=NOISE))
-    _, coefficients, noise = measured_coefficients(one, 0)
+    _, coefficients, noise = measured(one)
     assert np.array_equal(coefficients, decoded(one))
     variance = np.abs(one.buckets.signal[0]) + NOISE**2
-    assert noise == pytest.approx(np.sqrt(np.median(one.plan.decoder**2 @ variance)))
+    assert noise == pytest.approx(np.sqrt(np.median(decoder_for(one.plan).matrix ** 2 @ variance)))
 
 
 @pytest.mark.parametrize("noise", [np.nan, 0.0])
@@ -96,7 +117,7 @@ def test_without_noise_nothing_changes_but_for_shot_noise_that_might_be(
 ) -> None:
     image = image_like(2)
     one = recorded(capture, image, make_plan(SHAPE, polarity="single-ended"), 2, noise)
-    _, coefficients, _ = measured_coefficients(one, 0)
+    _, coefficients, _ = measured(one)
     exact = fwht(image.ravel())[one.plan.distinct]
     if np.isnan(noise):
         assert np.array_equal(coefficients, decoded(one))
@@ -122,7 +143,7 @@ def test_the_false_pixel_in_the_corner_is_gone(capture: Capture, patterns: int) 
     counts = one.buckets.counts.copy()
     counts[0, -1] += error
     spoilt = replace(one, buckets=replace(one.buckets, counts=counts, noise_electrons=error))
-    _, coefficients, _ = measured_coefficients(spoilt, 0)
+    _, coefficients, _ = measured(spoilt)
     exact = fwht(image.ravel())[one.plan.distinct]
     assert np.allclose(decoded(spoilt)[1:] - exact[1:], -error)
     common = np.mean(coefficients[1:] - exact[1:])
@@ -138,7 +159,7 @@ def test_noisy_images_improve_on_average_and_never_lose_much(capture: Capture) -
         plain = np.zeros(plan.pixels)
         plain[plan.distinct] = decoded(one)
         zero_filled = fwht(plain).reshape(SHAPE) / plan.pixels
-        corrected = reconstruct(one).image_zero_filled
+        corrected = reconstruct(one).images["zero-filled"]
         gains.append(correlation(corrected, image) - correlation(zero_filled, image))
     assert np.mean(gains) > 0.02
     assert np.mean(np.array(gains) > 0) > 0.7  # by chance, the error may be next to nothing
@@ -152,7 +173,7 @@ def test_the_error_left_is_as_large_as_it_says(capture: Capture) -> None:
     exact = fwht(image.ravel())[plan.distinct]
     errors, noises = [], []
     for seed in range(200):
-        _, coefficients, noise = measured_coefficients(recorded(capture, image, plan, seed), 0)
+        _, coefficients, noise = measured(recorded(capture, image, plan, seed))
         errors.append((coefficients - exact)[1:])
         noises.append(noise)
     scatter = np.sqrt(np.median(np.var(errors, axis=0)))
@@ -165,7 +186,7 @@ def test_a_plan_that_mixes_both_kinds_is_fine(capture: Capture) -> None:
     plan = PatternPlan((4, 4), index, polarity)
     image = np.random.default_rng(3).uniform(100, 900, (4, 4))
     one = recorded(capture, image, plan, 0, noise=5.0)
-    rows, coefficients, _ = measured_coefficients(one, 0)
+    rows, coefficients, _ = measured(one)
     raw = decoded(one)
     alone = np.isin(rows, [5, 12])
     assert np.array_equal(coefficients[alone], raw[alone])

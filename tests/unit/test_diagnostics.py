@@ -73,7 +73,7 @@ def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
     assert capture.spots is not None
     limit = c / (2 * capture.spots.tap_frequencies_hz[0])
     for beyond in (False, True):
-        true = np.array([4.2, np.nan, limit + (0.01 if beyond else -0.01), 4.8])
+        true = np.array([[4.2, np.nan, limit + (0.01 if beyond else -0.01), 4.8]])
         truth = replace(capture.truth, spot_range_m=true)
         warnings = capture_warnings(replace(capture, truth=truth))
         assert len(warnings) == beyond

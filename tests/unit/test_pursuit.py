@@ -6,16 +6,16 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from images import correlation, natural_image
+from images import correlation, image_from, natural_image
 from reconstruction.image import (
-    WeightedPursuit,
+    DICTIONARIES,
+    Coefficients,
+    Imaging,
     batch_omp,
     fit_variance,
-    natural_image_deviation,
-    pursuit_for,
-    zero_filled,
+    image_method,
 )
-from reconstruction.operators import fwht, make_plan
+from reconstruction.operators import decoder_for, fwht, make_plan
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 
@@ -45,7 +45,7 @@ def test_batch_omp_equals_the_textbook(dictionary):
     measured = np.random.default_rng(1).standard_normal(40)
     expected, expected_values = textbook_omp(dictionary, measured, 15)
     chosen, values = batch_omp(
-        dictionary.T @ dictionary, dictionary.T @ measured, measured @ measured, budget=15
+        dictionary.T @ dictionary, dictionary.T @ measured, measured @ measured, max_atoms=15
     )
     assert chosen.tolist() == expected
     assert np.allclose(values, expected_values)
@@ -58,7 +58,7 @@ def test_ridge_gives_the_regularised_solution_on_the_chosen_atoms(dictionary):
         dictionary.T @ measured,
         measured @ measured,
         ridge=0.3,
-        budget=12,
+        max_atoms=12,
     )
     part = dictionary[:, chosen]
     expected = np.linalg.solve(part.T @ part + 0.3 * np.eye(12), part.T @ measured)
@@ -75,7 +75,7 @@ def test_a_sparse_signal_is_found_and_the_pursuit_stops_there(dictionary):
         dictionary.T @ measured,
         energy,
         tolerance=1e-9 * energy,
-        budget=40,
+        max_atoms=40,
     )
     assert sorted(chosen) == [7, 42, 63]
     assert np.allclose(values, truth[chosen])
@@ -85,19 +85,19 @@ def test_a_repeated_column_is_taken_once(dictionary):
     doubled = np.hstack([dictionary[:, :5], dictionary[:, :5]])
     measured = doubled @ np.arange(10.0)
     chosen, values = batch_omp(
-        doubled.T @ doubled, doubled.T @ measured, measured @ measured, budget=10
+        doubled.T @ doubled, doubled.T @ measured, measured @ measured, max_atoms=10
     )
     assert len(chosen) == 5
     assert np.allclose(doubled[:, chosen] @ values, measured)
 
 
 def test_nothing_measured_takes_no_atom():
-    chosen, values = batch_omp(np.eye(4), np.zeros(4), 0.0, budget=4)
+    chosen, values = batch_omp(np.eye(4), np.zeros(4), 0.0, max_atoms=4)
     assert chosen.size == values.size == 0
 
 
 def test_deviation_falls_with_spatial_frequency_in_cycles_per_pixel():
-    deviation = natural_image_deviation((32, 64))
+    deviation = DICTIONARIES["dct"].deviation((32, 64))
     assert deviation[0, 0] == 0
     assert deviation[0, 4] == pytest.approx(2 * deviation[0, 8])
     assert deviation[3, 0] == pytest.approx(deviation[0, 6])
@@ -119,8 +119,8 @@ def test_measured_car_beats_zero_filling(patterns, linear, gain):
     readings = np.load(CAR).astype(float)
     full = fwht(readings).reshape(32, 32) / 1024
     index = make_plan((32, 32), patterns, polarity="signed").index
-    baseline = correlation(zero_filled((32, 32), index, readings[index]), full)
-    pursued = correlation(pursuit_for((32, 32), index).reconstruct(readings[index]), full)
+    baseline = correlation(image_from(readings[index], index, (32, 32), "zero-filled"), full)
+    pursued = correlation(image_from(readings[index], index, (32, 32)), full)
     assert baseline == pytest.approx(linear, abs=0.01)
     assert pursued > baseline + gain
 
@@ -131,11 +131,9 @@ def test_synthetic_images_gain_at_every_sampling_ratio(patterns):
     for seed in range(5):
         image = natural_image(64, seed)
         index, coefficients = measure(image, patterns)
-        pursued = pursuit_for((64, 64), index).reconstruct(coefficients)
-        gains.append(
-            correlation(pursued, image)
-            - correlation(zero_filled((64, 64), index, coefficients), image)
-        )
+        pursued = image_from(coefficients, index, (64, 64))
+        linear = image_from(coefficients, index, (64, 64), "zero-filled")
+        gains.append(correlation(pursued, image) - correlation(linear, image))
     assert min(gains) > -0.002
     assert np.mean(gains) > 0.005
 
@@ -144,13 +142,13 @@ def test_synthetic_images_gain_at_every_sampling_ratio(patterns):
 def test_without_noise_full_sampling_is_exact(shape):
     image = np.random.default_rng(4).random(shape)
     index, coefficients = measure(image, None)
-    assert np.allclose(pursuit_for(shape, index).reconstruct(coefficients), image, atol=1e-10)
+    assert np.allclose(image_from(coefficients, index, shape), image, atol=1e-10)
 
 
 def test_without_noise_the_image_agrees_with_every_measured_coefficient():
     image = natural_image(32, 5)
     index, coefficients = measure(image, 100)
-    pursued = pursuit_for((32, 32), index).reconstruct(coefficients)
+    pursued = image_from(coefficients, index, (32, 32))
     assert np.allclose(fwht(pursued.ravel())[index], coefficients)
 
 
@@ -159,53 +157,62 @@ def test_known_noise_is_suppressed():
     index, clean = measure(image, None)
     sigma = float(clean[1:].std())
     noisy = clean + np.random.default_rng(7).normal(0, sigma, clean.size)
-    pursuit = pursuit_for((32, 32), index)
-    linear = np.mean((zero_filled((32, 32), index, noisy) - image) ** 2)
-    assert np.mean((pursuit.reconstruct(noisy, sigma) - image) ** 2) < 0.4 * linear
-    assert np.mean((pursuit.reconstruct(noisy) - image) ** 2) == pytest.approx(linear)
+
+    def error(method, noise=0.0):
+        return np.mean((image_from(noisy, index, (32, 32), method, noise) - image) ** 2)
+
+    linear = error("zero-filled")
+    assert error("pursuit", sigma) < 0.4 * linear
+    assert error("pursuit") == pytest.approx(linear)
 
 
 def test_a_complex_image_turns_with_its_phase_and_is_real_where_it_may_be():
     image = natural_image(32, 11)
     index, coefficients = measure(image, 200)
-    pursuit = pursuit_for((32, 32), index)
+
+    def pursued(values, noise=0.0):
+        return image_from(values, index, (32, 32), noise=noise)
+
     turn = np.exp(0.7j)
-    real = pursuit.reconstruct(coefficients, 3.0)
-    assert np.allclose(pursuit.reconstruct(coefficients * turn, 3.0), real * turn)
+    assert np.allclose(pursued(coefficients * turn, 3.0), pursued(coefficients, 3.0) * turn)
     other = measure(natural_image(32, 12), 200)[1]
     both = coefficients + 1j * other
-    assert np.allclose(pursuit.reconstruct(both * turn), pursuit.reconstruct(both) * turn)
-    assert np.allclose(fwht(pursuit.reconstruct(both).ravel())[index], both)
+    assert np.allclose(pursued(both * turn), pursued(both) * turn)
+    assert np.allclose(fwht(pursued(both).ravel())[index], both)
 
 
 def test_a_uniform_image_and_the_mean_alone():
     image = np.full((8, 8), 3.0)
-    assert np.allclose(
-        WeightedPursuit((8, 8), *(measure(image, 20)[:1])).reconstruct(measure(image, 20)[1]), image
-    )
+    index, coefficients = measure(image, 20)
+    assert np.allclose(image_from(coefficients, index, (8, 8)), image)
     index, coefficients = measure(natural_image(8, 8), 1)
-    assert np.allclose(WeightedPursuit((8, 8), index).reconstruct(coefficients), coefficients / 64)
+    assert np.allclose(image_from(coefficients, index, (8, 8)), coefficients / 64)
 
 
 def test_a_missing_mean_changes_the_level_only():
     image = natural_image(32, 9)
     index, coefficients = measure(image, 60)
-    with_mean = pursuit_for((32, 32), index).reconstruct(coefficients)
-    without = pursuit_for((32, 32), index[1:]).reconstruct(coefficients[1:])
+    with_mean = image_from(coefficients, index, (32, 32))
+    without = image_from(coefficients[1:], index[1:], (32, 32))
     assert np.allclose(with_mean - without, image.mean())
 
 
 def test_the_set_up_is_shared_between_frames():
-    index = make_plan((16, 16), 30, polarity="signed").index
-    assert pursuit_for((16, 16), index) is pursuit_for((16, 16), index.copy())
+    imaging = Imaging(make_plan((16, 16), 30, polarity="signed"))
+    usable = np.ones(30, dtype=bool)
+    first = imaging.of(usable).solver("pursuit")
+    assert imaging.of(usable.copy()).solver("pursuit") is first
+    usable[7] = False
+    assert imaging.of(usable).solver("pursuit") is not first
 
 
 def test_a_frame_of_64_by_64_from_128_patterns_takes_well_under_30_ms():
-    index, coefficients = measure(natural_image(64, 10), 128)
-    pursuit = pursuit_for((64, 64), index)
+    coefficients = Coefficients(measure(natural_image(64, 10), 128)[1], np.zeros(128))
+    operator = decoder_for(make_plan((64, 64), 128, polarity="signed")).operator
+    solve = image_method("pursuit").compile(operator)
     seconds = []
     for _ in range(5):
         started = perf_counter()
-        pursuit.reconstruct(coefficients)
+        solve(coefficients)
         seconds.append(perf_counter() - started)
     assert min(seconds) < 0.03
