@@ -25,8 +25,8 @@ def locked(path: Path) -> Iterator[None]:
         held = FileLock(path, blocking=False, fallback_to_soft=False).acquire()
     except Timeout:
         raise InputError(
-            f"{path.parent}: process {_named(path) or 'unknown'} is running this data set; wait for "
-            "it or end it"
+            f"{path.parent}: process {_named(path) or 'unknown'} is running this data set; wait "
+            "for it or end it"
         ) from None
     with held:
         path.write_text(f"{os.getpid()} {platform.node()}\n", encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError
 
@@ -31,3 +32,15 @@ def parse_xml(data: bytes, path: Path) -> Element:
     if level:
         raise InputError(f"{path}: elements are nested more than {MAX_DEPTH} deep")
     return root
+
+
+def numbers(text: str | None, count: int, what: str) -> list[float]:
+    """Finite numbers in a text, split at spaces or commas; InputError unless there are `count`."""
+    try:
+        values = [float(word) for word in (text or "").replace(",", " ").split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)):
+        found = (text or "").strip()
+        raise InputError(f"{what}: expected {count} finite numbers; found {found!r:.80}")
+    return values
