@@ -42,7 +42,7 @@ class Fake:
         if trouble == "exit":
             os._exit(7)
         if trouble == "hang":
-            time.sleep(600)
+            time.sleep(86_400)
         if trouble == "fail":
             return failure(index, "no luck")
         if trouble == "no space":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from spisim.dataset.folder import Layout
+from spisim.dataset.lock import holder
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.records import Record
 
@@ -54,7 +54,7 @@ def status_of(folder: Path) -> Status:
         failures=_by_reason(failed),
         samples_per_minute=_rate([r.finished for r in records if r.finished]),
         disk_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
-        runner=runner_of(folder),
+        runner=holder(Layout(folder).lock),
     )
 
 
@@ -73,18 +73,3 @@ def _rate(finished: Sequence[str]) -> float | None:
     if len(recent) < 2 or recent[0] == recent[-1]:
         return None
     return (len(recent) - 1) / ((recent[-1] - recent[0]) / timedelta(minutes=1))
-
-
-def runner_of(folder: Path) -> str | None:
-    """Process and machine that run a data set; None where none does, or it was killed."""
-    try:
-        with Layout(folder).lock.open(encoding="utf-8") as file:
-            holder = " on ".join(file.read().split())
-            if not holder:
-                return None
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # a killed process holds no lock
-            return None
-    except FileNotFoundError:
-        return None
-    except BlockingIOError:
-        return holder

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from reconstruction import Capture, read_capture, write_capture
 from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder
 from spisim.transport.exr import read_exr
+from waiting import SAFETY_S, until
 
 COMMANDS = [
     "demo",
@@ -295,17 +295,28 @@ def test_the_demo_shows_everything(tmp_path: Path) -> None:
     assert report["metrics"]["depth"]["anchored"]["mae_m"] > 0
 
 
+TELLING = """
+import sys
+from rich.progress import Progress
+Progress.update = lambda *args, **options: print("tracing", file=sys.stderr, flush=True)
+from spisim.cli import main
+main()
+"""
+
+
 @pytest.mark.slow
 def test_ctrl_c_leaves_nothing_half_written(tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        program("simulate", "warehouse", "-o", tmp_path / "c.h5", "--spp", "100000"),
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    time.sleep(6)
-    process.send_signal(signal.SIGINT)
-    message = process.communicate(timeout=60)[1]
-    assert process.returncode == 130
+    log, output = tmp_path / "log", tmp_path / "out"
+    output.mkdir()
+    words = ["simulate", "warehouse", "-o", str(output / "c.h5"), "--spp", "100000"]
+    with log.open("w") as stderr:
+        process = subprocess.Popen(
+            [sys.executable, "-c", TELLING, *words], stderr=stderr, text=True
+        )
+        until(lambda: "tracing" in log.read_text(), process)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(SAFETY_S) == 130
+    message = log.read_text()
     assert "interrupted" in message
     assert "Traceback" not in message
-    assert list(tmp_path.iterdir()) == []
+    assert list(output.iterdir()) == []

@@ -109,16 +109,25 @@ def test_gazebos_search_path(tmp_path: Path) -> None:
     assert run(world, "-o", tmp_path / "a.yaml", GZ_SIM_RESOURCE_PATH=folders).exit_code == 0
 
 
-def test_nothing_slow_and_no_renderer_is_imported(tmp_path: Path) -> None:
-    """The help needs neither trimesh nor pycollada; an import needs no Mitsuba."""
+def test_a_scene_of_mitsuba(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text('<scene version="3.0.0"><shape type="cube"/></scene>')
+    done = run(tmp_path / "a.xml", "-o", tmp_path / "a.yaml", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["triangles"] == 12
+
+
+def test_nothing_slow_and_no_renderer_is_imported(tmp_path: Path) -> None:
+    """The help needs neither trimesh nor pycollada; only Mitsuba's own scenes need Mitsuba."""
+    tetrahedron().export(tmp_path / "a.ply")
     code = f"""
 import sys
-from pathlib import Path
+from typer.testing import CliRunner
 import spisim.cli.scenes.importing
 assert not {{"trimesh", "collada", "numpy"}} & set(sys.modules)
-from spisim.scene.importing import import_scene
-import_scene(Path({str(tmp_path / "a.xml")!r}), Path({str(tmp_path / "a.yaml")!r}))
+from spisim.cli import app
+words = ["scenes", "import", {str(tmp_path / "a.ply")!r}, "-o", {str(tmp_path / "a.yaml")!r}]
+assert CliRunner().invoke(app, words).exit_code == 0
+assert "trimesh" in sys.modules
 assert not {{"mitsuba", "drjit", "collada"}} & set(sys.modules)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -1,11 +1,11 @@
 """Processes that make samples: what one that dies, hangs or grows costs."""
 
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import textwrap
-import time
 from pathlib import Path
 
 import pytest
@@ -14,12 +14,13 @@ from makers import Fake, Hoarder
 from spisim.dataset import workers
 from spisim.dataset.records import Outcome
 from spisim.dataset.workers import LocalExecutor, default_workers
+from waiting import SAFETY_S, until
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
 
-def outcomes(make: Fake, indices: range, count: int = 2, timeout_s: float = 60) -> list[Outcome]:
-    with LocalExecutor(make, count, timeout_s) as executor:
+def outcomes(make: Fake, indices: range, count: int = 2) -> list[Outcome]:
+    with LocalExecutor(make, count, SAFETY_S) as executor:
         return sorted(executor.run(indices), key=lambda outcome: outcome.index)
 
 
@@ -50,14 +51,16 @@ def test_a_worker_that_dies_costs_its_sample_only(
 
 
 def test_one_that_hangs_is_ended(tmp_path: Path) -> None:
-    make = Fake(tmp_path, {4: "hang"}, seconds=0.1)
-    with LocalExecutor(make, 2) as executor:
-        assert len(list(executor.run(range(3)))) == 3  # now both have started
-        executor.timeout_s = 1.0
-        made = sorted(executor.run([3, 4]), key=lambda outcome: outcome.index)
-        assert [outcome.done for outcome in made] == [True, False]
-        assert made[1].error == "took longer than 1 s"
-        executor.timeout_s = 60.0
+    make = Fake(tmp_path, {0: "hang"})
+    with LocalExecutor(make, 2, SAFETY_S) as executor:
+        made = executor.run(range(4))
+        meanwhile = [next(made).index for _ in range(3)]  # by the other process
+        assert meanwhile == [1, 2, 3]
+        executor.timeout_s = 0.01
+        (hung,) = made
+        assert not hung.done
+        assert hung.error == "took longer than 0.01 s"
+        executor.timeout_s = SAFETY_S
         assert all(outcome.done for outcome in executor.run([5, 6]))
 
 
@@ -84,8 +87,9 @@ def test_one_that_died_while_idle_is_no_loss(tmp_path: Path) -> None:
     make = Fake(tmp_path)
     with LocalExecutor(make, 1) as executor:
         assert len(list(executor.run(range(2)))) == 2
-        os.kill(make.pids()[0], signal.SIGKILL)
-        time.sleep(0.2)
+        (worker,) = (w for w in multiprocessing.active_children() if w.pid in make.pids())
+        worker.kill()
+        worker.join()
         assert [outcome.done for outcome in executor.run([2, 3])] == [True, True]
 
 
@@ -96,17 +100,22 @@ def test_they_end_with_the_process_that_started_them(tmp_path: Path) -> None:
         from makers import Fake
         from spisim.dataset.workers import LocalExecutor
         if __name__ == "__main__":
-            list(LocalExecutor(Fake(Path({str(tmp_path)!r}), seconds=30), 2).run(range(2)))
+            make = Fake(Path({str(tmp_path)!r}), {{0: "hang", 1: "hang"}})
+            list(LocalExecutor(make, 2).run(range(2)))
     """
     script = tmp_path / "script.py"
     script.write_text(textwrap.dedent(code))
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    process = subprocess.Popen([sys.executable, script], env=environment)
+    process = subprocess.Popen([sys.executable, script], env=environment, text=True)
     make = Fake(tmp_path)
-    until(lambda: len(make.pids()) == 2)
-    process.kill()
-    process.wait()
-    until(lambda: not any(map(alive, make.pids())))
+    try:
+        until(lambda: len(make.pids()) == 2, process)
+        process.kill()
+        process.wait()
+        until(lambda: not any(map(alive, make.pids())))
+    finally:
+        for pid in filter(alive, [process.pid, *make.pids()]):
+            os.kill(pid, signal.SIGKILL)
 
 
 def test_the_default_is_one_for_each_core_at_most() -> None:
@@ -124,10 +133,3 @@ def alive(pid: int) -> bool:
     except FileNotFoundError:
         return False
     return state != "Z"
-
-
-def until(condition: object, seconds: float = 30) -> None:
-    end = time.monotonic() + seconds
-    while not condition():  # type: ignore[operator]
-        assert time.monotonic() < end
-        time.sleep(0.05)

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from foreign import TRIANGLE, collada, glb, tetrahedron, triangle_header
+from foreign import READERS, TRIANGLE, collada, glb, tetrahedron, triangle_header
 from reconstruction.errors import InputError
-from spisim.scene.importing.convert import FORMATS
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.units import to_metres
 
@@ -68,7 +67,7 @@ def outcomes(folder: Path, name: str, count: int) -> set[str]:
     for _ in range(count):
         file.write_bytes(damaged(content, rng))
         try:
-            to_metres(FORMATS[file.suffix](file, Folders.around(file)), 1.0)
+            to_metres(READERS[file.suffix](file, Folders.around(file)), 1.0)
             found.add("read")
         except InputError as error:
             found.add("refused in many lines" if "\n" in str(error) else "refused")

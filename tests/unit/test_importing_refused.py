@@ -4,7 +4,6 @@ import itertools
 import json
 import os
 import struct
-import time
 from pathlib import Path
 from typing import Any
 
@@ -59,13 +58,12 @@ class TestEveryFormat:
         (tmp_path / name).write_text("hello, world\n" * 20)
         refused(tmp_path / name, "cannot be read as|not valid XML|holds no triangles")
 
-    def test_too_large(self, tmp_path: Path, name: str) -> None:
+    def test_too_large(self, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
         """Refused by its size, before it is read; the file is a hole."""
         with (tmp_path / name).open("wb") as file:
             file.truncate(reading.MAX_FILE_BYTES + 1)
-        start = time.monotonic()
+        monkeypatch.setattr(Path, "read_bytes", lambda path: pytest.fail(f"{path} is read"))
         refused(tmp_path / name, "more than 2 GB are not read")
-        assert time.monotonic() - start < 1
 
     def test_a_device(self, tmp_path: Path, name: str) -> None:
         (tmp_path / name).symlink_to("/dev/zero")
@@ -94,9 +92,7 @@ def test_document_types(tmp_path: Path, name: str, text: str, bomb: str) -> None
     """No entity is expanded and no other file read: the declaration itself ends it."""
     content = text.replace('<?xml version="1.0" encoding="utf-8"?>\n', "")
     (tmp_path / name).write_text(bomb.format(content))
-    start = time.monotonic()
     refused(tmp_path / name, "has a document type")
-    assert time.monotonic() - start < 1
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])

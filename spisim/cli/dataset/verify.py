@@ -17,10 +17,11 @@ def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
     """
     from dataclasses import asdict
 
-    from spisim.dataset.status import runner_of
+    from spisim.dataset.folder import Layout
+    from spisim.dataset.lock import holder
     from spisim.dataset.verify import verify
 
-    runner = runner_of(folder)
+    runner = holder(Layout(folder).lock)
     if runner:
         warn([f"process {runner} is making samples: its latest may be named extra or unfinished"])
     with progress_bar("Reading", progress) as advance:

@@ -14,6 +14,8 @@ from ..options import Json, real_option
 
 if TYPE_CHECKING:
     from spisim.scene.importing import Import
+    from spisim.scene.importing.files import Folders
+    from spisim.scene.importing.model import Content
 
 EXAMPLE = "spisim scenes import hangar.glb -o hangar.yaml"
 
@@ -60,7 +62,7 @@ def command(
     json: Json = False,
 ) -> None:
     """Make an editable scene file, and its meshes beside it, of a file of another program."""
-    from spisim.scene.importing import Options, import_scene
+    from spisim.scene.importing import FORMATS, Options, import_scene
 
     options = Options(
         units,
@@ -72,12 +74,19 @@ def command(
         None if look_at is None else _point("--look-at", look_at),
         overwrite,
     )
-    report = import_scene(file, output, options)
+    report = import_scene(file, output, options, {**FORMATS, ".xml": _read_mitsuba})
     warn(report.warnings)
     if json:
         print_json(_summary(report))
     else:
         _print(report)
+
+
+def _read_mitsuba(path: Path, folders: Folders) -> Content:
+    """Only these files need Mitsuba, which takes its time to load."""
+    from spisim.transport.mitsuba_scene import read_mitsuba
+
+    return read_mitsuba(path, folders)
 
 
 def _point(option: str, text: str) -> tuple[float, float, float]:

@@ -18,7 +18,7 @@ import trimesh
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import Folders, read_bytes
 from spisim.scene.importing.model import Axis, Content, Floats, Part, Surface, readable
-from spisim.scene.importing.xml import refuse_doctype
+from spisim.scene.importing.xml import parse_xml
 from spisim.scene.shapes import check_mesh
 
 AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
@@ -32,7 +32,7 @@ def read_collada(path: Path, folders: Folders) -> Content:
     from collada.common import DaeUnsupportedError
 
     data = read_bytes(path)
-    refuse_doctype(data, path)
+    parse_xml(data, path)  # for what it refuses: pycollada's own parser expands entities
     _refuse_nan(data)
     with readable(str(path), "a COLLADA file"):
         document = collada.Collada(io.BytesIO(data), ignore=[DaeUnsupportedError])

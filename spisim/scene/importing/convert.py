@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +16,7 @@ from spisim.scene.importing.drone import DronePose
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.materials import Match, check_map, match, read_map
 from spisim.scene.importing.meshes import READERS
-from spisim.scene.importing.mitsuba_xml import read_mitsuba
-from spisim.scene.importing.model import Content, Floats, check_triangles
+from spisim.scene.importing.model import Content, Floats, Reader, check_triangles
 from spisim.scene.importing.sdf import read_sdf
 from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
@@ -25,12 +24,8 @@ from spisim.scene.importing.write import scene_fields
 from spisim.scene.model import Vector3
 from spisim.scene.write import Written, check_free, write_scene
 
-FORMATS: dict[str, Callable[[Path, Folders], Content]] = {
-    **READERS,
-    ".xml": read_mitsuba,
-    ".sdf": read_sdf,
-    ".world": read_sdf,
-}
+#: By suffix. Mitsuba's scenes need Mitsuba: their reader stands in `spisim.transport`.
+FORMATS: dict[str, Reader] = {**READERS, ".sdf": read_sdf, ".world": read_sdf}
 HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
@@ -69,15 +64,22 @@ class Import:
     warnings: tuple[str, ...]
 
 
-def import_scene(file: Path, output: Path, options: Options | None = None) -> Import:
+def import_scene(
+    file: Path,
+    output: Path,
+    options: Options | None = None,
+    readers: Mapping[str, Reader] = FORMATS,
+) -> Import:
     """Write a scene file, and its meshes as PLY files beside it, from a file of another program.
+
+    `readers` are the formats that may be read, by suffix.
 
     Raises InputError, with nothing written, for a file that is missing, damaged, of an unknown
     format, too large, or that refers to what is missing or may not be read; for options that do not
     fit; and where `output` exists unless it may be overwritten.
     """
     options = options or Options()
-    reader = _reader(file)
+    reader = _reader(file, readers)
     check_free(output, options.overwrite)
     chosen = {} if options.materials is None else read_map(options.materials)
     folders = Folders.around(file, options.model_path)
@@ -120,15 +122,15 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     )
 
 
-def _reader(file: Path) -> Callable[[Path, Folders], Content]:
+def _reader(file: Path, readers: Mapping[str, Reader]) -> Reader:
     suffix = file.suffix.lower()
     if suffix in ARCHIVES:
         raise InputError(f"{file}: archives are not read; unpack it and import the file in it")
-    if suffix not in FORMATS:
-        raise InputError(f"{file}: unknown format {suffix!r}: {nearest(suffix, FORMATS)}")
+    if suffix not in readers:
+        raise InputError(f"{file}: unknown format {suffix!r}: {nearest(suffix, readers)}")
     if not file.is_file():
         raise InputError(f"{file}: no such file")
-    return FORMATS[suffix]
+    return readers[suffix]
 
 
 @contextmanager

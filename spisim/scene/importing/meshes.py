@@ -6,7 +6,6 @@ import io
 import re
 import struct
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from reconstruction.errors import InputError
 from spisim.scene.importing.collada import read_collada
 from spisim.scene.importing.files import Folders, read_bytes
 from spisim.scene.importing.gltf import read_glb, read_gltf
-from spisim.scene.importing.model import MAX_TRIANGLES, Content, Part, Surface, readable
+from spisim.scene.importing.model import MAX_TRIANGLES, Content, Part, Reader, Surface, readable
 from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.shapes import check_mesh
 
@@ -85,7 +84,7 @@ def read_ply(path: Path, folders: Folders) -> Content:
     return content
 
 
-READERS: dict[str, Callable[[Path, Folders], Content]] = {
+READERS: dict[str, Reader] = {
     ".glb": read_glb,
     ".gltf": read_gltf,
     ".obj": read_obj,

@@ -1,15 +1,25 @@
-"""Mitsuba XML with its parameters, includes and references resolved; nothing of it is executed."""
+"""Mitsuba scene files put together: includes, `$parameters`, and what their elements come to.
+
+What the elements say is left to Mitsuba's own parser, which is handed in from above. Which files
+are read is not: it opens whatever a file names, looks for it in the working directory too, lets
+parameters double until the memory is full, and overflows its stack, which ends the process, on
+elements nested deeply. So it gets elements one to a line, with nothing left to open or replace.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.etree.ElementTree import Element
+from typing import Any, TypeAlias, TypeVar
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+import numpy as np
 
 from reconstruction.errors import InputError, nearest
 from spisim.scene.importing.files import Folders, read_bytes
+from spisim.scene.importing.model import Floats
 from spisim.scene.importing.xml import numbers, parse_xml
 
 MAX_INCLUDE_DEPTH = 15  # as Mitsuba's own
@@ -17,93 +27,63 @@ MAX_INCLUDES = 1000
 #: Of a text with its parameters filled in, which may hold parameters themselves.
 MAX_CHARACTERS = 100_000
 
+Value = TypeVar("Value", bool, float, str, Floats)
 
-@dataclass(frozen=True)
-class Item:
-    """An element of a scene file, with `$parameters` replaced, and the file that it stands in."""
 
-    tag: str
-    attributes: Mapping[str, str]
-    children: tuple[Item, ...]
-    path: Path
+@dataclass(eq=False)
+class Node:
+    """An object of a scene such as a "shape" or "bsdf".
+
+    `properties` are numbers, flags, texts, vectors and colours (3,), transforms (4, 4) and other
+    nodes, in the order of the file; nodes that are referred to appear in several, even in circles.
+    """
+
+    kind: str
+    type: str
+    id: str = ""
+    name: str = ""
+    properties: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def what(self) -> str:
         """How messages call it."""
-        name = self.attributes.get("id") or self.attributes.get("name")
-        kind = self.attributes.get("type")
-        return " ".join(filter(None, (kind, self.tag, repr(name) if name else None)))
+        name = self.id or self.name
+        return " ".join(filter(None, (self.type, self.kind, repr(name) if name else None)))
 
-    def named(self, name: str) -> Item | None:
-        """The child of this name, or None."""
-        return next((row for row in self.children if row.attributes.get("name") == name), None)
+    @property
+    def children(self) -> list[Node]:
+        """The nodes in it."""
+        return [value for value in self.properties.values() if isinstance(value, Node)]
 
-    def value(self, name: str) -> str | None:
-        """The text of the parameter of this name, or None."""
-        found = self.named(name)
-        return None if found is None else found.attributes.get("value")
-
-    def number(self, name: str, default: float) -> float:
-        """The number of the parameter of this name; InputError for what is none."""
-        text = self.value(name)
-        return default if text is None else numbers(text, 1, f"{self.what}: {name}")[0]
-
-    def flag(self, name: str) -> bool:
-        """Whether the parameter of this name is there and true."""
-        return (self.value(name) or "false").strip().lower() == "true"
-
-    def point(self, name: str, default: list[float]) -> list[float]:
-        """The point of this name, three numbers, by attributes or as one text."""
-        found = self.named(name)
-        return default if found is None else found.vector(0.0)
-
-    def vector(self, missing: float) -> list[float]:
-        """Three numbers from `value` (or one for all), else from x, y and z."""
-        text = self.attributes.get("value")
-        if text is not None:
-            count = len(text.replace(",", " ").split())
-            found = numbers(text, 1 if count == 1 else 3, self.what)
-            return found * 3 if count == 1 else found
-        return [
-            numbers(self.attributes[axis], 1, f"{self.what}: {axis}")[0]
-            if axis in self.attributes
-            else missing
-            for axis in "xyz"
-        ]
+    def value(self, name: str, default: Value) -> Value:
+        """The property of this name; InputError unless its type and shape are the default's."""
+        found = self.properties.get(name, default)
+        found = float(found) if type(found) is int else found
+        if type(found) is not type(default) or np.shape(found) != np.shape(default):
+            raise InputError(f"{self.what}: {name} is of another type than expected")
+        return found
 
 
-@dataclass
-class SceneFile:
-    """The items of a scene and of what it includes, and those with an id."""
-
-    items: list[Item] = field(default_factory=list)
-    by_id: dict[str, Item] = field(default_factory=dict)
-
-    def resolve(self, item: Item) -> Item:
-        """What a `<ref>` refers to; anything else is itself. InputError for an unknown id."""
-        seen: list[str] = []
-        while item.tag == "ref":
-            name = item.attributes.get("id", "")
-            if name not in self.by_id or name in seen:
-                raise InputError(f"ref {name!r}: {nearest(name, self.by_id)}")
-            seen.append(name)
-            item = self.by_id[name]
-        return item
+#: Elements without parameters and includes, one to a line, and the file that each stands in.
+Elements: TypeAlias = list[tuple[str, Path]]
+#: The scene that elements make.
+Parse: TypeAlias = Callable[[Elements], Node]
 
 
-def read_scene_file(path: Path, folders: Folders) -> SceneFile:
-    """A Mitsuba scene file of format 2 or 3; InputError for what cannot be read."""
-    scene = SceneFile()
-    _Includer(folders, scene).read(path, (path.resolve(),))
-    return scene
+def read_elements(path: Path, folders: Folders) -> Elements:
+    """What a scene file of format 2 or 3 and its includes hold; InputError for what is not read."""
+    reader = _Reader(path, folders)
+    reader.read(path, (path.resolve(),))
+    return reader.elements
 
 
-class _Includer:
-    def __init__(self, folders: Folders, scene: SceneFile) -> None:
+class _Reader:
+    def __init__(self, top: Path, folders: Folders) -> None:
+        self.elements: Elements = []
+        self._top = top
         self._folders = folders
-        self._scene = scene
         self._parameters: dict[str, str] = {}
-        self._count = 0
+        self._includes = 0
 
     def read(self, path: Path, chain: tuple[Path, ...]) -> None:
         root = parse_xml(read_bytes(path), path)
@@ -116,40 +96,56 @@ class _Includer:
                 "itself upgrades older files"
             )
         for element in root:
+            self._fill(element, path)
             if element.tag == "default":
-                name = element.get("name", "")
-                self._parameters.setdefault(name, self._filled(element.get("value", ""), path))
+                name, value = element.get("name", ""), element.get("value", "")
+                self._parameters.setdefault(name, value)
             elif element.tag == "include":
-                self._include(self._filled(element.get("filename", ""), path), path, chain)
-            elif element.tag == "alias":
-                item = Item("ref", {"id": element.get("id", "")}, (), path)
-                self._scene.by_id[element.get("as", "")] = item
-            else:
-                self._scene.items.append(self._item(element, path))
+                self._include(element.get("filename", ""), path, chain)
+            elif element.tag != "path":  # folders to search: --model-path tells which may be
+                self._take(element, path)
 
     def _include(self, name: str, path: Path, chain: tuple[Path, ...]) -> None:
         what = f"{path}: include {name!r}"
-        self._count += 1
+        self._includes += 1
         found = self._folders.find(name, path.parent, what)
         if found in chain:
             names = " → ".join(str(link) for link in (*chain, found))
             raise InputError(f"{what}: includes itself: {names}")
-        if len(chain) > MAX_INCLUDE_DEPTH or self._count > MAX_INCLUDES:
+        if len(chain) > MAX_INCLUDE_DEPTH or self._includes > MAX_INCLUDES:
             raise InputError(
                 f"{what}: more than {MAX_INCLUDE_DEPTH} includes in one another, or {MAX_INCLUDES}"
             )
         self.read(found, (*chain, found))
 
-    def _item(self, element: Element, path: Path) -> Item:
-        attributes = {key: self._filled(value, path) for key, value in element.attrib.items()}
-        children = tuple(self._item(child, path) for child in element)
-        item = Item(element.tag, attributes, children, path)
-        if "id" in attributes and element.tag != "ref":
-            self._scene.by_id[attributes["id"]] = item
-        return item
+    def _take(self, element: Element, path: Path) -> None:
+        around = Element("scene")
+        around.append(element)
+        for each in list(around.iter()):
+            each.text = each.tail = None
+            for spectrum in each.findall("spectrum[@filename]"):
+                each.remove(spectrum)  # of no use here, and the parser would open the file
+            if each.tag == "include":
+                raise InputError(f"{path}: include within <{element.tag}>: move it out of there")
+            if each.tag == "rotate":
+                _make_axis_unit(each, path)
+            if each.tag == "rgb" and re.fullmatch("#[0-9a-fA-F]{6}", each.get("value", "").strip()):
+                parts = bytes.fromhex(each.get("value", "").strip(" #"))
+                each.set("value", " ".join(str(part / 255) for part in parts))
+            if each.tag == "string" and each.get("name") == "filename" and path != self._top:
+                each.set("value", str(path.parent / each.get("value", "")))
+        look = element.find("transform[@name='to_world']/lookat[@up]")
+        if element.tag == "sensor" and look is not None:  # of which the parser keeps a matrix
+            SubElement(element, "vector", name="up", value=look.get("up", ""))
+        self.elements += [(tostring(each, "unicode"), path) for each in around]
+
+    def _fill(self, element: Element, path: Path) -> None:
+        """Put the values of `$parameters` into an element and all within it."""
+        for each in element.iter():
+            for key, text in each.items():
+                each.set(key, self._filled(text, path))
 
     def _filled(self, text: str, path: Path) -> str:
-        """A text with the values of its `$parameters`."""
         filled = 0
 
         def value(found: re.Match[str]) -> str:
@@ -164,3 +160,11 @@ class _Includer:
             return self._parameters[name]
 
         return re.sub(r"\$(\w+)", value, text)
+
+
+def _make_axis_unit(turn: Element, path: Path) -> None:
+    """Mitsuba shears about an axis of another length, where the file means to turn."""
+    text = turn.attrib.pop("value", None) or " ".join(turn.get(name, "0") for name in "xyz")
+    axis = np.array(numbers(text, 3, f"{path}: rotate: axis"))
+    for name, component in zip("xyz", axis / (np.linalg.norm(axis) or 1), strict=True):
+        turn.set(name, repr(float(component)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -88,6 +88,10 @@ class Content:
             folders.find(name, beside, referrer)
         except InputError as error:
             self.note(f"{error}; textures are not used")
+
+
+#: Parts of a file, which may refer to others in the folders.
+Reader: TypeAlias = Callable[[Path, Folders], Content]
 
 
 def check_triangles(count: int) -> None:
