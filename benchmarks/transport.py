@@ -31,10 +31,10 @@ from spisim.atmosphere import CLEAR, Atmosphere, fog
 from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport import solve
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import Wanted, spot_histogram, transport_image
+from spisim.transport.engine.estimator import Wanted, spot_histogram, transport_image
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.reference import bucket_powers
-from spisim.transport.tally import PathLengthBins
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 

@@ -9,12 +9,12 @@ from spisim.transport.llvm import use_working_llvm
 with suppress(InputError):
     use_working_llvm()
 
-from spisim.transport.estimator import Wanted
+from spisim.transport.engine.estimator import Wanted
+from spisim.transport.engine.tally import ORDERS, PathLengthBins
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
+from spisim.transport.raycaster import RayCaster, Surfaces
 from spisim.transport.sequence import LightSequence, trace
-from spisim.transport.sight import Sight, Surfaces
 from spisim.transport.solve import LONGEST_PATH_M, Transport, solve
-from spisim.transport.tally import ORDERS, PathLengthBins
 from spisim.transport.truth import GroundTruth, ground_truth
 
 __all__ = [
@@ -24,7 +24,7 @@ __all__ = [
     "GroundTruth",
     "LightSequence",
     "PathLengthBins",
-    "Sight",
+    "RayCaster",
     "Surfaces",
     "Transport",
     "Wanted",

@@ -15,13 +15,13 @@ import numpy as np
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene
-from spisim.transport.accumulator import Accumulator
 from spisim.transport.backend import with_backend
-from spisim.transport.effort import Paths, repeat
-from spisim.transport.ends import Detectors, Lamp, Sun
-from spisim.transport.estimator import MAX_VERTICES, alone, run
+from spisim.transport.engine.accumulator import Accumulator
+from spisim.transport.engine.ends import Detectors, Lamp, Sun
+from spisim.transport.engine.estimator import MAX_VERTICES, alone, run
+from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.walk import Contribution, Sink, Sky
 from spisim.transport.views import DetectorView, Floats, ProjectorView
-from spisim.transport.walk import Contribution, Sink, Sky
 from spisim.transport.world import World
 
 

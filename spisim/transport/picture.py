@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene
-from spisim.transport.accumulator import Accumulator
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import sky_of, sun_of
-from spisim.transport.effort import Paths, repeat
-from spisim.transport.ends import Lamp, Projector
-from spisim.transport.estimator import MAX_VERTICES, alone, run, transport_image
+from spisim.transport.engine.accumulator import Accumulator
+from spisim.transport.engine.ends import Lamp, Projector
+from spisim.transport.engine.estimator import MAX_VERTICES, alone, run, transport_image
+from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.walk import Deposit
 from spisim.transport.views import Floats, InstrumentView, ProjectorView
-from spisim.transport.walk import Deposit
 from spisim.transport.world import build_world
 
 #: The camera sits this far above the pinhole: light and camera in one point would see no shading.

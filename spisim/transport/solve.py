@@ -17,9 +17,9 @@ from spisim.instrument import CwTof, DirectTof, Instrument, Tof
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
-from spisim.transport.effort import Effort, Noise, Paths
-from spisim.transport.estimator import Wanted, spot_histogram, transport_image
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import Wanted, spot_histogram, transport_image
+from spisim.transport.engine.sampling import Effort, Noise, Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.views import Floats, InstrumentView
 from spisim.transport.world import build_world
 

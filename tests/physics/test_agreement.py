@@ -11,7 +11,7 @@ import pytest
 
 import worlds
 from reconstruction.patterns import expose, illumination, make_plan
-from spisim.transport.estimator import Strategy
+from spisim.transport.engine.estimator import Strategy
 from spisim.transport.reference import bucket_powers
 from spisim.transport.world import build_world
 

@@ -11,9 +11,9 @@ from reconstruction.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.transport import solve
 from spisim.transport.backend import activate, has_cuda
-from spisim.transport.effort import FIRST_PATHS, Noise, Paths, repeat
-from spisim.transport.estimator import Wanted, transport_image
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import Wanted, transport_image
+from spisim.transport.engine.sampling import FIRST_PATHS, Noise, Paths, repeat
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.world import build_world
 
 # isort: split

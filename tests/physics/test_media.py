@@ -10,10 +10,10 @@ import worlds
 from reconstruction.patterns import expose, illumination, make_plan
 from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Tabulated, explicit
 from spisim.scene import Volume
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import Wanted, transport_image
+from spisim.transport.engine.estimator import Wanted, transport_image
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.reference import bucket_powers
-from spisim.transport.tally import PathLengthBins
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(8)

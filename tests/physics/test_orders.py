@@ -10,9 +10,9 @@ import worlds
 from reconstruction.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.transport import solve
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import Wanted, spot_histogram, transport_image
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import Wanted, spot_histogram, transport_image
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(8)

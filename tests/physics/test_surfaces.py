@@ -23,7 +23,7 @@ from spisim.scene.bsdf import (
     ThinPane,
 )
 from spisim.transport import estimator
-from spisim.transport.estimator import Strategy
+from spisim.transport.engine.estimator import Strategy
 from spisim.transport.reference import bucket_powers
 from spisim.transport.world import build_world
 

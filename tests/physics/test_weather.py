@@ -12,9 +12,9 @@ from scipy.constants import c
 
 import worlds
 from spisim.atmosphere import Tabulated, fog
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import spot_histogram
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import spot_histogram
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.world import build_world
 
 AREA = 1e-12

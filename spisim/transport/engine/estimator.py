@@ -3,8 +3,8 @@
 Paths from the projector and paths from the detector estimate the same light. Each strategy alone
 is unbiased, and noisy where a path scatters close to the opposite end; weighted against each
 other, and against a third that joins a detector's path to a ray of the projector, they cover each
-other's weakness (`spisim.transport.walk`). Light that is scattered once only needs no walk: it is
-summed along the projector's rays (`spisim.transport.direct`).
+other's weakness (`spisim.transport.engine.walk`). Light that is scattered once only needs no walk: it is
+summed along the projector's rays (`spisim.transport.engine.direct`).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import mitsuba as mi
 import numpy as np
 
 from reconstruction.errors import InputError
-from spisim.transport.beams import Beams
-from spisim.transport.direct import direct_light
-from spisim.transport.effort import Effort, Estimate, repeat
-from spisim.transport.ends import Detectors, JointDetectors, Projector
-from spisim.transport.points import Points
-from spisim.transport.rays import FogRays
-from spisim.transport.tally import (
+from spisim.transport.engine.beams import Beams
+from spisim.transport.engine.direct import direct_light
+from spisim.transport.engine.ends import Detectors, JointDetectors, Projector
+from spisim.transport.engine.points import Points
+from spisim.transport.engine.rays import FogRays
+from spisim.transport.engine.sampling import Effort, Estimate, repeat
+from spisim.transport.engine.tally import (
     HistogramTally,
     ImageTally,
     OrderTally,
@@ -34,8 +34,8 @@ from spisim.transport.tally import (
     PhasorTally,
     Tally,
 )
+from spisim.transport.engine.walk import Contribution, Deposit, Rays, Sky, Weight, walk
 from spisim.transport.views import BeamView, DetectorView, Floats, ProjectorView
-from spisim.transport.walk import Contribution, Deposit, Rays, Sky, Weight, walk
 from spisim.transport.world import World
 
 #: Paths longer than this carry nothing worth following; roulette ends almost all of them earlier.
@@ -99,7 +99,7 @@ def transport_image(
 
     Several detectors are alike, and their light is added up.
     `effort` counts paths per virtual pixel from each end that takes part. What else is `wanted`
-    comes under the names of `spisim.transport.tally`.
+    comes under the names of `spisim.transport.engine.tally`.
     """
     pixels = projector.pixels
 

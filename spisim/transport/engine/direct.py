@@ -11,9 +11,9 @@ from typing import Any, Protocol
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.ends import Detectors
-from spisim.transport.equiangular import EquiAngular
-from spisim.transport.walk import Contribution, Deposit, direction_to
+from spisim.transport.engine.ends import Detectors
+from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.engine.walk import Contribution, Deposit, direction_to
 from spisim.transport.world import World
 
 

@@ -13,7 +13,7 @@ closed form are left out for all strategies alike, which keeps the weights' sum 
 
 A path whose first vertex is close to the projector and whose last is close to the detector is bad
 for both: each end's connection meets a 1/d². A third strategy builds it: the detector's walk down
-to x₂, and x₁ on a ray that the projector sends out (`spisim.transport.rays`). Its density relative
+to x₂, and x₁ on a ray that the projector sends out (`spisim.transport.engine.rays`). Its density relative
 to that of the detector's strategy depends on the three points next to the projector alone,
 
     S = rays(x₀, x₁, x₂) · |x₁-x₂|² / (pr₂ · Tr(x₁,x₂))
@@ -32,10 +32,10 @@ from typing import Any, NamedTuple, Protocol
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.ends import Connection, Launch
+from spisim.transport.engine.ends import Connection, Launch
+from spisim.transport.engine.vertex import Vertex
 from spisim.transport.geometry import Geometry
 from spisim.transport.media import Media
-from spisim.transport.vertex import Vertex
 
 #: Russian roulette starts here; before, a path that carries little is still worth its cost.
 ROULETTE_VERTEX = 5
@@ -44,7 +44,7 @@ MAX_CROSSINGS = 64
 
 
 class Source(Protocol):
-    """An end that launches paths; see `spisim.transport.ends`."""
+    """An end that launches paths; see `spisim.transport.engine.ends`."""
 
     def launch(self, lane: Any, sampler: Any) -> Launch:
         """Start the lane's path."""

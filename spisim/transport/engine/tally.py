@@ -12,9 +12,9 @@ import numpy as np
 from scipy.constants import c
 
 from reconstruction.errors import InputError
-from spisim.transport.accumulator import Accumulator
+from spisim.transport.engine.accumulator import Accumulator
+from spisim.transport.engine.walk import Contribution
 from spisim.transport.views import Floats
-from spisim.transport.walk import Contribution
 
 #: Parts that the light can be split into, by how often it was scattered in fog.
 ORDERS = ("unscattered", "single", "multiple")
