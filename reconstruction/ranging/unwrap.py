@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 PHASE_ERROR_RAD = 0.05
 """Systematic error that a phase may have beside its noise: harmonics, echoes of fog."""
-LONGEST_PATH_M = 80.0
+MAX_PATH_M = 80.0
 """Paths beyond this are not considered where several frequencies could tell them."""
 
 
@@ -62,7 +62,7 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
     """Path length at which the phases of all frequencies repeat, in metres.
 
     That is c / f of a single one. Of several it is the first multiple of the shortest wavelength at
-    which no phase differs by more than `path_from_phases` could tell, LONGEST_PATH_M at most.
+    which no phase differs by more than `path_from_phases` could tell, MAX_PATH_M at most.
     """
     shortest = c / float(frequencies_hz.max())
     unlike = LEAST_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
@@ -71,6 +71,6 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
         cycles = path * frequencies_hz / c
         if np.abs(cycles - np.round(cycles)).max() < unlike:
             return path
-        if path > LONGEST_PATH_M:
-            return LONGEST_PATH_M
+        if path > MAX_PATH_M:
+            return MAX_PATH_M
         path += shortest

@@ -61,3 +61,10 @@ def transform(matrix: NDArray[np.floating[Any]]) -> Any:
     result = mi.Transform4f(mi.Matrix4f(matrix.astype(np.float32)))
     dr.make_opaque(result)
     return result
+
+
+def direction_to(start: Any, stop: Any) -> tuple[Any, Any]:
+    """Unit vector and distance from one point to another."""
+    offset = mi.Vector3f(stop - start)
+    gap = dr.norm(offset)
+    return offset * dr.rcp(gap), gap

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +12,13 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import sky_of, sun_of
-from spisim.transport.engine.accumulator import Accumulator
 from spisim.transport.engine.ends import Lamp, Projector
-from spisim.transport.engine.estimator import MAX_VERTICES, alone, run, transport_image
+from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.sampling import Paths, repeat
-from spisim.transport.engine.walk import Deposit
-from spisim.transport.views import Floats, InstrumentView, ProjectorView
+from spisim.transport.engine.tally import ImageTally, Sums, Tallies
+from spisim.transport.engine.walk import Sink, Sky, Walk
+from spisim.transport.engine.weights import alone
+from spisim.transport.views import InstrumentView, ProjectorView
 from spisim.transport.world import build_world
 
 #: The camera sits this far above the pinhole: light and camera in one point would see no shading.
@@ -82,18 +83,20 @@ def camera_view(
     sky = sky_of(scene, instrument)
     sun = sun_of(scene, instrument, world)
 
-    def launch(samples: int, seeds: Sequence[int]) -> Mapping[str, Floats]:
-        lit, daylight = Accumulator(view.pixels), Accumulator(view.pixels)
+    def launch(samples: int, seeds: Sequence[int]) -> Sums:
         camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
-        run(world, camera, lamp, seeds[0], MAX_VERTICES, "Radiance", alone, _into(lit))
+
+        def seen(light: Sink, sky: Sky | None, seed: int) -> Sums:
+            tallies = Tallies(view.pixels, [ImageTally(view.pixels)])
+            Walk(world, camera, light, False, alone, tallies.add, sky=sky).run(seed)
+            return tallies.read(1.0)
+
+        patterns = seen(lamp, None, seeds[0])
+        radiance, dropped = total * patterns.values["image"], patterns.dropped
         if scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0:
-            to_sky = _into(daylight)
-            run(world, camera, sun, seeds[1], MAX_VERTICES, "Radiance", alone, to_sky, sky)
-        return {"radiance": total * lit.read() + daylight.read()}
+            daylight = seen(sun, sky, seeds[1])
+            radiance, dropped = radiance + daylight.values["image"], dropped + daylight.dropped
+        return Sums({"radiance": radiance}, dropped)
 
     radiance = repeat(launch, Paths(spp), view.pixels, np.random.SeedSequence(seed), None)
     return radiance.mean["radiance"].reshape(height, width).astype(np.float32)
-
-
-def _into(accumulator: Accumulator) -> Deposit:
-    return lambda light: accumulator.add(light.value, light.cell, light.active)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene, check_clear_of_sensor
-from spisim.transport.estimator import Wanted
+from spisim.transport.engine.outputs import Outputs
 from spisim.transport.solve import Transport, solve
 
 Floats = NDArray[np.float64]
@@ -71,7 +71,7 @@ def trace(
             spp=spp,
             noise=noise,
             seed=seed,
-            wanted=Wanted(frequencies_hz=instrument.tap_frequencies_hz),
+            outputs=Outputs(frequencies_hz=instrument.tap_frequencies_hz),
             progress=part(number),
         )
         for number, time in enumerate(times)

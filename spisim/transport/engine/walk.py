@@ -13,8 +13,8 @@ closed form are left out for all strategies alike, which keeps the weights' sum 
 
 A path whose first vertex is close to the projector and whose last is close to the detector is bad
 for both: each end's connection meets a 1/d². A third strategy builds it: the detector's walk down
-to x₂, and x₁ on a ray that the projector sends out (`spisim.transport.engine.rays`). Its density relative
-to that of the detector's strategy depends on the three points next to the projector alone,
+to x₂, and x₁ on a ray that the projector sends out (`rays`). Its density relative to that of the
+detector's strategy depends on the three points next to the projector alone,
 
     S = rays(x₀, x₁, x₂) · |x₁-x₂|² / (pr₂ · Tr(x₁,x₂))
 
@@ -27,24 +27,35 @@ through them and is weakened, as in fog.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.ends import Connection, Launch
-from spisim.transport.engine.vertex import Vertex
-from spisim.transport.geometry import Geometry
-from spisim.transport.media import Media
+from spisim.transport.engine.tally import Contribution, Deposit
+from spisim.transport.engine.vertex import Lobe, Turn, Vertex
+from spisim.transport.engine.weights import Weight
+from spisim.transport.geometry import direction_to
+from spisim.transport.world import World
 
+#: Paths longer than this carry nothing worth following; roulette ends almost all of them earlier.
+MAX_VERTICES = 256
 #: Russian roulette starts here; before, a path that carries little is still worth its cost.
 ROULETTE_VERTEX = 5
-#: Most surfaces that a path passes straight through, all in all.
+MAX_SURVIVAL = 0.95
+#: Surfaces that a path passes straight through, all in all.
 MAX_CROSSINGS = 64
 
 
 class Source(Protocol):
     """An end that launches paths; see `spisim.transport.engine.ends`."""
+
+    @property
+    def lanes(self) -> int:
+        """Paths of one launch."""
+        ...
 
     def launch(self, lane: Any, sampler: Any) -> Launch:
         """Start the lane's path."""
@@ -76,177 +87,250 @@ class Rays(Protocol):
         ...
 
 
-class Contribution(NamedTuple):
-    """Light on its way between the two ends, found at one vertex."""
-
-    value: Any
-    cell: Any
-    length_m: Any  # whole optical path
-    scatterings: Any  # in fog, along the whole path
-    active: Any
-
-
-#: Weight of a contribution, from the sum of the other strategies' densities relative to this
-#: one's, the vertex number n, and whether the walk has passed straight through a surface.
-Weight = Callable[[Any, Any, Any], Any]
-Deposit = Callable[[Contribution], None]
 #: Radiance from outside the scene, by direction of the leaving path.
 Sky = Callable[[Any], Any]
 
 
-@dr.syntax
-def walk(
-    geometry: Geometry,
-    media: Media,
-    this: Source,
-    other: Sink,
-    rays: Any,  # Rays | None
-    lane: Any,
-    sampler: Any,
-    max_vertices: Any,
-    mode: Any,
-    weight: Weight,
-    deposit: Deposit,
-    sky: Any,  # Sky | None
-) -> None:
-    """Launch one path per lane from `this` end and deposit what each vertex sends to `other`.
+@dataclass
+class Densities:
+    """What is known of R and S so far; see the head of this module."""
 
-    `mode` is the Mitsuba transport mode of the walk: Importance where it starts at an emitter.
-    With `rays`, the third strategy takes part; a walk from a detector then carries it out.
+    ratio: Any  # Π cout / cin · Π pr / Π pf
+    start: Any  # d_start² / (κW_this Tr(d_start))
+    segment_m: Any
+    through: Any  # Tr of the segment, as far as it has a closed form
+    before: Any  # last vertex
+    before_forward: Any  # density of leaving it; 0 where a third strategy has no part
+    bridge: Any  # S
+
+    @classmethod
+    def start_at(cls, point: Any) -> Densities:
+        """At an end."""
+        return cls(
+            ratio=mi.Float(1),
+            start=mi.Float(0),
+            segment_m=mi.Float(0),
+            through=mi.Float(1),
+            before=mi.Point3f(point),
+            before_forward=mi.Float(0),
+            bridge=mi.Float(0),
+        )
+
+    def over_segment(self, value: Any) -> Any:
+        """`value` times the segment's length² over its transmittance."""
+        return value * self.segment_m * self.segment_m / self.through
+
+
+@dataclass
+class Path:
+    """One path per lane, on its way to vertex number `vertex`."""
+
+    ray: Any
+    beta: Any  # weight
+    length_m: Any
+    scatterings: Any
+    vertex: Any
+    crossings: Any  # surfaces passed straight through
+    active: Any
+    densities: Densities
+
+    @classmethod
+    def start(cls, launch: Launch) -> Path:
+        """At an end."""
+        beta = mi.Float(launch.beta)
+        return cls(
+            ray=mi.Ray3f(launch.origin, launch.direction),
+            beta=beta,
+            length_m=mi.Float(launch.length_m),
+            scatterings=mi.UInt32(launch.scatterings),
+            vertex=mi.UInt32(1),
+            crossings=mi.UInt32(0),
+            active=beta != 0,
+            densities=Densities.start_at(launch.origin),
+        )
+
+
+class _Join(NamedTuple):
+    """The connection of a vertex to an end."""
+
+    value: Any  # of the light that comes this way, unweighted
+    others: Any  # R
+    lobe: Lobe
+    gap_m: Any
+    known: Any  # transmittance of the gap, as far as it has a closed form
+    active: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Paths from `this` end, each vertex of which is connected to the `other`.
+
+    `outward` paths start at an emitter, the others at a sensor. With `rays`, the third strategy
+    takes part; a walk from a detector then carries it out. With a `sky`, paths that leave the scene
+    find its light.
     """
-    context = mi.BSDFContext(mode)
-    outward = mode == mi.TransportMode.Importance
-    launch = this.launch(lane, sampler)
-    ray = mi.Ray3f(launch.origin, launch.direction)
-    beta = mi.Float(launch.beta)
-    roulette_scale = 1 / launch.beta
-    ratio = mi.Float(1)
-    start_scale = mi.Float(0)
-    through = mi.Float(1)  # of the segment, as far as it has a closed form
-    segment = mi.Float(0)
-    before = mi.Point3f(launch.origin)
-    before_density = mi.Float(0)  # of leaving there; 0 where a third strategy has no part
-    bridge = mi.Float(0)
-    length = mi.Float(launch.length_m)
-    scatterings = mi.UInt32(launch.scatterings)
-    vertex = mi.UInt32(1)
-    crossings = mi.UInt32(0)
-    active = beta > 0
 
-    while dr.hint(active, exclude=[geometry, media, this, other, rays, launch, context]):
-        si = geometry.scene.ray_intersect(ray, active)
-        collision = media.flight(ray, si.t, sampler, active)
-        in_fog = active & (collision.distance < si.t)
+    world: World
+    this: Source
+    other: Sink
+    outward: bool
+    weight: Weight
+    deposit: Deposit
+    rays: Rays | None = None
+    sky: Sky | None = None
+
+    @dr.syntax
+    def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
+        """Launch one path per lane and deposit what each vertex sends to the other end."""
+        lane, sampler = lanes(self.this.lanes, seed)
+        limit = dr.opaque(mi.UInt32, max_vertices)
+        launch = self.this.launch(lane, sampler)
+        path, scale = Path.start(launch), 1 / launch.beta
+        while dr.hint(path.active, exclude=[self, launch, scale, limit]):
+            here = self._arrive(path, launch, sampler)
+            self._connect(here, path, launch, lane, sampler)
+            if dr.hint(self.rays is not None and not self.outward, mode="scalar"):
+                self._connect_to_ray(here, path, limit, sampler)
+            turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
+            self._leave(here, turn, path)
+            self._roulette(turn, path, scale, limit, sampler)
+
+    def _arrive(self, path: Path, launch: Launch, sampler: Any) -> Vertex:
+        """Follow the ray to a surface or a collision; paths that meet neither end here."""
+        media, ray, densities = self.world.media, path.ray, path.densities
+        si = self.world.geometry.scene.ray_intersect(ray, path.active)
+        collision = media.flight(ray, si.t, sampler, path.active)
+        in_fog = path.active & (collision.distance < si.t)
+        on_surface = path.active & ~in_fog & si.is_valid()
+        if self.sky is not None:
+            escaped = path.active & ~in_fog & ~on_surface
+            light = path.beta * self.sky(ray.d)
+            self.deposit(Contribution(light, launch.cell, path.length_m, path.scatterings, escaped))
+        path.active &= in_fog | on_surface
         distance = dr.select(in_fog, collision.distance, si.t)
-        on_surface = active & ~in_fog & si.is_valid()
-        escaped = active & ~in_fog & ~on_surface
-        if dr.hint(sky is not None, mode="scalar"):
-            deposit(Contribution(beta * sky(ray.d), launch.cell, length, scatterings, escaped))
-        active &= ~escaped
-        distance = dr.select(active, distance, 0)
+        distance = dr.select(path.active, distance, 0)
         point = mi.Point3f(ray(distance))
-        segment += distance
-        length += distance
-        scatterings += dr.select(in_fog, 1, 0)
-        beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
-        through *= media.known_transmittance(ray.o, ray.d, distance)
-        here = Vertex(
-            geometry, media, context, si, collision.medium, point, ray.d, in_fog, on_surface
+        path.length_m += distance
+        path.scatterings += dr.select(in_fog, 1, 0)
+        path.beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
+        densities.segment_m += distance
+        densities.through *= media.known_transmittance(ray.o, ray.d, distance)
+        densities.start = dr.select(
+            path.vertex == 1,
+            densities.segment_m
+            * densities.segment_m
+            / (self.this.density(launch, point) * densities.through),
+            densities.start,
         )
-        first, second = vertex == 1, vertex == 2
-        start_scale = dr.select(
-            first, segment * segment / (this.density(launch, point) * through), start_scale
+        mode = mi.TransportMode.Importance if self.outward else mi.TransportMode.Radiance
+        return Vertex(
+            self.world.geometry,
+            media,
+            mi.BSDFContext(mode),
+            si,
+            collision.medium,
+            point,
+            ray.d,
+            in_fog,
+            on_surface,
         )
 
-        # Connection to the other end.
-        end = other.connect(lane, point, sampler)
-        towards, gap = direction_to(point, end.point)
-        lobe = here.lobe(towards, active & (end.importance > 0))
-        value = beta * end.importance * lobe.value
-        connected = active & (value > 0)
+    def _connect(self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any) -> None:
+        """Deposit what a vertex sends to the other end."""
+        densities = path.densities
+        end = self.other.connect(lane, here.point, sampler)
+        join = self._join(here, end, path, path.active, sampler)
+        others = join.others
+        if self.rays is not None and self.outward:
+            second = path.vertex == 2
+            place = self.rays.density(launch.origin, densities.before, here.point)
+            reach = dr.select(densities.before_forward > 0, densities.over_segment(place), 0)
+            densities.bridge = dr.select(second, reach, densities.bridge)
+            at_second = _quotient(densities.bridge, join.lobe.backward)
+            others *= 1 + dr.select(second, at_second, densities.bridge)
+        elif self.rays is not None:
+            place = self.rays.density(end.point, here.point, densities.before)
+            reach = _quotient(densities.over_segment(place), densities.before_forward)
+            others += dr.select(here.in_fog, reach, 0)
+        cell = end.cell if launch.cell is None else launch.cell
+        self._deposit(join, others, path.vertex, end, cell, path)
+
+    def _connect_to_ray(self, here: Vertex, path: Path, limit: Any, sampler: Any) -> None:
+        """The third strategy: deposit what a vertex sends on to a point of a ray."""
+        assert self.rays is not None
+        end, place = self.rays.connect(here.point, sampler, path.active)
+        allowed = path.active & (path.vertex < limit)
+        join = self._join(here, end, path, allowed, sampler)
+        towards = _quotient(join.lobe.forward * join.known, place * join.gap_m * join.gap_m)
+        self._deposit(join, join.others + towards, path.vertex + 1, end, end.cell, path)
+
+    def _join(self, here: Vertex, end: Connection, path: Path, allowed: Any, sampler: Any) -> _Join:
+        densities = path.densities
+        towards, gap = direction_to(here.point, end.point)
+        lobe = here.lobe(towards, allowed & (end.importance > 0))
+        value = path.beta * end.importance * lobe.value
+        connected = allowed & (value != 0)
         value *= here.transmission(towards, gap, sampler, connected)
-        known = media.known_transmittance(point, towards, gap)
-        others = ratio * start_scale * end.density * known * lobe.cosines
-        others *= dr.select(first, 1, lobe.backward)
-        if dr.hint(rays is not None and outward, mode="scalar"):
-            reach = rays.density(launch.origin, before, point) * segment * segment / through
-            bridge = dr.select(second, dr.select(before_density > 0, reach, 0), bridge)
-            others *= 1 + dr.select(second, _quotient(bridge, lobe.backward), bridge)
-        if dr.hint(rays is not None and not outward, mode="scalar"):
-            reach = rays.density(end.point, point, before) * segment * segment / through
-            others += dr.select(in_fog, _quotient(reach, before_density), 0)
-        deposit(
+        known = self.world.media.known_transmittance(here.point, towards, gap)
+        others = densities.ratio * densities.start * end.density * known * lobe.cosines
+        others *= dr.select(path.vertex == 1, 1, lobe.backward)
+        return _Join(value, others, lobe, gap, known, connected & (value != 0))
+
+    def _deposit(
+        self, join: _Join, others: Any, vertex: Any, end: Connection, cell: Any, path: Path
+    ) -> None:
+        self.deposit(
             Contribution(
-                value * weight(others, vertex, crossings > 0),
-                end.cell if launch.cell is None else launch.cell,
-                length + gap + end.length_m,
-                scatterings + end.scatterings,
-                connected & (value > 0),
+                join.value * self.weight(others, vertex, path.crossings > 0),
+                cell,
+                path.length_m + join.gap_m + end.length_m,
+                path.scatterings + end.scatterings,
+                join.active,
             )
         )
 
-        # The third strategy: on to a point of a ray from the other end.
-        if dr.hint(rays is not None and not outward, mode="scalar"):
-            end, reach = rays.connect(point, sampler, active)
-            towards, gap = direction_to(point, end.point)
-            lobe = here.lobe(towards, active & (end.importance > 0))
-            value = beta * end.importance * lobe.value
-            connected = active & (value > 0) & (vertex < max_vertices)
-            value *= here.transmission(towards, gap, sampler, connected)
-            known = media.known_transmittance(point, towards, gap)
-            others = ratio * start_scale * end.density * known * lobe.cosines
-            others *= dr.select(first, 1, lobe.backward)
-            others += _quotient(lobe.forward * known, reach * gap * gap)
-            deposit(
-                Contribution(
-                    value * weight(others, vertex + 1, crossings > 0),
-                    end.cell,
-                    length + gap + end.length_m,
-                    scatterings + end.scatterings,
-                    connected & (value > 0),
-                )
-            )
-
-        # Next direction.
-        turn = here.turn(sampler.next_1d(active), sampler.next_2d(active))
-        beta *= turn.weight
+    def _leave(self, here: Vertex, turn: Turn, path: Path) -> None:
+        """Take the next direction."""
+        densities = path.densities
+        first, second = path.vertex == 1, path.vertex == 2
+        path.beta *= turn.weight
         # A specular vertex has the same delta in both densities, and cannot be connected to.
-        densities = dr.select(
+        ratio = dr.select(
             turn.specular,
             dr.select(first, 0, 1),
             dr.select(first, 1, turn.backward) / turn.forward,
         )
-        ratio *= dr.select(turn.straight, 1, densities * turn.cosines)
-        if dr.hint(rays is not None, mode="scalar"):
-            settled = dr.select(turn.specular, 0, _quotient(bridge, turn.backward))
-            bridge = dr.select(second & ~turn.straight, settled, bridge)
+        densities.ratio *= dr.select(turn.straight, 1, ratio * turn.cosines)
+        if self.rays is not None:
+            settled = dr.select(turn.specular, 0, _quotient(densities.bridge, turn.backward))
+            densities.bridge = dr.select(second & ~turn.straight, settled, densities.bridge)
             # Outwards x₁ must be in fog to lie on a ray; inwards x₂ must not be a mirror.
-            fit = dr.select(outward, in_fog, ~turn.specular)
-            before_density = dr.select(
-                turn.straight, before_density, dr.select(fit, turn.forward, 0)
-            )
-            before = dr.select(turn.straight, before, point)
-        segment = dr.select(turn.straight, segment, 0)
-        through = dr.select(turn.straight, through, 1)
-        vertex += dr.select(turn.straight, 0, 1)
-        crossings += dr.select(turn.straight, 1, 0)
+            forward = dr.select(here.in_fog if self.outward else ~turn.specular, turn.forward, 0)
+            densities.before_forward = dr.select(turn.straight, densities.before_forward, forward)
+            densities.before = dr.select(turn.straight, densities.before, here.point)
+        densities.segment_m = dr.select(turn.straight, densities.segment_m, 0)
+        densities.through = dr.select(turn.straight, densities.through, 1)
+        path.vertex += dr.select(turn.straight, 0, 1)
+        path.crossings += dr.select(turn.straight, 1, 0)
+        path.ray = turn.ray
 
+    def _roulette(self, turn: Turn, path: Path, scale: Any, limit: Any, sampler: Any) -> None:
+        """End paths that carry little, without bias, and those that are too long."""
         survival = dr.select(
-            (vertex <= ROULETTE_VERTEX) | turn.straight,
+            (path.vertex <= ROULETTE_VERTEX) | turn.straight,
             1,
-            dr.minimum(beta * roulette_scale, 0.95),
+            dr.minimum(path.beta * scale, MAX_SURVIVAL),
         )
-        active &= (sampler.next_1d(active) < survival) & (beta > 0)
-        active &= (vertex <= max_vertices) & (crossings <= MAX_CROSSINGS)
-        beta *= dr.rcp(survival)
-        ray = turn.ray
+        path.active &= (sampler.next_1d(path.active) < survival) & (path.beta != 0)
+        path.active &= (path.vertex <= limit) & (path.crossings <= MAX_CROSSINGS)
+        path.beta *= dr.rcp(survival)
 
 
-def direction_to(start: Any, stop: Any) -> tuple[Any, Any]:
-    """Unit vector and distance from one point to another."""
-    offset = mi.Vector3f(stop - start)
-    gap = dr.norm(offset)
-    return offset * dr.rcp(gap), gap
+def lanes(count: int, seed: int) -> tuple[Any, Any]:
+    """Lane numbers and a sampler for them."""
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(dr.opaque(mi.UInt32, seed), count)
+    return dr.arange(mi.UInt32, count), sampler
 
 
 def _quotient(part: Any, whole: Any) -> Any:
