@@ -19,9 +19,8 @@ import numpy as np
 
 from spisim.scene import Scene
 from spisim.transport.engine.ends import Projector
-from spisim.transport.engine.estimator import lanes
-from spisim.transport.engine.tally import ImageTally, PhasorTally
-from spisim.transport.engine.walk import Contribution
+from spisim.transport.engine.tally import Contribution, ImageTally, PhasorTally
+from spisim.transport.engine.walk import lanes
 from spisim.transport.reference import MAX_DEPTH, Renderer
 from spisim.transport.views import BeamView, DetectorView, Floats, ProjectorView
 

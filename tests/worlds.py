@@ -106,9 +106,8 @@ def image(world, view, end, spp, seed, **options):
 
 def histogram(world, lasers, ends, bins, paths, seed, **options):
     """Path-length histograms (beams, bins); `bins` is (count, width in m)."""
-    effort = Paths(paths)
     return spot_histogram(
-        world, lasers, ends, PathLengthBins(*bins), effort, seed=seed, **options
+        world, lasers, ends, PathLengthBins(*bins), Paths(paths), seed=seed, **options
     ).mean["histogram"]
 
 

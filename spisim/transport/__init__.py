@@ -15,11 +15,12 @@ from spisim.transport.engine.tally import ORDERS, PathLengthBins
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
 from spisim.transport.raycaster import RayCaster, Surfaces
 from spisim.transport.sequence import LightSequence, trace
-from spisim.transport.solve import Transport, solve
+from spisim.transport.solve import MAX_PATH_M, Transport, solve
 from spisim.transport.truth import GroundTruth, ground_truth
 
 __all__ = [
     "CAMERA_OFFSET_M",
+    "MAX_PATH_M",
     "ORDERS",
     "GroundTruth",
     "LightSequence",

@@ -41,7 +41,7 @@ def trace(
     *,
     frames: int,
     spp: int,
-    noise: float | None,
+    transport_error: float | None,
     seed: int,
     progress: Callable[[float], None] | None,
 ) -> LightSequence:
@@ -69,7 +69,7 @@ def trace(
             scene.at(time),
             instrument,
             spp=spp,
-            noise=noise,
+            transport_error=transport_error,
             seed=seed,
             outputs=Outputs(frequencies_hz=instrument.tap_frequencies_hz),
             progress=part(number),

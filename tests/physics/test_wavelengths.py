@@ -11,7 +11,7 @@ from spisim.budget import Target, bucket_link
 from spisim.instrument import load_instrument
 from spisim.measurement.light import background_electrons
 from spisim.scene import Ambient, in_band_irradiance
-from spisim.transport import Wanted, solve
+from spisim.transport import Outputs, solve
 
 WALL_M = 4.0
 SUNLIT = worlds.scene(
@@ -48,7 +48,7 @@ def test_fog_of_the_wavelength_reaches_the_transport(wavelength_nm):
     medium = fog(20, "haze-l", wavelength_nm=wavelength_nm)
     instrument = HERE.at_wavelength(wavelength_nm)
     hazy = at(replace(SUNLIT, atmosphere=medium), wavelength_nm)
-    light = solve(hazy, instrument, spp=64, seed=1, wanted=Wanted(orders=True))
+    light = solve(hazy, instrument, spp=64, seed=1, outputs=Outputs(orders=True))
     straight = (light.extra["orders"][0] * instrument.pixel_powers_w).sum()
     target = Target(WALL_M, 0.5, 0.0, medium.extinction_per_m)
     assert straight == pytest.approx(float(bucket_link(instrument, target).signal_w), rel=0.01)

@@ -33,8 +33,7 @@ def traced(world, detectors, bins, paths, seed, **options):
     """Of one laser along z for every detector."""
     count = len(detectors.positions_m)
     lasers = worlds.beams(*[[0, 0, 1]] * count)
-    effort = Paths(paths)
-    return spot_histogram(world, lasers, detectors, bins, effort, seed=seed, **options).mean
+    return spot_histogram(world, lasers, detectors, bins, Paths(paths), seed=seed, **options).mean
 
 
 @pytest.mark.parametrize("kind", NATURAL)

@@ -65,8 +65,8 @@ class Check:
         largest = float(coarse[:-1].max()) * COARSE_PER_M2
         if largest >= MAX_SUM_PER_M2:
             raise InputError(
-                f"light of {largest:.3g} per m² of a detector, of what is emitted; less than "
-                f"{MAX_SUM_PER_M2:g} can be summed: a surface or fog is within millimetres of "
-                "source and detector; move the instrument or what is before it"
+                f"light of {largest:.3g} per m² of detector; less than {MAX_SUM_PER_M2:g} can be "
+                "summed: a surface, or fog before a tiny aperture, is too close to source and "
+                "detector"
             )
         return int(coarse[-1])

@@ -294,11 +294,13 @@ class Walk:
         densities = path.densities
         first, second = path.vertex == 1, path.vertex == 2
         path.beta *= turn.weight
-        # A specular vertex has the same delta in both densities, and cannot be connected to.
+        # Equal in fog, where rounding may make 0 of both. A specular vertex has the same delta in
+        # both, and cannot be connected to.
+        quotient = dr.select(here.in_fog, 1, turn.backward / turn.forward)
         ratio = dr.select(
             turn.specular,
             dr.select(first, 0, 1),
-            dr.select(first, 1, turn.backward) / turn.forward,
+            dr.select(first, 1 / turn.forward, quotient),
         )
         densities.ratio *= dr.select(turn.straight, 1, ratio * turn.cosines)
         if self.rays is not None:
