@@ -14,7 +14,7 @@ import mitsuba as mi
 from spisim.transport.engine.ends import Detectors
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.points import Points
-from spisim.transport.engine.tally import Contribution, Deposit
+from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
 from spisim.transport.world import World
 
@@ -81,7 +81,7 @@ def _off_surface(
     context = mi.BSDFContext(mi.TransportMode.Importance)
     reflected = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
     value = reflected.x * end.importance
-    lit = (value != 0) & si.is_valid()
+    lit = carries_light(value) & si.is_valid()
     value *= world.geometry.transmission(si, si.p, towards, gap, mi.Bool(False), lit)
     value *= world.media.transmittance(ray.o, ray.d, reach, sampler, lit)
     value *= world.media.transmittance(si.p, towards, gap, sampler, lit)
@@ -116,7 +116,7 @@ def _off_fog(
     end = detectors.connect_to(detector, point, sampler)
     towards, gap = direction_to(point, end.point)
     value = media.albedo(medium) * media.extinction_at(point) * end.importance / density
-    lit = (value != 0) & (far > near)
+    lit = carries_light(value) & (far > near)
     value *= media.phase(medium, point, ray.d, towards, lit)
     value *= world.geometry.between(point, towards, gap, lit)
     value *= media.transmittance(ray.o, ray.d, distance, sampler, lit)

@@ -32,6 +32,11 @@ class Contribution(NamedTuple):
 Deposit = Callable[[Contribution], None]
 
 
+def carries_light(value: Any) -> Any:
+    """Lanes with light. Those with nan are among them, so that they are counted at the end."""
+    return ~(value <= 0)
+
+
 class Sums(NamedTuple):
     """What one launch found."""
 

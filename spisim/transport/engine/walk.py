@@ -34,7 +34,7 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.ends import Connection, Launch
-from spisim.transport.engine.tally import Contribution, Deposit
+from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Lobe, Turn, Vertex
 from spisim.transport.engine.weights import Weight
 from spisim.transport.geometry import direction_to
@@ -145,7 +145,7 @@ class Path:
             scatterings=mi.UInt32(launch.scatterings),
             vertex=mi.UInt32(1),
             crossings=mi.UInt32(0),
-            active=beta != 0,
+            active=carries_light(beta),
             densities=Densities.start_at(launch.origin),
         )
 
@@ -269,12 +269,12 @@ class Walk:
         towards, gap = direction_to(here.point, end.point)
         lobe = here.lobe(towards, allowed & (end.importance > 0))
         value = path.beta * end.importance * lobe.value
-        connected = allowed & (value != 0)
+        connected = allowed & carries_light(value)
         value *= here.transmission(towards, gap, sampler, connected)
         known = self.world.media.known_transmittance(here.point, towards, gap)
         others = densities.ratio * densities.start * end.density * known * lobe.cosines
         others *= dr.select(path.vertex == 1, 1, lobe.backward)
-        return _Join(value, others, lobe, gap, known, connected & (value != 0))
+        return _Join(value, others, lobe, gap, known, connected & carries_light(value))
 
     def _deposit(
         self, join: _Join, others: Any, vertex: Any, end: Connection, cell: Any, path: Path
@@ -323,7 +323,7 @@ class Walk:
             1,
             dr.minimum(path.beta * scale, MAX_SURVIVAL),
         )
-        path.active &= (sampler.next_1d(path.active) < survival) & (path.beta != 0)
+        path.active &= (sampler.next_1d(path.active) < survival) & carries_light(path.beta)
         path.active &= (path.vertex <= limit) & (path.crossings <= MAX_CROSSINGS)
         path.beta *= dr.rcp(survival)
 
