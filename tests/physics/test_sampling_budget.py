@@ -10,10 +10,11 @@ import worlds
 from reconstruction.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.transport import solve
-from spisim.transport.backend import activate, has_cuda
+from spisim.transport.backend import activate
+from spisim.transport.engine import sampling
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import FIRST_PATHS, Paths, TargetError, repeat
+from spisim.transport.engine.sampling import FIRST_PATHS, MIN_LAUNCHES, Paths, TargetError, repeat
 from spisim.transport.engine.tally import PathLengthBins, Sums
 from spisim.transport.world import build_world
 
@@ -88,12 +89,33 @@ def test_the_standard_error_of_every_pixel_is_honest():
     assert np.median(spread / claimed) == pytest.approx(1, abs=0.08)
 
 
-def test_paths_are_split_into_launches_without_changing_the_mean():
+def test_paths_are_split_into_launches_without_changing_the_mean(monkeypatch):
+    """As many launches as the lanes of one require."""
     world = build_world(room(0.0))
-    few = transport_image(world, VIEW, END, Paths(64), seed=worlds.seeds(1)[0])
+    few = transport_image(world, VIEW, END, Paths(256), seed=worlds.seeds(1)[0])
+    monkeypatch.setattr(sampling, "MAX_LANES", 10 * VIEW.pixels)
     many = transport_image(world, VIEW, END, Paths(256), seed=worlds.seeds(2)[1])
-    assert few.paths * 4 == many.paths
+    assert (few.launches, many.launches) == (MIN_LAUNCHES, 26)
+    assert few.paths == 2 * VIEW.pixels * 256
+    assert many.paths == 2 * VIEW.pixels * 260  # ten in each
     np.testing.assert_allclose(few.mean["image"].sum(), many.mean["image"].sum(), rtol=0.01)
+
+
+def test_no_launch_has_more_lanes_than_fit(monkeypatch):
+    monkeypatch.setattr(sampling, "MAX_LANES", 100)
+    launched = []
+
+    def launch(samples, seeds):
+        launched.append(samples)
+        return Sums({"image": np.random.default_rng(seeds[0]).normal(1, 0.5, 30)})
+
+    budgets = [Paths(1), Paths(24), Paths(100), TargetError(0.05, lambda sums: sums["image"])]
+    for budget in budgets:
+        launched.clear()
+        found = repeat(launch, budget, 30, np.random.SeedSequence(0), None)
+        assert found.launches == len(launched) >= MIN_LAUNCHES
+        assert max(launched) * 30 <= 100
+        assert found.paths == 2 * 30 * sum(launched)
 
 
 def test_progress_rises_to_one():
@@ -136,13 +158,6 @@ def test_a_modulation_too_fast_for_the_histogram_is_refused():
     fast = paper.model_copy(update={"tof": paper.tof.model_copy(update={"modulation": modulation})})
     with pytest.raises(InputError, match=r"tof\.modulation\.frequencies_hz 1e\+09.*at most"):
         solve(worlds.scene(*worlds.room()), fast, spp=8)
-
-
-@pytest.mark.gpu
-def test_cuda_and_llvm_agree():
-    if not has_cuda():
-        pytest.skip("no CUDA device: the light is traced with LLVM here")
-    assert activate() == "cuda_ad_mono"
 
 
 @pytest.mark.parametrize("frequency_hz", [-1.0, 1e13, np.inf, np.nan])
