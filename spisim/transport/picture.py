@@ -70,12 +70,10 @@ def camera_view(
     """
     placed = InstrumentView.placed(scene, instrument).projector
     world = build_world(scene)
-    half_width = placed.tan_half_width
-    if fov_deg is not None:
-        half_width = float(np.tan(np.radians(fov_deg) / 2))
     pose = scene.drone_pose.copy()
     pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
-    view = ProjectorView(pose, (height, width), half_width, half_width * height / width)
+    tan_half = placed.tan_half_width if fov_deg is None else np.tan(np.radians(fov_deg) / 2)
+    view = ProjectorView(pose, (height, width), tan_half, tan_half * height / width)
     lit = np.ones(placed.shape) if pattern is None else np.asarray(pattern)
     power_w = instrument.pixel_powers_w * lit
     total = max(float(power_w.sum()), np.finfo(float).tiny)
@@ -83,18 +81,17 @@ def camera_view(
     sky = sky_of(scene, instrument)
     sun = sun_of(scene, instrument, world)
 
-    def launch(samples: int, seeds: Sequence[int]) -> Sums:
+    def seen(light: Sink, sky: Sky | None, samples: int, seed: int) -> Sums:
         camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
+        tallies = Tallies(view.pixels, [ImageTally(view.pixels)])
+        Walk(world, camera, light, False, alone, tallies.add, sky=sky).run(seed)
+        return tallies.read(1.0)
 
-        def seen(light: Sink, sky: Sky | None, seed: int) -> Sums:
-            tallies = Tallies(view.pixels, [ImageTally(view.pixels)])
-            Walk(world, camera, light, False, alone, tallies.add, sky=sky).run(seed)
-            return tallies.read(1.0)
-
-        patterns = seen(lamp, None, seeds[0])
+    def launch(samples: int, seeds: Sequence[int]) -> Sums:
+        patterns = seen(lamp, None, samples, seeds[0])
         radiance, dropped = total * patterns.values["image"], patterns.dropped
         if scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0:
-            daylight = seen(sun, sky, seeds[1])
+            daylight = seen(sun, sky, samples, seeds[1])
             radiance, dropped = radiance + daylight.values["image"], dropped + daylight.dropped
         return Sums({"radiance": radiance}, dropped)
 

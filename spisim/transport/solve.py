@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,7 @@ from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.views import Floats, InstrumentView
-from spisim.transport.world import build_world
+from spisim.transport.world import World, build_world
 
 #: Optical path per histogram bin. Paths beyond MAX_PATH_M, which no range is looked for beyond, are
 #: not told apart: fog tails there are nothing.
@@ -92,8 +92,13 @@ def solve(
     Raises
     ------
     InputError
-        If the scene was made for another wavelength than the instrument's, or the histograms are
-        too coarse for what is modulated onto the light.
+        If the scene was made for another wavelength than the instrument's, the histograms are too
+        coarse for what is modulated onto the light, or more light returns than can be summed.
+
+    Warns
+    -----
+    TransportWarning
+        If some light was not a finite number and is left out.
     """
     began = time.perf_counter()
     _check_resolution(instrument.tof)
@@ -119,19 +124,7 @@ def solve(
         seed=streams[1],
         progress=_part(progress, 0.7, 0.9),
     )
-    steady_paths = int(np.clip(image.paths * STEADY_SHARE, *STEADY_PATHS))
-    bucket_daylight, spot_daylight = (
-        daylight_power(scene, instrument, world, view, paths=steady_paths, seed=stream)
-        for view, stream in zip((placed.bucket, placed.tof), streams[2:4], strict=True)
-    )
-    crosstalk = projector_power(
-        world,
-        placed.projector,
-        instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan),
-        placed.tof,
-        paths=steady_paths,
-        seed=streams[4],
-    )
+    steady = _steady_light(scene, instrument, world, placed, image.paths, streams[2:])
     if progress is not None:
         progress(1.0)
     shape = placed.projector.shape
@@ -141,9 +134,7 @@ def solve(
         spot_histogram=spots.mean["histogram"],
         spot_histogram_error=spots.error["histogram"],
         path_length_m=bins.centres_m,
-        daylight_w=float(bucket_daylight.sum()),
-        spot_daylight_w=spot_daylight,
-        spot_crosstalk_w=crosstalk,
+        **steady,
         paths=image.paths + spots.paths,
         seconds=time.perf_counter() - began,
         extra=_extra(outputs, image.mean, spots.mean, shape),
@@ -167,6 +158,35 @@ def _check_resolution(tof: Tof) -> None:
             f"tof.{field} {pulse:g}: a pulse is shorter than {BINS_PER_PULSE} bins of the "
             f"path-length histogram; at least {shortest:.4g}"
         )
+
+
+def _steady_light(
+    scene: Scene,
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    image_paths: int,
+    streams: Sequence[np.random.SeedSequence],
+) -> dict[str, Any]:
+    """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots."""
+    paths = int(np.clip(image_paths * STEADY_SHARE, *STEADY_PATHS))
+    bucket, spots = (
+        daylight_power(scene, instrument, world, view, paths=paths, seed=stream)
+        for view, stream in zip((placed.bucket, placed.tof), streams[:2], strict=True)
+    )
+    crosstalk = projector_power(
+        world,
+        placed.projector,
+        instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan),
+        placed.tof,
+        paths=paths,
+        seed=streams[2],
+    )
+    return {
+        "daylight_w": float(bucket.sum()),
+        "spot_daylight_w": spots,
+        "spot_crosstalk_w": crosstalk,
+    }
 
 
 def _budget(instrument: Instrument, spp: int, transport_error: float | None) -> SamplingBudget:
