@@ -18,12 +18,11 @@ import mitsuba as mi
 import numpy as np
 
 from spisim.scene import Scene
-from spisim.transport.ends import Projector
-from spisim.transport.estimator import lanes
+from spisim.transport.engine.ends import Projector
+from spisim.transport.engine.tally import Contribution, ImageTally, PhasorTally
+from spisim.transport.engine.walk import lanes
 from spisim.transport.reference import MAX_DEPTH, Renderer
-from spisim.transport.tally import ImageTally, PhasorTally
 from spisim.transport.views import BeamView, DetectorView, Floats, ProjectorView
-from spisim.transport.walk import Contribution
 
 #: Pixels across the table of the detector's angular response.
 RESPONSE_PIXELS = 256

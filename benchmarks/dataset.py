@@ -3,7 +3,7 @@
     python benchmarks/dataset.py [--quick] [--json] [--markdown]
 
 Half of the samples are of the warehouse, half are calibration targets: 64 × 64 pixels, 128
-patterns and four spots, fog of 50 m visibility, 1 % noise of the readings from the light transport.
+patterns and four spots, fog of 50 m visibility, 1 % transport error of the readings.
 `--markdown` pastes the tables into docs/datasets.md.
 """
 
@@ -30,7 +30,7 @@ name: benchmark
 samples: 1000
 scenes: [{scene: warehouse}, {family: targets}]
 vary: {scene.fog: {kind: moderate-radiation, visibility_m: 50}}
-noise: 0.01
+transport_error: 0.01
 """
 
 
@@ -87,7 +87,7 @@ def main() -> int:
         alone = measure(planned, amounts.alone, 1)
         together = measure(planned, amounts.together, 2)
     table = Table(
-        "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, 1 % noise:",
+        "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, 1 % error:",
         ("workers", "samples", "per minute", "median, s", "slowest, s", "peak memory, MB"),
         [alone.row(), together.row()],
     )

@@ -1,4 +1,4 @@
-"""Noise² × time of Monte Carlo methods that estimate the same readings."""
+"""Error² × time of Monte Carlo methods that estimate the same readings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Average = Callable[[Floats], Any]
 
 #: Relative difference of readings that single precision and path-length bins explain.
 ROUNDING = 1e-5
-#: Drawings of the repetitions from which the error of a noise is told.
+#: Drawings of the repetitions from which the error of an error is told.
 BOOTSTRAPS = 300
 
 
@@ -35,7 +35,7 @@ class Method:
 class Series:
     """Independent repetitions: readings (repetitions, M) and seconds (repetitions,).
 
-    Noise comes from the differences of all pairs of repetitions. Their mean gives the standard
+    Errors come from the differences of all pairs of repetitions. Their mean gives the standard
     deviations. Their median tells what is typical where there is no finite variance, as with paths
     that may scatter next to an end that they are connected to: the standard deviation then grows
     with the number of repetitions, for the rare bright paths among them.
@@ -44,12 +44,12 @@ class Series:
     readings: Floats
     seconds: Floats
 
-    def noise(self, average: Average) -> float:
+    def error(self, average: Average) -> float:
         """‖errors‖ / ‖means‖ of the readings of one repetition.
 
         With `np.mean` as the average it is ‖standard deviations‖ / ‖means‖.
         """
-        return float(np.sqrt(self._noise2(np.arange(len(self.seconds)), average)))
+        return float(np.sqrt(self._error2(np.arange(len(self.seconds)), average)))
 
     @property
     def time_s(self) -> float:
@@ -57,15 +57,15 @@ class Series:
         return float(self.seconds.mean())
 
     def efficiency(self, average: Average) -> float:
-        """1 / (noise² · time), 1/s: with Gaussian errors, more paths leave it as it is."""
-        return 1 / (self.noise(average) ** 2 * self.time_s)
+        """1 / (error² · time), 1/s: with Gaussian errors, more paths leave it as it is."""
+        return 1 / (self.error(average) ** 2 * self.time_s)
 
     def efficiency_error(self, average: Average) -> float:
         """Relative standard error of `efficiency`, by drawing repetitions with replacement."""
         count = len(self.seconds)
         draws = np.random.default_rng(0).integers(count, size=(BOOTSTRAPS, count))
         differing = draws[np.ptp(draws, axis=1) > 0]
-        costs = [self._noise2(draw, average) * self.seconds[draw].mean() for draw in differing]
+        costs = [self._error2(draw, average) * self.seconds[draw].mean() for draw in differing]
         return float(np.std(np.log(costs)))
 
     @cached_property
@@ -75,7 +75,7 @@ class Series:
         offsets = (self.readings[:, None] - self.readings[None]) / norm
         return np.asarray(np.sum(offsets**2, axis=-1) / 2)
 
-    def _noise2(self, chosen: NDArray[np.integer[Any]], average: Average) -> float:
+    def _error2(self, chosen: NDArray[np.integer[Any]], average: Average) -> float:
         pairs = self._differences[np.ix_(chosen, chosen)]
         return float(average(pairs[chosen[:, None] != chosen]))
 

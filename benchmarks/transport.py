@@ -31,10 +31,11 @@ from spisim.atmosphere import CLEAR, Atmosphere, fog
 from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport import solve
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import Wanted, spot_histogram, transport_image
+from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.reference import bucket_powers
-from spisim.transport.tally import PathLengthBins
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
@@ -102,7 +103,7 @@ def main() -> int:
 
 
 def patterns(amounts: Amounts) -> Section:
-    """Noise² × time of the bucket vector."""
+    """Error² × time of the bucket vector."""
     chosen = np.linspace(1, LIT - 1, amounts.patterns).astype(int)
     rows: list[tuple[str, ...]] = []
     checks: list[Check] = []
@@ -169,7 +170,7 @@ def bucket_methods(
 
 
 def spots(amounts: Amounts) -> Section:
-    """Noise² × time of the four laser spots, where mitransient is right about them."""
+    """Error² × time of the four laser spots, where mitransient is right about them."""
     bank = Volume("bank", air(20), _box_pose((5.8, 5.8, 5.5), (0, 0, 5)))
     rows: list[tuple[str, ...]] = []
     largest_z = 0.0
@@ -268,8 +269,8 @@ def solve_large(spp: int) -> tuple[float, float]:
     """Peak memory of this process in GB and wall-clock seconds."""
     projector = INSTRUMENT.projector.model_copy(update={"shape": (256, 256)})
     instrument = INSTRUMENT.model_copy(update={"projector": projector})
-    wanted = Wanted(frequencies_hz=(instrument.tof.modulation.frequencies_hz[0],))
-    light = solve(room(air(PROMISED_VISIBILITY_M)), instrument, spp=spp, wanted=wanted)
+    outputs = Outputs(frequencies_hz=(instrument.tof.modulation.frequencies_hz[0],))
+    light = solve(room(air(PROMISED_VISIBILITY_M)), instrument, spp=spp, outputs=outputs)
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e9, light.seconds
 
@@ -297,7 +298,7 @@ def fastest(work: Callable[..., object], *arguments: object) -> float:
     return min(seconds)
 
 
-_EFFICIENCY = ("noise", "typical", "time (s)", "1/(noise²·time)")
+_EFFICIENCY = ("error", "typical", "time (s)", "1/(error²·time)")
 _GAINS = ("two-ended gains", "typically")
 
 
@@ -306,8 +307,8 @@ def described(method: Method, series: Series) -> tuple[str, ...]:
     return (
         method.name,
         method.paths,
-        f"{100 * series.noise(np.mean):.2g} %",
-        f"{100 * series.noise(np.median):.2g} %",
+        f"{100 * series.error(np.mean):.2g} %",
+        f"{100 * series.error(np.median):.2g} %",
         f"{series.time_s:.2f}",
         f"{series.efficiency(np.mean):.2g}",
     )

@@ -30,7 +30,7 @@ from spisim.measurement import record, record_spots, spot_light
 from spisim.measurement.light import background_electrons
 from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, in_band_irradiance, load_scene
-from spisim.transport import LightSequence, Transport, Wanted, ground_truth, solve, trace
+from spisim.transport import LightSequence, Outputs, Transport, ground_truth, solve, trace
 
 DOCS = Path(__file__).parents[1] / "docs"
 #: Sections of the warehouse that are changed, by what they stand for.
@@ -105,7 +105,7 @@ def warehouse(instrument: Instrument, changes: dict[str, Any], spp: int) -> Row:
     print(f"{instrument.wavelength_nm:g} nm, {changes}", file=sys.stderr)
     scene = load_scene("warehouse", changes, wavelength_nm=instrument.wavelength_nm)
     truth = ground_truth(scene, instrument)
-    light = trace(scene, instrument, frames=1, spp=spp, noise=None, seed=0, progress=None)
+    light = trace(scene, instrument, frames=1, spp=spp, transport_error=None, seed=0, progress=None)
     dark = float(background_electrons(instrument, 0.0))
     daylight_w = light.transports[0].daylight_w
 
@@ -219,7 +219,7 @@ def light_checks(instruments: dict[int, Instrument]) -> list[Check]:
         sun[nm] = solve(wall(nm), instrument, spp=1, seed=0).daylight_w
         haze = fog(HAZE_M, "haze-l", wavelength_nm=nm)
         hazy = replace(wall(nm), atmosphere=haze)
-        light = solve(hazy, instrument, spp=16, seed=0, wanted=Wanted(orders=True))
+        light = solve(hazy, instrument, spp=16, seed=0, outputs=Outputs(orders=True))
         straight[nm] = light.extra["spot_orders"][0].sum(axis=-1)
         extinction[nm] = haze.extinction_per_m
     here = instruments[REFERENCE_NM]

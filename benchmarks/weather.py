@@ -25,9 +25,10 @@ from scipy.constants import c
 from spisim.atmosphere import Atmosphere, Tabulated, fog
 from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import MAX_VERTICES, spot_histogram
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import spot_histogram
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import build_world
 

@@ -33,7 +33,7 @@ def simulate(
     instrument: Instrument,
     *,
     spp: int = 256,
-    transport_noise: float | None = None,
+    transport_error: float | None = None,
     seed: int = 0,
     noise: bool = True,
     frames: int = 1,
@@ -48,7 +48,7 @@ def simulate(
     ----------
     spp
         Light paths per virtual pixel and strategy.
-    transport_noise
+    transport_error
         Instead of `spp`: relative standard error of the bucket vector to be reached.
     seed
         Equal seeds give equal captures on the same machine and backend.
@@ -71,12 +71,12 @@ def simulate(
         instrument,
         frames=frames,
         spp=spp,
-        noise=transport_noise,
+        transport_error=transport_error,
         seed=seed,
         progress=progress,
     )
-    effort = {"spp": spp} if transport_noise is None else {"transport_noise": transport_noise}
-    how = {**effort, "backend": activate()}
+    budget = {"spp": spp} if transport_error is None else {"transport_error": transport_error}
+    how = {**budget, "backend": activate()}
     capture = record(
         scene, instrument, light, truths, seed=seed, noise=noise, frames=frames, settings=how
     )

@@ -5,9 +5,9 @@ import trimesh
 
 from spisim.atmosphere import Atmosphere, henyey_greenstein
 from spisim.scene import Ambient, Material, Scene, SceneObject
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import spot_histogram, transport_image
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
 ORIGIN = np.eye(4)  # optical frame = world: x right, y down, z forward
@@ -106,9 +106,8 @@ def image(world, view, end, spp, seed, **options):
 
 def histogram(world, lasers, ends, bins, paths, seed, **options):
     """Path-length histograms (beams, bins); `bins` is (count, width in m)."""
-    effort = Paths(paths)
     return spot_histogram(
-        world, lasers, ends, PathLengthBins(*bins), effort, seed=seed, **options
+        world, lasers, ends, PathLengthBins(*bins), Paths(paths), seed=seed, **options
     ).mean["histogram"]
 
 

@@ -24,7 +24,7 @@ from spisim.report.scene_view import Look, Survey, survey
 from spisim.report.scene_view.picture import PROJECTOR, look_figure, view_image
 from spisim.scene import Scene, catalogue, draw_scene, load_scene
 from spisim.scene.families import FAMILIES
-from spisim.transport import Sight
+from spisim.transport import RayCaster
 
 DOCS = Path(__file__).parents[1] / "docs"
 PIXELS = 200
@@ -51,8 +51,8 @@ def main(docs: Path) -> None:
 
 def _show(scene: Scene, instrument: Instrument, path: Path) -> None:
     """What `spisim scenes show` draws, in little room."""
-    sight = Sight.of(scene)
-    look = Look(scene, instrument, sight, survey(scene, instrument, sight))
+    caster = RayCaster.of(scene)
+    look = Look(scene, instrument, caster, survey(scene, instrument, caster))
     buffer = io.BytesIO()
     look_figure(look).savefig(buffer, format="jpeg", dpi=72, pil_kwargs={"quality": QUALITY})
     write_atomically(path, buffer.getvalue())
@@ -93,8 +93,8 @@ def _families(pictures: Path, instrument: Instrument) -> Iterator[tuple[str, ...
 
 def _thumbnail(scene: Scene, instrument: Instrument, path: Path) -> tuple[str, Survey]:
     """Write PATH.jpg; its Markdown, and what there is in the scene."""
-    sight = Sight.of(scene)
-    colours = view_image(scene, sight, FOV_DEG, PIXELS)
+    caster = RayCaster.of(scene)
+    colours = view_image(scene, caster, FOV_DEG, PIXELS)
     image = Image.fromarray(np.round(255 * colours).astype(np.uint8))
     half = PIXELS / 2 / np.tan(np.radians(FOV_DEG / 2))
     wide = half * instrument.projector.tan_half_width
@@ -106,7 +106,7 @@ def _thumbnail(scene: Scene, instrument: Instrument, path: Path) -> tuple[str, S
     image.save(buffer, "jpeg", quality=QUALITY, optimize=True)
     file = path.with_name(f"{path.name}.jpg")
     write_atomically(file, buffer.getvalue())
-    return f"![{path.name}](images/scenes/{file.name})", survey(scene, instrument, sight)
+    return f"![{path.name}](images/scenes/{file.name})", survey(scene, instrument, caster)
 
 
 if __name__ == "__main__":

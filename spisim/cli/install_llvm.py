@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from reconstruction.errors import InputError
-from spisim.transport.llvm import MINIMUM_VERSION, PRIVATE_FOLDER
+from spisim.transport.llvm import MIN_VERSION, PRIVATE_FOLDER
 
 
 def install_llvm() -> Path:
@@ -23,7 +23,7 @@ def install_llvm() -> Path:
         if not shutil.which(program):
             raise InputError(
                 f"{program} is missing: this way of installing LLVM is for Debian and Ubuntu. "
-                f"Install LLVM {MINIMUM_VERSION} or newer and set DRJIT_LIBLLVM_PATH to its libLLVM"
+                f"Install LLVM {MIN_VERSION} or newer and set DRJIT_LIBLLVM_PATH to its libLLVM"
             )
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
@@ -55,10 +55,10 @@ def _apt_options(folder: Path) -> list[str]:
 
 def _newest(listing: str) -> str:
     versions = [int(number) for number in re.findall(r"^libllvm(\d+)\b", listing, re.MULTILINE)]
-    if not versions or max(versions) < MINIMUM_VERSION:
+    if not versions or max(versions) < MIN_VERSION:
         offered = ", ".join(map(str, sorted(versions))) or "none"
         raise InputError(
-            f"this release's archive has no LLVM {MINIMUM_VERSION} or newer, only: {offered}. "
+            f"this release's archive has no LLVM {MIN_VERSION} or newer, only: {offered}. "
             "Its backports may have one, or a newer release of the system"
         )
     return f"libllvm{max(versions)}"

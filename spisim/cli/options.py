@@ -46,13 +46,13 @@ InstrumentOption = Annotated[
 ]
 Seed = Annotated[int, number_option(0, 2**63 - 1, "Seed of all randomness.")]
 Spp = Annotated[
-    int, number_option(1, 2**20, "Light paths per virtual pixel; the noise falls as 1/√spp.")
+    int, number_option(1, 2**20, "Light paths per virtual pixel; the error falls as 1/√spp.")
 ]
-Noise = Annotated[
+TransportError = Annotated[
     float | None,
     real_option(
         "Instead of --spp: trace until the readings' relative standard error is below X.",
-        "--noise",
+        "--transport-error",
         least=1e-5,
         most=1,
     ),

@@ -13,18 +13,18 @@ from .options import (
     Fog,
     InstrumentOption,
     Json,
-    Noise,
     Rain,
     SceneArgument,
     Seed,
     Spp,
+    TransportError,
     Visibility,
     Wavelength,
     real_option,
 )
 from .outputs import beside
 
-EXAMPLE = "spisim transport warehouse -o warehouse.exr --noise 0.002 --frequency 15e6"
+EXAMPLE = "spisim transport warehouse -o warehouse.exr --transport-error 0.002 --frequency 15e6"
 
 
 def command(
@@ -38,7 +38,7 @@ def command(
     clear: Clear = False,
     seed: Seed = 0,
     spp: Spp = 256,
-    noise: Noise = None,
+    transport_error: TransportError = None,
     frequency: Annotated[
         list[float] | None,
         real_option("Add the phasor image at this frequency.", least=0, most=1e12, metavar="HZ"),
@@ -68,14 +68,14 @@ def command(
     (rows, columns, bins); `units.*` in either file tells the units. What is longer than 80 m is
     in a histogram's last bin.
     """
-    from spisim.transport import LONGEST_PATH_M, PathLengthBins, Wanted, ground_truth, solve
+    from spisim.transport import MAX_PATH_M, Outputs, PathLengthBins, ground_truth, solve
     from spisim.transport.light_files import light_channels, write_histograms, write_truth
 
     histograms = beside(output, ".npz", "the file of the spots' histograms", ".exr")
-    wanted = Wanted(
+    outputs = Outputs(
         orders=orders,
         frequencies_hz=tuple(frequency or ()),
-        bins=None if cube is None else PathLengthBins.up_to(LONGEST_PATH_M, cube),
+        bins=None if cube is None else PathLengthBins.up_to(MAX_PATH_M, cube),
     )
     carried = instrument_with(instrument, wavelength)
     place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
@@ -84,9 +84,9 @@ def command(
             place,
             carried,
             spp=spp,
-            noise=noise,
+            transport_error=transport_error,
             seed=seed,
-            wanted=wanted,
+            outputs=outputs,
             progress=advance,
         )
     write_truth(output, ground_truth(place, carried), light_channels(light, frequency or ()))

@@ -11,7 +11,7 @@ import yaml
 from reconstruction import Capture, InputError, read_capture
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, at_moment
-from spisim.transport import Sight
+from spisim.transport import RayCaster
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +56,13 @@ def instants(
 def _check_spots(flight: list[Instant], instrument: Instrument) -> None:
     """The transport asks for it at every capture; here, before the first one is traced."""
     still = not any(thing.moves for thing in flight[0].scene.objects)
-    sight = Sight.of(flight[0].scene)
+    caster = RayCaster.of(flight[0].scene)
     for instant in flight:
         if not still:
-            sight = Sight.of(instant.scene)
+            caster = RayCaster.of(instant.scene)
         pose = instant.scene.drone_pose
         beams = instrument.lasers.directions @ pose[:3, :3].T
-        found = sight.along(np.broadcast_to(pose[:3, 3], beams.shape), beams)
+        found = caster.along(np.broadcast_to(pose[:3, 3], beams.shape), beams)
         missing = np.flatnonzero(found.object_id < 0)
         if missing.size:
             raise InputError(

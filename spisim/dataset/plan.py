@@ -135,14 +135,14 @@ class Plan(Section):
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
     wavelength_nm: Annotated[Any, BeforeValidator(_wavelengths)] = None
     spp: Annotated[Count, Field(le=2**20)] | None = None
-    noise: Annotated[Number, Field(ge=1e-5, le=1)] | None = None
+    transport_error: Annotated[Number, Field(ge=1e-5, le=1)] | None = None
     frames: Count = 1
     keep: Keep = Keep()
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Plan:
-        if self.spp is not None and self.noise is not None:
-            raise PydanticCustomError("plan", "needs spp or noise, not both")
+        if self.spp is not None and self.transport_error is not None:
+            raise PydanticCustomError("plan", "needs spp or transport_error, not both")
         if not 0 < sum(source.weight for source in self.scenes) < math.inf:
             raise PydanticCustomError(
                 "plan", "scenes should not all have weight 0, and their weights a finite sum"
@@ -192,11 +192,11 @@ class Plan(Section):
         return self.combinations if self.samples is None else self.samples
 
     @property
-    def effort(self) -> dict[str, Any]:
+    def sampling_budget(self) -> dict[str, Any]:
         """Arguments of `simulate` that say how long to trace light."""
         if self.spp is not None:
             return {"spp": self.spp}
-        return {"transport_noise": 0.01 if self.noise is None else self.noise}
+        return {"transport_error": 0.01 if self.transport_error is None else self.transport_error}
 
 
 def _check_path(path: str, value: Any, before: list[str]) -> None:

@@ -73,7 +73,7 @@ class Maker:
             with _timed(seconds, "simulate"):
                 plan = self.planned.plan
                 simulation = simulate(
-                    scene, instrument, seed=sample.seed, frames=plan.frames, **plan.effort
+                    scene, instrument, seed=sample.seed, frames=plan.frames, **plan.sampling_budget
                 )
         capture = _of_a_set(simulation.capture, self.planned, index)
         path = layout.capture(index)

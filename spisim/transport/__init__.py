@@ -9,25 +9,27 @@ from spisim.transport.llvm import use_working_llvm
 with suppress(InputError):
     use_working_llvm()
 
-from spisim.transport.estimator import Wanted
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import TransportWarning
+from spisim.transport.engine.tally import ORDERS, PathLengthBins
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
+from spisim.transport.raycaster import RayCaster, Surfaces
 from spisim.transport.sequence import LightSequence, trace
-from spisim.transport.sight import Sight, Surfaces
-from spisim.transport.solve import LONGEST_PATH_M, Transport, solve
-from spisim.transport.tally import ORDERS, PathLengthBins
+from spisim.transport.solve import MAX_PATH_M, Transport, solve
 from spisim.transport.truth import GroundTruth, ground_truth
 
 __all__ = [
     "CAMERA_OFFSET_M",
-    "LONGEST_PATH_M",
+    "MAX_PATH_M",
     "ORDERS",
     "GroundTruth",
     "LightSequence",
+    "Outputs",
     "PathLengthBins",
-    "Sight",
+    "RayCaster",
     "Surfaces",
     "Transport",
-    "Wanted",
+    "TransportWarning",
     "camera_view",
     "fine_view",
     "ground_truth",

@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 
 from reconstruction.errors import InputError
-from spisim.transport.llvm import MINIMUM_VERSION, VARIABLE, find_llvm
+from spisim.transport.llvm import MIN_VERSION, VARIABLE, find_llvm
 
 #: One wavelength, just-in-time compiled, on the GPU where there is one.
 CUDA_VARIANT = "cuda_ad_mono"
@@ -48,7 +48,7 @@ def _check_llvm() -> None:
     """Dr.Jit has loaded a library by now; a wrong one would abort at the first kernel."""
     wanted = find_llvm()
     loaded = dr.detail.llvm_version()
-    if loaded[0] < MINIMUM_VERSION:
+    if loaded[0] < MIN_VERSION:
         raise InputError(
             f"Dr.Jit has loaded LLVM {'.'.join(map(str, loaded))}, which aborts on this kind of "
             f"machine: import spisim before mitsuba and drjit, or set {VARIABLE}={wanted}"

@@ -6,7 +6,7 @@ light.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import drjit as dr
@@ -15,13 +15,13 @@ import numpy as np
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene
-from spisim.transport.accumulator import Accumulator
 from spisim.transport.backend import with_backend
-from spisim.transport.effort import Paths, repeat
-from spisim.transport.ends import Detectors, Lamp, Sun
-from spisim.transport.estimator import MAX_VERTICES, alone, run
+from spisim.transport.engine.ends import Detectors, Lamp, Sun
+from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.tally import Contribution, ImageTally, Sums, Tallies
+from spisim.transport.engine.walk import Sink, Sky, Walk
+from spisim.transport.engine.weights import alone
 from spisim.transport.views import DetectorView, Floats, ProjectorView
-from spisim.transport.walk import Contribution, Sink, Sky
 from spisim.transport.world import World
 
 
@@ -85,15 +85,15 @@ def _received(
 ) -> Floats:
     count = len(detectors.positions_m)
 
-    def launch(samples: int, seeds: Sequence[int]) -> Mapping[str, Floats]:
-        accumulator = Accumulator(count)
+    def launch(samples: int, seeds: Sequence[int]) -> Sums:
+        tallies = Tallies(count, [ImageTally(count)])
         ends = Detectors.of(detectors, samples)
 
         def deposit(light: Contribution) -> None:
             lane: Any = dr.arange(mi.UInt32, ends.lanes)
-            accumulator.add(light.value, lane % count, light.active)
+            tallies.add(light._replace(cell=lane % count))
 
-        run(world, ends, source, seeds[0], MAX_VERTICES, "Radiance", alone, deposit, sky)
-        return {"power": accumulator.read() * detectors.area_m2}
+        Walk(world, ends, source, False, alone, deposit, sky=sky).run(seeds[0])
+        return tallies.read(detectors.area_m2)
 
-    return repeat(launch, Paths(paths, launches=1), count, seed, None).mean["power"]
+    return repeat(launch, Paths(paths, launches=1), count, seed, None).mean["image"]

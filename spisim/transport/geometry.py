@@ -7,6 +7,8 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,3 +54,17 @@ class Geometry:
             ray.maxt = rest
             going = met & (through > 0) & (rest > 0)
         return through
+
+
+def transform(matrix: NDArray[np.floating[Any]]) -> Any:
+    """A pose (4, 4) as an opaque Mitsuba transform."""
+    result = mi.Transform4f(mi.Matrix4f(matrix.astype(np.float32)))
+    dr.make_opaque(result)
+    return result
+
+
+def direction_to(start: Any, stop: Any) -> tuple[Any, Any]:
+    """Unit vector and distance from one point to another."""
+    offset = mi.Vector3f(stop - start)
+    gap = dr.norm(offset)
+    return offset * dr.rcp(gap), gap

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.files import write_atomically
+from spisim.transport.engine.tally import ORDERS
 from spisim.transport.exr import write_exr
 from spisim.transport.solve import Transport
-from spisim.transport.tally import ORDERS
 from spisim.transport.truth import GroundTruth
 
 #: Of channels and arrays that are not plain numbers.

@@ -19,7 +19,7 @@ from pathlib import Path
 from reconstruction.errors import InputError
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
-MINIMUM_VERSION = 19  # 19 and 22 work, 14 to 16 abort, 17 and 18 are untried
+MIN_VERSION = 19  # 19 and 22 work, 14 to 16 abort, 17 and 18 are untried
 WHEEL = "karellen-llvm-core"
 # Filled by `spisim doctor --install-llvm`.
 PRIVATE_FOLDER = Path(sys.prefix).resolve() / "lib" / "llvm"
@@ -68,12 +68,12 @@ def find_llvm() -> Path:
     rejected = []
     for path in candidates():
         version = version_of(path)
-        if version is not None and version >= MINIMUM_VERSION:
+        if version is not None and version >= MIN_VERSION:
             return path
         rejected.append(f"{path} (version {version or 'unknown'})")
     found = "found only " + ", ".join(rejected) if rejected else "found none"
     raise LLVMNotFound(
-        f"LLVM {MINIMUM_VERSION} or newer is needed to trace light; {found}.\n{advice()}"
+        f"LLVM {MIN_VERSION} or newer is needed to trace light; {found}.\n{advice()}"
     )
 
 
@@ -140,7 +140,7 @@ def advice() -> str:
         return "To get one: brew install llvm"
     return (
         "To get one on Debian or Ubuntu, without root: spisim doctor --install-llvm\n"
-        f"Elsewhere: install LLVM {MINIMUM_VERSION} or newer and set {VARIABLE} to its libLLVM.so."
+        f"Elsewhere: install LLVM {MIN_VERSION} or newer and set {VARIABLE} to its libLLVM.so."
     )
 
 
@@ -168,10 +168,10 @@ def _checked(path: Path) -> Path:
     version = _version_inside(path) or version_in_name(path)
     if version is None:
         raise LLVMNotFound(f"{VARIABLE} names {path}, which is no LLVM library. Unset it.")
-    if version < MINIMUM_VERSION:
+    if version < MIN_VERSION:
         raise LLVMNotFound(
             f"{VARIABLE} names {path}, which is LLVM {version}; "
-            f"{MINIMUM_VERSION} or newer is needed, older ones abort. Correct or unset it."
+            f"{MIN_VERSION} or newer is needed, older ones abort. Correct or unset it."
         )
     return path
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene
-from spisim.transport.accumulator import Accumulator
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import sky_of, sun_of
-from spisim.transport.effort import Paths, repeat
-from spisim.transport.ends import Lamp, Projector
-from spisim.transport.estimator import MAX_VERTICES, alone, run, transport_image
-from spisim.transport.views import Floats, InstrumentView, ProjectorView
-from spisim.transport.walk import Deposit
+from spisim.transport.engine.ends import Lamp, Projector
+from spisim.transport.engine.estimator import transport_image
+from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.tally import ImageTally, Sums, Tallies
+from spisim.transport.engine.walk import Sink, Sky, Walk
+from spisim.transport.engine.weights import alone
+from spisim.transport.views import InstrumentView, ProjectorView
 from spisim.transport.world import build_world
 
 #: The camera sits this far above the pinhole: light and camera in one point would see no shading.
@@ -69,12 +70,10 @@ def camera_view(
     """
     placed = InstrumentView.placed(scene, instrument).projector
     world = build_world(scene)
-    half_width = placed.tan_half_width
-    if fov_deg is not None:
-        half_width = float(np.tan(np.radians(fov_deg) / 2))
     pose = scene.drone_pose.copy()
     pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
-    view = ProjectorView(pose, (height, width), half_width, half_width * height / width)
+    tan_half = placed.tan_half_width if fov_deg is None else np.tan(np.radians(fov_deg) / 2)
+    view = ProjectorView(pose, (height, width), tan_half, tan_half * height / width)
     lit = np.ones(placed.shape) if pattern is None else np.asarray(pattern)
     power_w = instrument.pixel_powers_w * lit
     total = max(float(power_w.sum()), np.finfo(float).tiny)
@@ -82,18 +81,19 @@ def camera_view(
     sky = sky_of(scene, instrument)
     sun = sun_of(scene, instrument, world)
 
-    def launch(samples: int, seeds: Sequence[int]) -> Mapping[str, Floats]:
-        lit, daylight = Accumulator(view.pixels), Accumulator(view.pixels)
+    def seen(light: Sink, sky: Sky | None, samples: int, seed: int) -> Sums:
         camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
-        run(world, camera, lamp, seeds[0], MAX_VERTICES, "Radiance", alone, _into(lit))
+        tallies = Tallies(view.pixels, [ImageTally(view.pixels)])
+        Walk(world, camera, light, False, alone, tallies.add, sky=sky).run(seed)
+        return tallies.read(1.0)
+
+    def launch(samples: int, seeds: Sequence[int]) -> Sums:
+        patterns = seen(lamp, None, samples, seeds[0])
+        radiance, dropped = total * patterns.values["image"], patterns.dropped
         if scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0:
-            to_sky = _into(daylight)
-            run(world, camera, sun, seeds[1], MAX_VERTICES, "Radiance", alone, to_sky, sky)
-        return {"radiance": total * lit.read() + daylight.read()}
+            daylight = seen(sun, sky, samples, seeds[1])
+            radiance, dropped = radiance + daylight.values["image"], dropped + daylight.dropped
+        return Sums({"radiance": radiance}, dropped)
 
     radiance = repeat(launch, Paths(spp), view.pixels, np.random.SeedSequence(seed), None)
     return radiance.mean["radiance"].reshape(height, width).astype(np.float32)
-
-
-def _into(accumulator: Accumulator) -> Deposit:
-    return lambda light: accumulator.add(light.value, light.cell, light.active)

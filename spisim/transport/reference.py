@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from reconstruction.errors import InputError
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.ends import Detectors
+from spisim.transport.engine.ends import Detectors
 from spisim.transport.meshes import shapes
 from spisim.transport.phase import phase_dict
 from spisim.transport.views import DetectorView, Floats, ProjectorView

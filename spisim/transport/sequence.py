@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene, check_clear_of_sensor
-from spisim.transport.estimator import Wanted
+from spisim.transport.engine.outputs import Outputs
 from spisim.transport.solve import Transport, solve
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,7 @@ def trace(
     *,
     frames: int,
     spp: int,
-    noise: float | None,
+    transport_error: float | None,
     seed: int,
     progress: Callable[[float], None] | None,
 ) -> LightSequence:
@@ -69,9 +69,9 @@ def trace(
             scene.at(time),
             instrument,
             spp=spp,
-            noise=noise,
+            transport_error=transport_error,
             seed=seed,
-            wanted=Wanted(frequencies_hz=instrument.tap_frequencies_hz),
+            outputs=Outputs(frequencies_hz=instrument.tap_frequencies_hz),
             progress=part(number),
         )
         for number, time in enumerate(times)

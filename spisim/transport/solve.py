@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,23 +13,24 @@ from scipy.constants import c
 
 from reconstruction.errors import InputError
 from reconstruction.operators import expose, mean_illumination
+from reconstruction.ranging import MAX_PATH_M
 from spisim.instrument import CwTof, DirectTof, Instrument, Tof
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
-from spisim.transport.effort import Effort, Noise, Paths
-from spisim.transport.estimator import Wanted, spot_histogram, transport_image
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.views import Floats, InstrumentView
-from spisim.transport.world import build_world
+from spisim.transport.world import World, build_world
 
-#: Optical path per histogram bin, and the longest path told apart from longer ones: 40 m of range
-#: covers what four of the phase's ambiguity intervals hold, and fog tails beyond it are nothing.
+#: Optical path per histogram bin. Paths beyond MAX_PATH_M, which no range is looked for beyond, are
+#: not told apart: fog tails there are nothing.
 BIN_WIDTH_M = 0.02
 #: A bin shares light between its neighbours, which damps a modulation of so many bins by 1 %.
 BINS_PER_PERIOD = 20
 BINS_PER_PULSE = 4
-LONGEST_PATH_M = 80.0
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
 #: Paths for steady light, which is smooth over the field and felt by its shot noise alone: a share
@@ -42,7 +43,7 @@ STEADY_PATHS = (2**14, 2**16)
 class Transport:
     """Light transport of one scene and instrument: fractions of emitted power, and daylight.
 
-    `*_error` are standard errors of the Monte Carlo estimate. `extra` has what was `Wanted`:
+    `*_error` are standard errors of the Monte Carlo estimate. `extra` has what `Outputs` asked for:
     `phasors` (F, H, W), complex; `cube` (H, W, bins) and `cube_path_length_m` (bins,); and, split
     into unscattered, single and multiple, `orders` (3, H, W) of the image, `phasor_orders`
     (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, 4, bins).
@@ -58,7 +59,7 @@ class Transport:
     spot_crosstalk_w: Floats  # (4,): mean power of the projector's patterns there
     paths: int
     seconds: float
-    extra: Mapping[str, NDArray[Any]]  # what was `Wanted` besides, as above
+    extra: Mapping[str, NDArray[Any]]  # as above
 
 
 @with_backend
@@ -67,9 +68,9 @@ def solve(
     instrument: Instrument,
     *,
     spp: int = 256,
-    noise: float | None = None,
+    transport_error: float | None = None,
     seed: int = 0,
-    wanted: Wanted = Wanted(),  # noqa: B008
+    outputs: Outputs = Outputs(),  # noqa: B008
     progress: Callable[[float], None] | None = None,
 ) -> Transport:
     """Trace the light of projector, lasers and sky through the scene, once for all patterns.
@@ -78,12 +79,12 @@ def solve(
     ----------
     spp
         Paths per virtual pixel from either end.
-    noise
+    transport_error
         Instead of `spp`: go on until the relative standard error of the bucket vector, ‖errors‖ /
         ‖readings‖, is below this.
     seed
         The same seed gives the same bits on the same machine and backend.
-    wanted
+    outputs
         What to keep besides the transport image.
     progress
         Called with the fraction done.
@@ -91,8 +92,13 @@ def solve(
     Raises
     ------
     InputError
-        If the scene was made for another wavelength than the instrument's, or the histograms are
-        too coarse for what is modulated onto the light.
+        If the scene was made for another wavelength than the instrument's, the histograms are too
+        coarse for what is modulated onto the light, or more light returns than can be summed.
+
+    Warns
+    -----
+    TransportWarning
+        If some light was not a finite number and is left out.
     """
     began = time.perf_counter()
     _check_resolution(instrument.tof)
@@ -103,12 +109,12 @@ def solve(
         world,
         placed.projector,
         placed.bucket,
-        _effort(instrument, spp, noise),
+        _budget(instrument, spp, transport_error),
         seed=streams[0],
-        wanted=wanted,
+        outputs=outputs,
         progress=_part(progress, 0.0, 0.7),
     )
-    bins = PathLengthBins.up_to(LONGEST_PATH_M, BIN_WIDTH_M)
+    bins = PathLengthBins.up_to(MAX_PATH_M, BIN_WIDTH_M)
     spots = spot_histogram(
         world,
         placed.beams,
@@ -118,19 +124,7 @@ def solve(
         seed=streams[1],
         progress=_part(progress, 0.7, 0.9),
     )
-    steady_paths = int(np.clip(image.paths * STEADY_SHARE, *STEADY_PATHS))
-    bucket_daylight, spot_daylight = (
-        daylight_power(scene, instrument, world, view, paths=steady_paths, seed=stream)
-        for view, stream in zip((placed.bucket, placed.tof), streams[2:4], strict=True)
-    )
-    crosstalk = projector_power(
-        world,
-        placed.projector,
-        instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan),
-        placed.tof,
-        paths=steady_paths,
-        seed=streams[4],
-    )
+    steady = _steady_light(scene, instrument, world, placed, image.paths, streams[2:])
     if progress is not None:
         progress(1.0)
     shape = placed.projector.shape
@@ -140,12 +134,10 @@ def solve(
         spot_histogram=spots.mean["histogram"],
         spot_histogram_error=spots.error["histogram"],
         path_length_m=bins.centres_m,
-        daylight_w=float(bucket_daylight.sum()),
-        spot_daylight_w=spot_daylight,
-        spot_crosstalk_w=crosstalk,
+        **steady,
         paths=image.paths + spots.paths,
         seconds=time.perf_counter() - began,
-        extra=_extra(wanted, image.mean, spots.mean, shape),
+        extra=_extra(outputs, image.mean, spots.mean, shape),
     )
 
 
@@ -168,30 +160,64 @@ def _check_resolution(tof: Tof) -> None:
         )
 
 
-def _effort(instrument: Instrument, spp: int, noise: float | None) -> Effort:
-    if noise is None:
+def _steady_light(
+    scene: Scene,
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    image_paths: int,
+    streams: Sequence[np.random.SeedSequence],
+) -> dict[str, Any]:
+    """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots."""
+    paths = int(np.clip(image_paths * STEADY_SHARE, *STEADY_PATHS))
+    bucket, spots = (
+        daylight_power(scene, instrument, world, view, paths=paths, seed=stream)
+        for view, stream in zip((placed.bucket, placed.tof), streams[:2], strict=True)
+    )
+    crosstalk = projector_power(
+        world,
+        placed.projector,
+        instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan),
+        placed.tof,
+        paths=paths,
+        seed=streams[2],
+    )
+    return {
+        "daylight_w": float(bucket.sum()),
+        "spot_daylight_w": spots,
+        "spot_crosstalk_w": crosstalk,
+    }
+
+
+def _budget(instrument: Instrument, spp: int, transport_error: float | None) -> SamplingBudget:
+    if transport_error is None:
         return Paths(spp)
     plan, power_w = instrument.pattern_plan, instrument.pixel_powers_w
-    return Noise(noise, lambda sums: expose(plan, sums["image"].reshape(power_w.shape) * power_w))
+    return TargetError(
+        transport_error, lambda sums: expose(plan, sums["image"].reshape(power_w.shape) * power_w)
+    )
 
 
 def _extra(
-    wanted: Wanted, image: Mapping[str, Floats], spots: Mapping[str, Floats], shape: tuple[int, int]
+    outputs: Outputs,
+    image: Mapping[str, Floats],
+    spots: Mapping[str, Floats],
+    shape: tuple[int, int],
 ) -> dict[str, NDArray[Any]]:
-    """Everything wanted besides the image, with pixels as rows and columns."""
+    """Everything kept besides the image, with pixels as rows and columns."""
     extra: dict[str, NDArray[Any]] = {}
-    if wanted.orders:
+    if outputs.orders:
         extra["orders"] = image["image_orders"].reshape(-1, *shape)
         extra["spot_orders"] = spots["histogram_orders"]
-    if wanted.frequencies_hz:
+    if outputs.frequencies_hz:
         extra["phasors"] = _phasors(image["phasors"], shape)
-        if wanted.orders:
+        if outputs.orders:
             extra["phasor_orders"] = _phasors(image["phasors_orders"], shape)
-    if wanted.bins is not None:
+    if outputs.bins is not None:
         extra["cube"] = image["histogram"].reshape(*shape, -1)
-        extra["cube_path_length_m"] = wanted.bins.centres_m
-        if wanted.orders:
-            extra["cube_orders"] = image["histogram_orders"].reshape(-1, *shape, wanted.bins.count)
+        extra["cube_path_length_m"] = outputs.bins.centres_m
+        if outputs.orders:
+            extra["cube_orders"] = image["histogram_orders"].reshape(-1, *shape, outputs.bins.count)
     return extra
 
 

@@ -14,8 +14,7 @@ from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
-from spisim.transport.ends import transform
-from spisim.transport.geometry import Geometry
+from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
 from spisim.transport.meshes import shapes
 from spisim.transport.phase import phase_dict

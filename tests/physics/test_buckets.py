@@ -19,7 +19,7 @@ FRAMES = 1000
 
 
 def still(instrument: Instrument, place: Scene = PLACE) -> LightSequence:
-    return trace(place, instrument, frames=1, spp=16, noise=None, seed=0, progress=None)
+    return trace(place, instrument, frames=1, spp=16, transport_error=None, seed=0, progress=None)
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +148,9 @@ def test_taps_of_every_pattern_hold_the_range_of_every_pixel() -> None:
     )
     place = worlds.scene(worlds.plane(4.0, 0.5))
     truth = ground_truth(place, instrument)
-    light = trace(place, instrument, frames=1, spp=1024, noise=None, seed=0, progress=None)
+    light = trace(
+        place, instrument, frames=1, spp=1024, transport_error=None, seed=0, progress=None
+    )
     capture = record(place, instrument, light, [truth], seed=0, noise=False)
     taps = capture.pattern_taps
     assert taps is not None

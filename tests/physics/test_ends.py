@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 import worlds
-from spisim.transport.estimator import Strategy
+from spisim.transport.engine.estimator import Strategy
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(8)

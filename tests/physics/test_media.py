@@ -10,10 +10,11 @@ import worlds
 from reconstruction.operators import expose, illumination, make_plan
 from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Tabulated, explicit
 from spisim.scene import Volume
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import Wanted, transport_image
+from spisim.transport.engine.estimator import transport_image
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.reference import bucket_powers
-from spisim.transport.tally import PathLengthBins
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(8)
@@ -47,14 +48,14 @@ def test_constant_grid_is_homogeneous_fog():
     density = np.full((40, 40, 40), 0.25, dtype=np.float32)
     density[0, 0, 0] = 1.0
     grid = volume(worlds.box_pose((12, 12, 24), (0, 0, 2)), 0.4, density=density)
-    wanted = Wanted(frequencies_hz=(15e6,), bins=PathLengthBins(500, 0.1))
+    outputs = Outputs(frequencies_hz=(15e6,), bins=PathLengthBins(500, 0.1))
     view = worlds.projector(shape=(4, 4))
 
     def moments(place):
         world, runs = build_world(place), []
         for seed in SEEDS:
             mean = transport_image(
-                world, view, BASELINE, Paths(4096), seed=seed, wanted=wanted
+                world, view, BASELINE, Paths(4096), seed=seed, outputs=outputs
             ).mean
             cube = mean["histogram"].sum(axis=0)
             length = cube @ np.arange(500) * 0.1 / cube.sum()
@@ -134,7 +135,7 @@ def test_single_scattering_echo_with_any_phase_function(phase):
     """
     from scipy.special import expn
 
-    extinction, albedo, width = 0.15, 0.9, 0.01
+    extinction, albedo, width, area_m2 = 0.15, 0.9, 0.01, 1e-9
     place = replace(
         worlds.scene(worlds.plane(40, 0.0)), atmosphere=explicit(extinction, albedo, phase)
     )
@@ -145,7 +146,7 @@ def test_single_scattering_echo_with_any_phase_function(phase):
         histogram = worlds.histogram(
             world,
             worlds.beams([0, 0, 1]),
-            worlds.detector(area_m2=1e-12),
+            worlds.detector(area_m2=area_m2),
             (2000, width),
             2**17,
             seed,
@@ -154,7 +155,7 @@ def test_single_scattering_echo_with_any_phase_function(phase):
         cumulative = np.cumsum(histogram) - histogram / 2  # up to the centre of each bin
         runs.append(np.diff(cumulative[np.rint(2 * edges / width).astype(int)]))
     echo = -np.diff(expn(2, 2 * extinction * edges) / edges)
-    closed = 1e-12 * albedo * extinction * float(phase.density(-1.0)) * echo
+    closed = area_m2 * albedo * extinction * float(phase.density(-1.0)) * echo
     assert np.all(np.abs(worlds.z_score_exact(runs, closed)) < 4)
     assert np.mean(runs, axis=0) == pytest.approx(closed, rel=0.02, abs=0)
 
@@ -170,11 +171,11 @@ def test_two_media_in_one_place_add_up():
 
 def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
     place = replace(worlds.scene(worlds.plane(5.0, 0.5)), atmosphere=explicit(0.1, 0.98, HG))
-    view, wanted = worlds.projector(shape=(8, 8)), Wanted(orders=True)
+    view, outputs = worlds.projector(shape=(8, 8)), Outputs(orders=True)
     runs = []
     for seed in SEEDS:
         mean = transport_image(
-            build_world(place), view, BASELINE, Paths(256), seed=seed, wanted=wanted
+            build_world(place), view, BASELINE, Paths(256), seed=seed, outputs=outputs
         ).mean
         np.testing.assert_allclose(mean["image_orders"].sum(axis=0), mean["image"], rtol=1e-9)
         runs.append(mean["image_orders"].sum(axis=1))
@@ -195,10 +196,10 @@ def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
 def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
     place = replace(worlds.scene(*worlds.room()), atmosphere=explicit(0.1, 0.98, HG))
     frequency, bins = 15e6, PathLengthBins(4001, 0.02)
-    wanted = Wanted(frequencies_hz=(frequency,), bins=bins)
+    outputs = Outputs(frequencies_hz=(frequency,), bins=bins)
     view = worlds.projector(shape=(4, 4))
     mean = transport_image(
-        build_world(place), view, BASELINE, Paths(256), seed=SEEDS[0], wanted=wanted
+        build_world(place), view, BASELINE, Paths(256), seed=SEEDS[0], outputs=outputs
     ).mean
     np.testing.assert_allclose(mean["histogram"].sum(axis=1), mean["image"], rtol=1e-6)
     spectrum = mean["histogram"] @ np.exp(2j * np.pi * frequency / c * bins.centres_m)

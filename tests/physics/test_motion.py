@@ -27,7 +27,7 @@ def wall(distance_m=4.0, **motion) -> Scene:
 
 
 def sequence(scene, paper, frames=1):
-    return trace(scene, paper, frames=frames, spp=16, noise=None, seed=0, progress=None)
+    return trace(scene, paper, frames=frames, spp=16, transport_error=None, seed=0, progress=None)
 
 
 def test_what_stands_still_is_solved_once(paper):

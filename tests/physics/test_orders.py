@@ -10,15 +10,16 @@ import worlds
 from reconstruction.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.transport import solve
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import Wanted, spot_histogram, transport_image
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(8)
 END = worlds.detector([0.05, 0.0, 0.0], area_m2=2e-6, half_angle_deg=14)
 BINS = PathLengthBins(200, 0.1)
-EVERYTHING = Wanted(frequencies_hz=(0.0, 15e6), bins=BINS)
+EVERYTHING = Outputs(frequencies_hz=(0.0, 15e6), bins=BINS)
 EXTINCTION_PER_M = 0.1
 WALL_M, WALL_REFLECTANCE = 5.0, 0.5
 
@@ -32,8 +33,8 @@ def split():
     """Whole sums, and the same paths' sums with parts."""
     world, view = build_world(foggy(worlds.scene(*worlds.room()))), worlds.projector(shape=(4, 4))
     return [
-        transport_image(world, view, END, Paths(256), seed=SEEDS[0], wanted=wanted).mean
-        for wanted in (EVERYTHING, replace(EVERYTHING, orders=True))
+        transport_image(world, view, END, Paths(256), seed=SEEDS[0], outputs=outputs).mean
+        for outputs in (EVERYTHING, replace(EVERYTHING, orders=True))
     ]
 
 
@@ -85,9 +86,9 @@ def test_spots_in_fog_have_all_parts_and_the_unscattered_is_the_weakened_echo_of
 
 
 def test_solve_tells_of_every_part_by_rows_and_columns():
-    wanted = replace(EVERYTHING, orders=True)
+    outputs = replace(EVERYTHING, orders=True)
     paper = spisim.load_instrument("paper")
-    light = solve(foggy(worlds.scene(*worlds.room())), paper, spp=8, wanted=wanted)
+    light = solve(foggy(worlds.scene(*worlds.room())), paper, spp=8, outputs=outputs)
     extra, (height, width) = light.extra, light.image.shape
     bins = light.path_length_m.size
     assert {name: values.shape for name, values in extra.items()} == {

@@ -22,8 +22,8 @@ from spisim.scene.bsdf import (
     RoughPlastic,
     ThinPane,
 )
-from spisim.transport import estimator
-from spisim.transport.estimator import Strategy
+from spisim.transport.engine import estimator
+from spisim.transport.engine.estimator import Strategy
 from spisim.transport.reference import bucket_powers
 from spisim.transport.world import build_world
 

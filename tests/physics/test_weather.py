@@ -12,9 +12,9 @@ from scipy.constants import c
 
 import worlds
 from spisim.atmosphere import Tabulated, fog
-from spisim.transport.effort import Paths
-from spisim.transport.estimator import spot_histogram
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.engine.estimator import spot_histogram
+from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.world import build_world
 
 AREA = 1e-12
@@ -33,8 +33,7 @@ def traced(world, detectors, bins, paths, seed, **options):
     """Of one laser along z for every detector."""
     count = len(detectors.positions_m)
     lasers = worlds.beams(*[[0, 0, 1]] * count)
-    effort = Paths(paths)
-    return spot_histogram(world, lasers, detectors, bins, effort, seed=seed, **options).mean
+    return spot_histogram(world, lasers, detectors, bins, Paths(paths), seed=seed, **options).mean
 
 
 @pytest.mark.parametrize("kind", NATURAL)

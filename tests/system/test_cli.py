@@ -224,8 +224,17 @@ def test_transport_writes_named_channels_with_units(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_transport_to_order_with_phasors_and_orders(tmp_path: Path) -> None:
-    options = ["--noise", "0.05", "--frequency", "15e6", "--orders", "--cube", "0.5", "--json"]
-    run = spisim("transport", "warehouse", "-o", tmp_path / "w.exr", *options)
+    options = [
+        "--transport-error",
+        "0.05",
+        "--frequency",
+        "15e6",
+        "--orders",
+        "--cube",
+        "0.5",
+        "--json",
+    ]
+    run = spisim("transport", "warehouse", "-o", tmp_path / "w.exr", *options, "--json")
     assert run.exit_code == 0, run.stderr
     channels, _ = read_exr(tmp_path / "w.exr")
     parts = sum(channels[f"transport.{part}"] for part in ("unscattered", "single", "multiple"))

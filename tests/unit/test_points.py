@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from spisim.transport.backend import activate
-from spisim.transport.points import Points
+from spisim.transport.engine.points import Points
 
 # isort: split
 import drjit as dr

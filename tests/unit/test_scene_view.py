@@ -19,7 +19,7 @@ from spisim.report.scene_view import Look, picture, survey
 from spisim.report.scene_view.cameras import FARTHEST_CUT_M, Section, cut_m, heading
 from spisim.scene import Material, SceneObject, look_at
 from spisim.scene.layout import clearance_m
-from spisim.transport import Sight, ground_truth
+from spisim.transport import RayCaster, ground_truth
 from worlds import plane, scene, surface
 
 AHEAD = np.array([[0.0, 0.0, 1.0]])
@@ -31,9 +31,9 @@ def show(*arguments: str | Path) -> Any:
 
 
 def test_sight_finds_the_first_surface_and_says_where_there_is_none() -> None:
-    sight = Sight.of(scene(plane(5), plane(3, half_size_m=1.0)))
+    caster = RayCaster.of(scene(plane(5), plane(3, half_size_m=1.0)))
     rays = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.0, -1.0]])
-    found = sight.along(np.zeros((3, 3)), rays)
+    found = caster.along(np.zeros((3, 3)), rays)
     assert found.object_id.tolist() == [1, 0, -1]
     assert found.range_m[:2] == pytest.approx([3, 5 / 0.8], rel=1e-6)
     assert np.isinf(found.range_m[2])
@@ -41,10 +41,10 @@ def test_sight_finds_the_first_surface_and_says_where_there_is_none() -> None:
 
 def test_brightness_follows_reflectance_and_hidden_sky() -> None:
     """An open plane seen straight on is as bright as the square root of its reflectance."""
-    open_wall = Sight.of(scene(plane(5, 0.25)))
+    open_wall = RayCaster.of(scene(plane(5, 0.25)))
     assert open_wall.shaded(HERE, AHEAD)[0] == pytest.approx(0.5, abs=0.01)
     lid = plane(5.05, 0.25, half_size_m=3.0)
-    covered = Sight.of(scene(plane(5.3, 0.25), lid))
+    covered = RayCaster.of(scene(plane(5.3, 0.25), lid))
     beside_lid = np.array([[3.2, 0.0, 5.0]]), AHEAD
     assert 0.1 < covered.shaded(*beside_lid)[0] < 0.48
     assert np.isnan(open_wall.shaded(HERE, -AHEAD)[0])
@@ -53,14 +53,14 @@ def test_brightness_follows_reflectance_and_hidden_sky() -> None:
 def test_panes_are_looked_through_in_pictures_and_met_by_rays() -> None:
     glass = Material("glass", 0.0, "test", opacity=0.0)
     pane = SceneObject("pane", plane(2).mesh, glass)
-    sight = Sight.of(scene(plane(5, 0.25), pane))
-    assert sight.shaded(HERE, AHEAD)[0] == pytest.approx(0.5, abs=0.01)
-    assert sight.along(HERE, AHEAD).object_id.tolist() == [1]
+    caster = RayCaster.of(scene(plane(5, 0.25), pane))
+    assert caster.shaded(HERE, AHEAD)[0] == pytest.approx(0.5, abs=0.01)
+    assert caster.along(HERE, AHEAD).object_id.tolist() == [1]
 
 
 def test_survey_agrees_with_the_truth() -> None:
     place, instrument = spisim.load_scene("warehouse"), spisim.load_instrument("paper")
-    found = survey(place, instrument, Sight.of(place))
+    found = survey(place, instrument, RayCaster.of(place))
     truth = ground_truth(place, instrument)
     assert [spot.object for spot in found.spots] == list(truth.spot_object)
     assert [spot.range_m for spot in found.spots] == pytest.approx(truth.spot_range_m, rel=1e-5)
@@ -74,7 +74,7 @@ def test_survey_agrees_with_the_truth() -> None:
 def test_survey_of_a_scene_that_the_spots_miss() -> None:
     block = surface("block", trimesh.creation.box((0.2, 0.2, 0.2)), 0.5)
     place = replace(scene(block), drone_pose=look_at((0, 0, 3), (9, 0, 3), (0, 0, 1)))
-    found = survey(place, spisim.load_instrument("paper"), Sight.of(place))
+    found = survey(place, spisim.load_instrument("paper"), RayCaster.of(place))
     assert all(spot.object is None and np.isinf(spot.range_m) for spot in found.spots)
     assert found.nearest.object is None
     assert np.isnan(found.nearest_m).all()
@@ -85,7 +85,7 @@ def test_survey_of_a_scene_that_the_spots_miss() -> None:
 def test_a_sheet_that_is_turned_has_no_thickness(tmp_path: Path) -> None:
     (tmp_path / "sheet.yaml").write_text(MINIMAL)
     place = spisim.load_scene(tmp_path / "sheet.yaml")
-    found = survey(place, spisim.load_instrument("paper"), Sight.of(place))
+    found = survey(place, spisim.load_instrument("paper"), RayCaster.of(place))
     assert found.extents_m == (0, 4, 4)
 
 
@@ -114,8 +114,10 @@ def test_a_section_shows_points_where_its_rays_meet_them() -> None:
 def test_sections_are_cut_below_a_ceiling() -> None:
     ceiling = trimesh.creation.box((9, 9, 0.1)).apply_translation((0, 0, 1.05))
     up = np.array([0.0, 0.0, 1.0])
-    assert cut_m(Sight.of(scene(surface("c", ceiling, 0.5))), np.zeros(3), up) == pytest.approx(0.5)
-    assert cut_m(Sight.of(scene(plane(-5))), np.zeros(3), up) == FARTHEST_CUT_M
+    assert cut_m(RayCaster.of(scene(surface("c", ceiling, 0.5))), np.zeros(3), up) == pytest.approx(
+        0.5
+    )
+    assert cut_m(RayCaster.of(scene(plane(-5))), np.zeros(3), up) == FARTHEST_CUT_M
 
 
 def test_heading_is_level() -> None:
@@ -147,12 +149,12 @@ def test_texts_in_the_view_do_not_overlap(monkeypatch: pytest.MonkeyPatch) -> No
     """The nearest point is put on, above and below the number of a spot."""
     monkeypatch.setattr(picture, "_picture", lambda *_: np.zeros((1, 1, 3)))
     place, instrument = spisim.load_scene("target-plane"), spisim.load_instrument("paper")
-    sight = Sight.of(place)
-    found = survey(place, instrument, sight)
+    caster = RayCaster.of(place)
+    found = survey(place, instrument, caster)
     for shift in (-0.06, -0.03, 0.0, 0.03):
         ray = instrument.lasers.directions[0] + (0, shift, 0)
         nearest_m = place.drone_pose[:3, 3] + 4 * place.drone_pose[:3, :3] @ ray
-        look = Look(place, instrument, sight, replace(found, nearest_m=nearest_m))
+        look = Look(place, instrument, caster, replace(found, nearest_m=nearest_m))
         texts = picture.look_figure(look).axes[0].texts
         boxes = [text.get_window_extent() for text in texts]
         assert any("nearest" in text.get_text() for text in texts)

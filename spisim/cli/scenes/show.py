@@ -37,15 +37,15 @@ def command(
     """
     from reconstruction.files import require_file
     from spisim.report.scene_view import Look, survey, write_look
-    from spisim.transport import Sight
+    from spisim.transport import RayCaster
 
     picture = output or Path(f"{Path(scene).stem}.png")
     require_file(picture)
     carried = instrument_with(instrument)
     place, oddities = scene_with(scene, carried.wavelength_nm, None, clear=False)
-    sight = Sight.of(place)
-    found = survey(place, carried, sight)
-    write_look(picture, Look(place, carried, sight, found), fov)
+    caster = RayCaster.of(place)
+    found = survey(place, carried, caster)
+    write_look(picture, Look(place, carried, caster, found), fov)
     problems = [] if found.problem is None else [f"scene {place.name!r}: {found.problem}"]
     warn(problems)
     if json:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from spisim.transport import Sight
+from spisim.transport import RayCaster
 
 Floats = NDArray[np.float64]
 Rays = tuple[Floats, Floats]  # origins and unit directions (n, 3), row by row
@@ -70,7 +70,7 @@ def heading(pose: Floats) -> Floats:
     return np.asarray(flat / np.linalg.norm(flat))
 
 
-def cut_m(sight: Sight, position_m: Floats, towards: Floats) -> float:
+def cut_m(caster: RayCaster, position_m: Floats, towards: Floats) -> float:
     """How far from the drone a section may be cut: not behind the ceiling or wall that is there."""
     turn = np.linspace(0, 2 * np.pi, CONE_RAYS, endpoint=False)
     one = np.cross(towards, np.eye(3)[np.argmin(np.abs(towards))])
@@ -78,7 +78,7 @@ def cut_m(sight: Sight, position_m: Floats, towards: Floats) -> float:
     other = np.cross(towards, one)
     rays = towards + CONE_TANGENT * (np.outer(np.cos(turn), one) + np.outer(np.sin(turn), other))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    found = sight.along(np.broadcast_to(position_m, rays.shape), rays)
+    found = caster.along(np.broadcast_to(position_m, rays.shape), rays)
     distances = np.where(np.isfinite(found.range_m), found.range_m * (rays @ towards), np.inf)
     return float(min(FARTHEST_CUT_M, np.median(distances) / 2))
 

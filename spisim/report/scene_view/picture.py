@@ -17,7 +17,7 @@ from reconstruction.files import write_atomically
 from spisim.instrument import Instrument
 from spisim.report.style import file_of, plot_style
 from spisim.scene import Scene
-from spisim.transport import Sight
+from spisim.transport import RayCaster
 
 from .cameras import Floats, Section, cut_m, heading, perspective_rays
 from .survey import Spot, Survey
@@ -44,7 +44,7 @@ class Look:
 
     scene: Scene
     instrument: Instrument
-    sight: Sight
+    caster: RayCaster
     survey: Survey
 
     @property
@@ -79,12 +79,12 @@ def look_figure(look: Look, fov_deg: float = 50.0) -> Figure:
     return sheet
 
 
-def view_image(scene: Scene, sight: Sight, fov_deg: float, pixels: int = PIXELS) -> Floats:
+def view_image(scene: Scene, caster: RayCaster, fov_deg: float, pixels: int = PIXELS) -> Floats:
     """Colours (pixels, pixels, 3) of what the drone sees, `fov_deg` across."""
     tangent = float(np.tan(np.radians(fov_deg) / 2))
     side = pixels * FINE
     rays = perspective_rays(scene.drone_pose, (side, side), tangent, tangent)
-    return _picture(sight, rays, (pixels, pixels))
+    return _picture(caster, rays, (pixels, pixels))
 
 
 def _title(sheet: Figure, look: Look) -> None:
@@ -100,7 +100,7 @@ def _title(sheet: Figure, look: Look) -> None:
 
 def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
     half = np.tan(np.radians(fov_deg) / 2)
-    axis.imshow(view_image(look.scene, look.sight, fov_deg), extent=(-half, half, half, -half))
+    axis.imshow(view_image(look.scene, look.caster, fov_deg), extent=(-half, half, half, -half))
     projector, detector = look.instrument.projector, look.instrument.detector
     wide, high = projector.tan_half_width, projector.tan_half_height
     square = Rectangle((-wide, -high), 2 * wide, 2 * high, fill=False, ec=PROJECTOR, lw=1.8)
@@ -163,8 +163,8 @@ def _draw_sections(plan_axis: Any, side_axis: Any, look: Look) -> None:
     near = points[np.linalg.norm(points - position, axis=1) <= REACH_M]
     near = np.concatenate([near, position[None]])
     in_plan, in_side = _limits(plan.place(near), side.place(near))
-    _draw_section(plan_axis, look, plan, in_plan, cut_m(look.sight, position, up))
-    _draw_section(side_axis, look, side, in_side, cut_m(look.sight, position, -left))
+    _draw_section(plan_axis, look, plan, in_plan, cut_m(look.caster, position, up))
+    _draw_section(side_axis, look, side, in_side, cut_m(look.caster, position, -left))
     plan_axis.set_title("From above, cut over the drone", fontsize=10, color=INK, loc="left")
     plan_axis.set_ylabel("to the left, m", fontsize=9)
     side_axis.set_title("From the right, cut beside the drone", fontsize=10, color=INK, loc="left")
@@ -197,7 +197,7 @@ def _draw_section(
 ) -> None:
     shape = (round(PIXELS / RATIO), PIXELS)
     rays = section.rays((shape[0] * FINE, shape[1] * FINE), limits, cut)
-    axis.imshow(_picture(look.sight, rays, shape), extent=limits, aspect="auto")
+    axis.imshow(_picture(look.caster, rays, shape), extent=limits, aspect="auto")
     axis.set(xlim=limits[:2], ylim=limits[2:])
     axis.tick_params(labelsize=8)
     axis.spines[:].set_visible(False)
@@ -288,8 +288,8 @@ def _metres(spot: Spot) -> str:
     return f"{spot.range_m:.2f} m" if np.isfinite(spot.range_m) else "–"
 
 
-def _picture(sight: Sight, rays: tuple[Floats, Floats], shape: tuple[int, int]) -> Floats:
+def _picture(caster: RayCaster, rays: tuple[Floats, Floats], shape: tuple[int, int]) -> Floats:
     """Colours (H, W, 3), each pixel the mean of its rays."""
-    tone: NDArray[np.floating] = sight.shaded(*rays).reshape(shape[0] * FINE, shape[1] * FINE, 1)
+    tone: NDArray[np.floating] = caster.shaded(*rays).reshape(shape[0] * FINE, shape[1] * FINE, 1)
     colours = np.where(np.isfinite(tone), np.clip(1.3 * tone, 0, 1), np.array(SKY))
     return np.asarray(colours.reshape(shape[0], FINE, shape[1], FINE, 3).mean(axis=(1, 3)))

@@ -10,7 +10,7 @@ import numpy as np
 from spisim.instrument import Instrument, needs
 from spisim.scene import Scene
 from spisim.scene.layout import clearance_m, layout_problem
-from spisim.transport import Sight
+from spisim.transport import RayCaster
 
 from .cameras import Floats, perspective_rays
 
@@ -53,16 +53,16 @@ class Survey:
         return {name: fields[name] for name in fields if name not in ("points_m", "nearest_m")}
 
 
-def survey(scene: Scene, instrument: Instrument, sight: Sight) -> Survey:
-    """Look around from the drone; `sight` is of the scene as it is."""
+def survey(scene: Scene, instrument: Instrument, caster: RayCaster) -> Survey:
+    """Look around from the drone; `caster` is of the scene as it is."""
     origin, rotation = scene.drone_pose[:3, 3], scene.drone_pose[:3, :3]
     projector = instrument.projector
     rays = perspective_rays(
         scene.drone_pose, (RAYS, RAYS), projector.tan_half_width, projector.tan_half_height
     )
-    field = sight.along(*rays)
+    field = caster.along(*rays)
     beams = instrument.lasers.directions @ rotation.T
-    spots = sight.along(np.broadcast_to(origin, beams.shape), beams)
+    spots = caster.along(np.broadcast_to(origin, beams.shape), beams)
     names = [thing.name for thing in scene.objects]
 
     def seen(range_m: float, number: int) -> Spot:

@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 
 #: Standard deviations of a beam beyond which nothing of it is left.
 REACH = 6.0
-#: The narrowest beam over the radius of a drop: a narrower one is met all or not.
-NARROWEST = 0.02
+#: Of a beam, over the radius of a drop: a narrower one is met all or not.
+MIN_WIDTH = 0.02
 #: Points of an aperture whose field is narrow.
 APERTURE_POINTS = 16
 
@@ -141,7 +141,7 @@ def _near(beam: _Beam, positions: Floats, diameters: Floats, moved_m: float) -> 
     along = offset @ beam.direction
     aside2 = np.einsum("dk,dk->d", offset, offset) - along**2
     widest = beam.width_m(np.array([0.0, beam.length_m])).max()
-    reach = diameters.max(initial=0.0) * 0.5e-3 * (1 + REACH * NARROWEST) + REACH * widest
+    reach = diameters.max(initial=0.0) * 0.5e-3 * (1 + REACH * MIN_WIDTH) + REACH * widest
     return np.asarray(aside2 < (reach + moved_m) ** 2)
 
 
@@ -152,7 +152,7 @@ def _met(beam: _Beam, positions: Floats, diameters: Floats) -> _Met:
     along = offset @ beam.direction
     aside2 = np.einsum("dk,dk->d", offset, offset) - along**2
     inside = (along > 0) & (along < beam.length_m)
-    width = np.maximum(beam.width_m(np.where(inside, along, 0.0)), NARROWEST * radius)
+    width = np.maximum(beam.width_m(np.where(inside, along, 0.0)), MIN_WIDTH * radius)
     drop = np.flatnonzero(inside & (aside2 < (radius + REACH * width) ** 2))
     scale = 1 / width[drop] ** 2
     share = chndtr(radius[drop] ** 2 * scale, 2, np.maximum(aside2[drop], 0) * scale)

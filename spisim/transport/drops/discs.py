@@ -20,7 +20,7 @@ Ints = NDArray[np.intp]
 #: Points per side of a pixel that a drop covers, and per pixel over which a lens smears its shadow.
 ON_DISC, ON_LENS = 8, 2
 #: The most for one drop.
-MOST_POINTS = 4096
+MAX_POINTS = 4096
 #: Steps in which the surface behind a drop is found, along a ray that is not a pixel's.
 SURFACE_STEPS = 3
 ROOTS = np.sqrt([2.0, 3.0])
@@ -55,7 +55,7 @@ def disc_points(
     diameters = diameters_mm * 1e-3
     pixel_m = positions_m[:, 2] * pixel_rad
     wanted = (ON_DISC * diameters / pixel_m) ** 2 + (ON_LENS * blur_m / pixel_m) ** 2
-    counts = np.clip(wanted, 1, MOST_POINTS).astype(np.intp)
+    counts = np.clip(wanted, 1, MAX_POINTS).astype(np.intp)
     drop = np.repeat(np.arange(len(counts)), counts)
     place, on_lens = positions_m[drop], np.zeros((len(drop), 2))
     several = np.flatnonzero(counts[drop] > 1)

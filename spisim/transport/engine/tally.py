@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -12,12 +12,36 @@ import numpy as np
 from scipy.constants import c
 
 from reconstruction.errors import InputError
-from spisim.transport.accumulator import Accumulator
+from spisim.transport.engine.accumulator import Accumulator, Check
 from spisim.transport.views import Floats
-from spisim.transport.walk import Contribution
 
 #: Parts that the light can be split into, by how often it was scattered in fog.
 ORDERS = ("unscattered", "single", "multiple")
+
+
+class Contribution(NamedTuple):
+    """Light on its way between the two ends, found at one vertex."""
+
+    value: Any
+    cell: Any
+    length_m: Any  # whole optical path
+    scatterings: Any  # in fog, along the whole path
+    active: Any
+
+
+Deposit = Callable[[Contribution], None]
+
+
+def carries_light(value: Any) -> Any:
+    """Lanes with light. Those with nan are among them, so that they are counted at the end."""
+    return ~(value <= 0)
+
+
+class Sums(NamedTuple):
+    """What one launch found."""
+
+    values: Mapping[str, Floats]
+    dropped: int = 0  # contributions that were not finite, and are not in the values
 
 
 class Tally(Protocol):
@@ -146,3 +170,24 @@ class OrderTally:
             parts = values.reshape(len(ORDERS), self._cells, *values.shape[1:])
             sums |= {name: parts.sum(axis=0), f"{name}_orders": parts}
         return sums
+
+
+class Tallies:
+    """Everything that is summed in one launch, behind a check of what can be."""
+
+    def __init__(self, cells: int, tallies: Sequence[Tally]) -> None:
+        self._tallies = tallies
+        self._check = Check(cells)
+
+    def add(self, light: Contribution) -> None:
+        """See `Tally`."""
+        passed = self._check.passed(light.value, light.cell, light.active)
+        for tally in self._tallies:
+            tally.add(light._replace(active=passed))
+
+    def read(self, area_m2: float) -> Sums:
+        """Sums over detectors of this area; InputError if one is too large to be exact."""
+        dropped = self._check.read()
+        sums = (tally.read() for tally in self._tallies)
+        values = {name: value * area_m2 for one in sums for name, value in one.items()}
+        return Sums(values, dropped)

@@ -1,13 +1,15 @@
-"""How long to go on: a number of paths, or a noise to reach."""
+"""How long to go on: a number of paths, or an error to reach."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from spisim.transport.engine.tally import Sums
 from spisim.transport.views import Floats
 
 #: Independent repetitions from which a standard error is taken, at least.
@@ -19,6 +21,10 @@ MAX_LANES = 2**20
 FIRST_PATHS = 4
 PATHS_PER_LAUNCH = 16
 MAX_LAUNCHES = 2**16
+
+
+class TransportWarning(UserWarning):
+    """Light that could not be summed."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,7 @@ class Paths:
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class TargetError:
     """Go on until the relative standard error of some readings is below `target`.
 
     `readings` turns what was estimated into the numbers that matter, such as the bucket vector;
@@ -44,8 +50,8 @@ class Noise:
     readings: Callable[[Mapping[str, Floats]], Floats]
 
 
-Effort = Paths | Noise
-Launch = Callable[[int, Sequence[int]], Mapping[str, Floats]]
+SamplingBudget = Paths | TargetError
+Launch = Callable[[int, Sequence[int]], Sums]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,33 +94,44 @@ class _Running:
 
 def repeat(
     launch: Launch,
-    effort: Effort,
+    budget: SamplingBudget,
     cells: int,
     seed: np.random.SeedSequence,
     progress: Callable[[float], None] | None,
 ) -> Estimate:
-    """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `effort` says."""
+    """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `budget` says.
+
+    TransportWarning tells how much of the light had to be left out.
+    """
     most = max(1, MAX_LANES // cells)
-    if isinstance(effort, Paths):
-        launches = max(effort.launches, -(-effort.per_cell // most))
-        first = later = max(1, round(effort.per_cell / launches))
+    if isinstance(budget, Paths):
+        launches = max(budget.launches, -(-budget.per_cell // most))
+        first = later = max(1, round(budget.per_cell / launches))
     else:
         launches, first, later = MAX_LAUNCHES, min(FIRST_PATHS, most), min(PATHS_PER_LAUNCH, most)
-    running, readings = _Running(), _Running()
+    running, readings, dropped = _Running(), _Running(), 0
     for step in range(launches):
         samples = first if step < MIN_LAUNCHES else later
-        values = launch(samples, _seeds(seed, step))
+        values, unsummed = launch(samples, _seeds(seed, step))
+        dropped += unsummed
         running.add(values, samples)
         done = (step + 1) / launches
-        if isinstance(effort, Noise):
-            readings.add({"readings": effort.readings(values)}, samples)
-            done = (effort.target / max(_relative(readings), effort.target)) ** 2
+        if isinstance(budget, TargetError):
+            readings.add({"readings": budget.readings(values)}, samples)
+            done = (budget.target / max(_relative(readings), budget.target)) ** 2
             if step + 1 < MIN_LAUNCHES:
                 done = min(done, (step + 1) / MIN_LAUNCHES)
         if progress is not None:
             progress(done)
         if done >= 1:
             break
+    if dropped:
+        warnings.warn(
+            f"{dropped} contributions of light were not finite numbers and are left out: a "
+            "material, medium or pose gives the light transport something it cannot calculate with",
+            TransportWarning,
+            stacklevel=2,
+        )
     paths = 2 * running.weight * cells
     return Estimate(running.mean, running.error(), running.count, paths)
 

@@ -13,9 +13,9 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.ends import Connection, Projector
-from spisim.transport.equiangular import EquiAngular
-from spisim.transport.walk import direction_to
+from spisim.transport.engine.ends import Connection, Projector
+from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.geometry import direction_to
 from spisim.transport.world import World
 
 
@@ -56,7 +56,7 @@ class FogRays:
         return end, importance / pixels * place / (distance * distance * extinction)
 
     def density(self, lens: Any, first: Any, second: Any) -> Any:
-        """See `spisim.transport.walk.Rays`; 0 where no ray from `lens` leads to `first`."""
+        """See `Rays` in `walk`; 0 where no ray from `lens` leads to `first`."""
         direction, distance = direction_to(lens, first)
         angular = EquiAngular.about(second, mi.Ray3f(lens, direction), mi.Float(dr.inf))
         importance = self.projector.importance_towards(direction, lens)

@@ -22,6 +22,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from spisim.transport.geometry import transform
 from spisim.transport.views import DetectorView, ProjectorView
 
 
@@ -350,13 +351,6 @@ class Sun:
             scatterings=mi.UInt32(0),
             cell=None,
         )
-
-
-def transform(matrix: NDArray[np.floating[Any]]) -> Any:
-    """A pose (4, 4) as an opaque Mitsuba transform."""
-    result = mi.Transform4f(mi.Matrix4f(matrix.astype(np.float32)))
-    dr.make_opaque(result)
-    return result
 
 
 def stratified(index: Any, count: int, sampler: Any) -> Any:

@@ -37,7 +37,7 @@ class Surfaces:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class RayCaster:
     """The surfaces of a scene. Rays have origins and unit directions (n, 3), in the world."""
 
     scene: Scene
@@ -45,7 +45,7 @@ class Sight:
 
     @classmethod
     @with_backend
-    def of(cls, scene: Scene) -> Sight:
+    def of(cls, scene: Scene) -> RayCaster:
         """Hand a scene's surfaces to Mitsuba."""
         return cls(scene, mi.load_dict({"type": "scene", **shapes(scene.objects)}))
 

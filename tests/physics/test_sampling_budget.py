@@ -1,4 +1,4 @@
-"""Noise to order, and nothing compiled twice."""
+"""An error to order, and nothing compiled twice."""
 
 from dataclasses import replace
 
@@ -10,10 +10,12 @@ import worlds
 from reconstruction.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.transport import solve
-from spisim.transport.backend import activate, has_cuda
-from spisim.transport.effort import FIRST_PATHS, Noise, Paths, repeat
-from spisim.transport.estimator import Wanted, transport_image
-from spisim.transport.tally import PathLengthBins
+from spisim.transport.backend import activate
+from spisim.transport.engine import sampling
+from spisim.transport.engine.estimator import transport_image
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import FIRST_PATHS, MIN_LAUNCHES, Paths, TargetError, repeat
+from spisim.transport.engine.tally import PathLengthBins, Sums
 from spisim.transport.world import build_world
 
 # isort: split
@@ -28,13 +30,13 @@ def room(extinction=0.1, albedo=0.98):
     return replace(place, atmosphere=explicit(extinction, albedo, HenyeyGreenstein(0.7)))
 
 
-def test_noise_is_what_was_asked_for():
+def test_the_error_is_what_was_asked_for():
     target = 0.03
     world = build_world(room())
 
     def estimate(seed):
-        effort = Noise(target, lambda sums: sums["image"])
-        return transport_image(world, VIEW, END, effort, seed=seed)
+        budget = TargetError(target, lambda sums: sums["image"])
+        return transport_image(world, VIEW, END, budget, seed=seed)
 
     estimates = [estimate(seed) for seed in worlds.seeds(12)]
     images = np.array([e.mean["image"] for e in estimates])
@@ -46,11 +48,11 @@ def test_noise_is_what_was_asked_for():
     assert max(claimed) < target
 
 
-def test_a_third_of_the_noise_takes_nine_times_the_paths():
+def test_a_third_of_the_error_takes_nine_times_the_paths():
     world = build_world(room())
     paths = [
         transport_image(
-            world, VIEW, END, Noise(t, lambda s: s["image"]), seed=worlds.seeds(1)[0]
+            world, VIEW, END, TargetError(t, lambda s: s["image"]), seed=worlds.seeds(1)[0]
         ).paths
         for t in (0.03, 0.01)
     ]
@@ -64,10 +66,10 @@ def test_launches_of_different_sizes_count_by_their_paths():
         rng = np.random.default_rng(number)
 
         def launch(samples, seeds, rng=rng):
-            return {"image": rng.normal(1, 1 / np.sqrt(samples), 8)}
+            return Sums({"image": rng.normal(1, 1 / np.sqrt(samples), 8)})
 
-        effort = Noise(0.05, lambda sums: sums["image"])
-        found = repeat(launch, effort, 8, np.random.SeedSequence(number), None)
+        budget = TargetError(0.05, lambda sums: sums["image"])
+        found = repeat(launch, budget, 8, np.random.SeedSequence(number), None)
         assert found.paths > 2 * 8 * 8 * FIRST_PATHS  # larger launches follow the first ones
         errors.append(found.mean["image"] - 1)
         claimed.append(found.error["image"] ** 2)
@@ -87,12 +89,33 @@ def test_the_standard_error_of_every_pixel_is_honest():
     assert np.median(spread / claimed) == pytest.approx(1, abs=0.08)
 
 
-def test_paths_are_split_into_launches_without_changing_the_mean():
+def test_paths_are_split_into_launches_without_changing_the_mean(monkeypatch):
+    """As many launches as the lanes of one require."""
     world = build_world(room(0.0))
-    few = transport_image(world, VIEW, END, Paths(64), seed=worlds.seeds(1)[0])
+    few = transport_image(world, VIEW, END, Paths(256), seed=worlds.seeds(1)[0])
+    monkeypatch.setattr(sampling, "MAX_LANES", 10 * VIEW.pixels)
     many = transport_image(world, VIEW, END, Paths(256), seed=worlds.seeds(2)[1])
-    assert few.paths * 4 == many.paths
+    assert (few.launches, many.launches) == (MIN_LAUNCHES, 26)
+    assert few.paths == 2 * VIEW.pixels * 256
+    assert many.paths == 2 * VIEW.pixels * 260  # ten in each
     np.testing.assert_allclose(few.mean["image"].sum(), many.mean["image"].sum(), rtol=0.01)
+
+
+def test_no_launch_has_more_lanes_than_fit(monkeypatch):
+    monkeypatch.setattr(sampling, "MAX_LANES", 100)
+    launched = []
+
+    def launch(samples, seeds):
+        launched.append(samples)
+        return Sums({"image": np.random.default_rng(seeds[0]).normal(1, 0.5, 30)})
+
+    budgets = [Paths(1), Paths(24), Paths(100), TargetError(0.05, lambda sums: sums["image"])]
+    for budget in budgets:
+        launched.clear()
+        found = repeat(launch, budget, 30, np.random.SeedSequence(0), None)
+        assert found.launches == len(launched) >= MIN_LAUNCHES
+        assert max(launched) * 30 <= 100
+        assert found.paths == 2 * 30 * sum(launched)
 
 
 def test_progress_rises_to_one():
@@ -105,18 +128,18 @@ def test_progress_rises_to_one():
 
 
 @pytest.mark.parametrize(
-    "wanted",
-    [Wanted(), Wanted(orders=True, frequencies_hz=(15e6,), bins=PathLengthBins(100, 0.1))],
+    "outputs",
+    [Outputs(), Outputs(orders=True, frequencies_hz=(15e6,), bins=PathLengthBins(100, 0.1))],
     ids=["image", "everything"],
 )
-def test_poses_densities_and_seeds_compile_nothing_new(wanted):
+def test_poses_densities_and_seeds_compile_nothing_new(outputs):
     activate()
 
     def trace(extinction, albedo, position, seed):
         world = build_world(room(extinction, albedo))
         view = worlds.projector(pose=worlds.pose_at(position))
         entropy = np.random.SeedSequence(seed)
-        transport_image(world, view, END, Paths(64), seed=entropy, wanted=wanted)
+        transport_image(world, view, END, Paths(64), seed=entropy, outputs=outputs)
         beams = worlds.beams([0.05, 0.02 * seed, 1.0])
         worlds.histogram(world, beams, END, (500, 0.1), 256, np.random.SeedSequence(seed))
 
@@ -137,14 +160,7 @@ def test_a_modulation_too_fast_for_the_histogram_is_refused():
         solve(worlds.scene(*worlds.room()), fast, spp=8)
 
 
-@pytest.mark.gpu
-def test_cuda_and_llvm_agree():
-    if not has_cuda():
-        pytest.skip("no CUDA device: the light is traced with LLVM here")
-    assert activate() == "cuda_ad_mono"
-
-
 @pytest.mark.parametrize("frequency_hz", [-1.0, 1e13, np.inf, np.nan])
 def test_a_phasor_beyond_the_precision_of_path_lengths_is_refused(frequency_hz):
     with pytest.raises(InputError, match=r"frequency .* Hz.*0 to 1e\+10"):
-        Wanted(frequencies_hz=(15e6, frequency_hz))
+        Outputs(frequencies_hz=(15e6, frequency_hz))

@@ -18,8 +18,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from spisim.transport.ends import Connection, Launch
-from spisim.transport.equiangular import EquiAngular
+from spisim.transport.engine.ends import Connection, Launch
+from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.views import BeamView
 from spisim.transport.world import World
 

@@ -1,0 +1,72 @@
+"""Order-independent sums: the same seed gives the same bits, however threads interleave."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.errors import InputError
+
+#: Contributions are summed as integers, in units of 2^-48 /m² of detector area. Integer addition
+#: is associative, which floating-point addition is not.
+QUANTUM_PER_M2 = 2.0**-48
+#: Sums stay exact below this: the power returned by a white wall 3 mm away.
+MAX_SUM_PER_M2 = 2.0**15
+#: What a cell receives is checked in coarser units, rounded up: it would take 2^30 contributions
+#: above the limit to wrap this check.
+COARSE_PER_M2 = 2.0**-16
+
+
+class Accumulator:
+    """Sums of contributions per cell, in fractions of emitted power per detector area (1/m²)."""
+
+    def __init__(self, cells: int) -> None:
+        self._sums = dr.zeros(mi.Int64, cells)
+
+    def add(self, value: Any, cell: Any, active: Any) -> None:
+        """Add one contribution per active lane; see `Check` for what cannot be added."""
+        quanta = mi.Int64(dr.round(mi.Float64(value) * (1.0 / QUANTUM_PER_M2)))
+        dr.scatter_reduce(dr.ReduceOp.Add, self._sums, quanta, cell, active)
+
+    def read(self) -> NDArray[np.float64]:
+        """Evaluate everything added so far; shape (cells,), 1/m²."""
+        return np.asarray(self._sums.numpy(), dtype=np.float64) * QUANTUM_PER_M2
+
+
+class Check:
+    """Whether the contributions to each cell can be summed."""
+
+    def __init__(self, cells: int) -> None:
+        self._cells = cells
+        self._coarse = dr.zeros(mi.Int64, cells + 1)  # and a count of what is not finite
+
+    def passed(self, value: Any, cell: Any, active: Any) -> Any:
+        """Lanes whose contribution is finite."""
+        finite = dr.isfinite(value)
+        size = dr.minimum(dr.abs(value), 2 * MAX_SUM_PER_M2) * (1.0 / COARSE_PER_M2)
+        amount = dr.select(finite, mi.Int64(dr.ceil(size)), 1)
+        place = dr.select(finite, mi.UInt32(cell), self._cells)
+        dr.scatter_reduce(dr.ReduceOp.Add, self._coarse, amount, place, active)
+        return active & finite
+
+    def read(self) -> int:
+        """How many contributions were not finite.
+
+        Raises
+        ------
+        InputError
+            If a sum is too large to be exact.
+        """
+        coarse = self._coarse.numpy()
+        largest = float(coarse[:-1].max()) * COARSE_PER_M2
+        if largest >= MAX_SUM_PER_M2:
+            raise InputError(
+                f"light of {largest:.3g} per m² of detector; less than {MAX_SUM_PER_M2:g} can be "
+                "summed: a surface, or fog before a tiny aperture, is too close to source and "
+                "detector"
+            )
+        return int(coarse[-1])

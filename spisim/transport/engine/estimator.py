@@ -1,0 +1,128 @@
+"""Two-ended light transport: one image and one set of path-length histograms for all patterns.
+
+Paths from the projector and paths from the detector estimate the same light. Each strategy alone
+is unbiased, and noisy where a path scatters close to the opposite end; weighted against each
+other, and against a third that joins a detector's path to a ray of the projector, they cover each
+other's weakness (`walk`). Light that is scattered once only needs no walk: it is summed along the
+projector's rays (`direct`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+from functools import partial
+
+import numpy as np
+
+from spisim.transport.engine.beams import Beams
+from spisim.transport.engine.direct import direct_light
+from spisim.transport.engine.ends import Detectors, JointDetectors, Projector
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.rays import FogRays
+from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat
+from spisim.transport.engine.tally import (
+    HistogramTally,
+    OrderTally,
+    PathLengthBins,
+    Sums,
+    Tallies,
+)
+from spisim.transport.engine.walk import MAX_VERTICES, Walk
+from spisim.transport.engine.weights import (
+    alone,
+    balanced,
+    second_on,
+    second_on_or_behind_glass,
+)
+from spisim.transport.views import BeamView, DetectorView, ProjectorView
+from spisim.transport.world import World
+
+
+class Strategy(Enum):
+    """Which ends launch paths. `BOTH` is the estimator to use, the others are checks on it."""
+
+    BOTH = "two-ended"
+    PROJECTOR = "projector"
+    DETECTOR = "detector"
+
+
+def transport_image(
+    world: World,
+    projector: ProjectorView,
+    detector: DetectorView,
+    budget: SamplingBudget,
+    *,
+    seed: np.random.SeedSequence,
+    outputs: Outputs = Outputs(),  # noqa: B008
+    strategy: Strategy = Strategy.BOTH,
+    max_vertices: int = MAX_VERTICES,
+    progress: Callable[[float], None] | None = None,
+) -> Estimate:
+    """Fraction of each virtual pixel's power that reaches the detectors: `image` (H·W,).
+
+    Several detectors are alike, and their light is added up.
+    `budget` counts paths per virtual pixel from each end that takes part. Other
+    `outputs` come under the names of `spisim.transport.engine.tally`.
+    """
+    pixels = projector.pixels
+
+    def launch(samples: int, seeds: Sequence[int]) -> Sums:
+        tallies = outputs.tallies(pixels)
+        near = Projector.of(projector, samples)
+        far = JointDetectors.of(detector, -(-samples * pixels // len(detector.positions_m)))
+        # In clear air there is no fog to connect to.
+        bridged = strategy is Strategy.BOTH and bool(world.media.parts)
+        rays = FogRays(world, near) if bridged else None
+        outward = inward = alone
+        if strategy is Strategy.BOTH:
+            outward, inward = second_on_or_behind_glass, second_on
+            direct_light(world, near, far, seeds[2], tallies.add)
+            if max_vertices == 1:
+                return tallies.read(detector.area_m2)
+        if strategy is not Strategy.DETECTOR:
+            out = Walk(world, near, far, True, outward, tallies.add, rays)
+            out.run(seeds[0], max_vertices)
+        if strategy is not Strategy.PROJECTOR:
+            back = Walk(world, far, near, False, inward, tallies.add, rays)
+            back.run(seeds[1], max_vertices)
+        return tallies.read(detector.area_m2)
+
+    return repeat(launch, budget, pixels, seed, progress)
+
+
+def spot_histogram(
+    world: World,
+    beams: BeamView,
+    detectors: DetectorView,
+    bins: PathLengthBins,
+    budget: SamplingBudget,
+    *,
+    seed: np.random.SeedSequence,
+    strategy: Strategy = Strategy.BOTH,
+    max_vertices: int = MAX_VERTICES,
+    progress: Callable[[float], None] | None = None,
+) -> Estimate:
+    """Fraction of each laser's power on its detector: `histogram` (beams, bins).
+
+    `histogram_orders` (3, beams, bins) has it split by scattering. `budget` counts paths per beam
+    from each end.
+    """
+    count = len(beams.origins_m)
+
+    def launch(samples: int, seeds: Sequence[int]) -> Sums:
+        tallies = Tallies(count, [OrderTally(count, partial(HistogramTally, bins=bins))])
+        near = Beams.of(world, beams, samples)
+        far = Detectors.of(detectors, samples)
+        direct_light(world, near, far, seeds[2], tallies.add)
+        if max_vertices > 1:
+            weight = balanced if strategy is Strategy.BOTH else alone
+            if strategy is not Strategy.DETECTOR:
+                out = Walk(world, near, far, True, weight, tallies.add)
+                out.run(seeds[0], max_vertices - 1)
+            if strategy is not Strategy.PROJECTOR:
+                back = Walk(world, far, near, False, weight, tallies.add)
+                back.run(seeds[1], max_vertices - 1)
+        return tallies.read(detectors.area_m2)
+
+    return repeat(launch, budget, count, seed, progress)

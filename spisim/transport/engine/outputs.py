@@ -1,0 +1,52 @@
+"""What a pass of the light transport keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from reconstruction.errors import InputError
+from spisim.transport.engine.tally import (
+    HistogramTally,
+    ImageTally,
+    OrderTally,
+    PathLengthBins,
+    PhasorTally,
+    Tallies,
+    Tally,
+)
+
+#: Single precision tells path lengths of 100 m to 0.1 mm: 1/300 of a period.
+MAX_FREQUENCY_HZ = 1e10
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What to keep of the light of the image besides the transport image itself.
+
+    Raises InputError for a frequency that single precision of the path length cannot resolve.
+    """
+
+    orders: bool = False  # unscattered, single and multiple apart, of all that is kept
+    frequencies_hz: tuple[float, ...] = ()  # phasor images
+    bins: PathLengthBins | None = None  # transport cube
+
+    def __post_init__(self) -> None:
+        for frequency_hz in self.frequencies_hz:
+            if not 0 <= frequency_hz <= MAX_FREQUENCY_HZ:
+                raise InputError(
+                    f"frequency {frequency_hz:g} Hz: path lengths are known to 0.1 mm, which "
+                    f"resolves the phase of 0 to {MAX_FREQUENCY_HZ:g} Hz"
+                )
+
+    def tallies(self, cells: int) -> Tallies:
+        """Empty sums for one launch."""
+        kinds: list[Callable[[int], Tally]] = [ImageTally]
+        if self.frequencies_hz:
+            kinds.append(partial(PhasorTally, frequencies_hz=self.frequencies_hz))
+        if self.bins is not None:
+            kinds.append(partial(HistogramTally, bins=self.bins))
+        if self.orders:
+            return Tallies(cells, [OrderTally(cells, kind) for kind in kinds])
+        return Tallies(cells, [kind(cells) for kind in kinds])
