@@ -154,10 +154,12 @@ def _shown(plan: PatternPlan) -> Floats:
 def _without_background(plan: PatternPlan, usable: Mask) -> Floats:
     """Combinations (K, M) of usable readings in which what all have in common cancels.
 
-    Differences of both polarities of a pattern, then the others less their mean.
+    Differences of both polarities of a pattern; the others less the mean of the all-on and the dark
+    reading, or where these are not known less their own.
     """
     rows = []
     alone = []
+    half: Floats | None = None
     for k in plan.distinct:
         at = {p: usable & (plan.index == k) & (plan.polarity == p) for p in (0, 1, -1)}
         plus, minus = (at[p] / max(np.count_nonzero(at[p]), 1) for p in (1, -1))
@@ -165,10 +167,11 @@ def _without_background(plan: PatternPlan, usable: Mask) -> Floats:
             rows.append(at[0] / np.count_nonzero(at[0]))
         elif at[1].any() and at[-1].any():
             rows.append(plus - minus)
+            half = (plus + minus) / 2 if k == plan.patterns.level else half
         elif at[1].any() or at[-1].any():
             alone.append(plus + minus)
     if alone:
-        rows += list(np.array(alone) - np.mean(alone, axis=0))
+        rows += list(np.array(alone) - (np.mean(alone, axis=0) if half is None else half))
     return np.array(rows).reshape(-1, plan.exposures)
 
 
