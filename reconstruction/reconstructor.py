@@ -204,7 +204,7 @@ def _checked(who: str, values: Any, shape: tuple[int, int]) -> NDArray[np.float6
 
 
 def _checked_ranges(name: str, ranges: Any) -> Ranges:
-    if not isinstance(ranges, Ranges) or len(ranges.status) != 4:
+    if not (isinstance(ranges, Ranges) and all(np.shape(v) == (4,) for v in vars(ranges).values())):
         raise InputError(f"ranging method {name!r} gave {type(ranges).__name__}, not four ranges")
     if not np.isfinite(ranges.range_m[ranges.valid]).all():
         raise InputError(f"ranging method {name!r} gave a range that is not finite as 'ok'")

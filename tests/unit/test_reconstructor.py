@@ -1,0 +1,390 @@
+"""The compiled reconstruction: the same per frame, in a batch, and as one call; its methods."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from captures import full_capture, make_spots
+from images import natural_image
+from reconstruction import Capture, InputError, Reconstructor, make_plan, reconstruct
+from reconstruction.depth import DEPTH_METHODS
+from reconstruction.image import IMAGE_METHODS, Imaging
+from reconstruction.operators import expose
+from reconstruction.ranging import RANGING_METHODS, Ranges, ranging_method
+
+
+def frames_of(capture: Capture, frames: int) -> Capture:
+    """Frames that differ in light and noise, the second with saturated readings."""
+    rng = np.random.default_rng(0)
+    assert capture.spots is not None
+    counts = np.concatenate([capture.buckets.counts * (1 + k) for k in range(frames)])
+    saturated = np.zeros(counts.shape, dtype=bool)
+    saturated[1, 20:30] = True
+    taps = np.concatenate([capture.spots.taps] * frames)
+    return replace(
+        capture,
+        buckets=replace(
+            capture.buckets, counts=counts + rng.normal(0, 50, counts.shape), saturated=saturated
+        ),
+        spots=replace(
+            capture.spots,
+            taps=taps + rng.normal(0, 300, taps.shape),
+            saturated=np.zeros(taps.shape, dtype=bool),
+        ),
+        truth=None,
+    )
+
+
+def assert_alike(found, expected):
+    """Two results have the same methods in the same order, and the same numbers."""
+    for name in ("unit", "recording", "frame", "patterns"):
+        assert getattr(found, name) == getattr(expected, name)
+    for group in ("images", "depths"):
+        one, other = getattr(found, group), getattr(expected, group)
+        assert list(one) == list(other)
+        for name in one:
+            assert one[name].dtype == np.float32
+            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+    assert list(found.rangings) == list(expected.rangings)
+    for name, ranges in found.rangings.items():
+        assert ranges.status == expected.rangings[name].status
+        np.testing.assert_array_equal(ranges.range_m, expected.rangings[name].range_m)
+        np.testing.assert_array_equal(ranges.sigma_m, expected.rangings[name].sigma_m)
+    assert found.timings_s.keys() == expected.timings_s.keys()
+
+
+# Frame by frame
+
+
+def test_called_per_frame_in_any_order_it_equals_the_function(capture):
+    several = frames_of(capture, 4)
+    reconstructor = Reconstructor(several.setup)
+    for frame in (2, 0, 1, 3, 1):
+        assert_alike(reconstructor(several.frame(frame)), reconstruct(several, frame))
+
+
+def test_a_batch_equals_single_calls(capture):
+    several = frames_of(capture, 4)
+    reconstructor = Reconstructor(several.setup, image="all", depth="all")
+    batch = reconstructor.batch(several.batch(1, 4))
+    assert [result.frame for result in batch] == [1, 2, 3]
+    for result in batch:
+        assert_alike(result, reconstructor(several.frame(result.frame)))
+    assert_alike(reconstructor(several.batch(1, 4)), batch[0])  # the first of several
+
+
+def test_frames_and_captures_of_all_kinds_are_reconstructed_alike():
+    whole = full_capture()
+    for capture in (whole, *(replace(whole, spots=make_spots(m)) for m in ("pulsed", "dtof"))):
+        reconstructor = Reconstructor(capture.setup)
+        for frame in (0, 1):
+            assert_alike(reconstructor(capture.frame(frame)), reconstruct(capture, frame))
+
+
+def test_results_follow_the_readings_of_their_frame(capture):
+    several = frames_of(capture, 3)
+    first, second, third = Reconstructor(several.setup).batch(several.batch(0, 3))
+    assert third.image.mean() == pytest.approx(3 * first.image.mean(), rel=0.01)
+    assert second.patterns == several.plan.sampled - 5
+    assert first.patterns == third.patterns == several.plan.sampled
+    assert len({result.recording for result in (first, second, third)}) == 3
+
+
+def test_a_setup_serves_another_recording_of_the_same_instrument(capture):
+    one, other = frames_of(capture, 2), frames_of(capture, 3)
+    assert_alike(Reconstructor(one.setup)(other.frame(2)), reconstruct(other, 2))
+
+
+def test_what_saturation_takes_is_compiled_once_for_each_set_and_not_kept_for_ever():
+    plan = make_plan((8, 8), polarity="signed")
+    imaging = Imaging(plan)
+    every = np.ones(plan.exposures, dtype=bool)
+    first = imaging.of(every)
+    for k in range(1, 20):
+        without = every.copy()
+        without[k] = False
+        found = imaging.of(without)
+        assert found.decoder.index.size == 63
+        assert imaging.of(without.copy()) is found
+        assert imaging.of(every) is first  # the usual set is asked for again and again
+    one = every.copy()
+    one[1] = False
+    kept = imaging.of(one)
+    for k in range(2, 20):
+        without = every.copy()
+        without[k] = False
+        imaging.of(without)
+    assert imaging.of(one) is not kept
+
+
+# Methods by name
+
+
+def test_the_usual_methods_are_those_that_fit(capture):
+    result = reconstruct(capture)
+    assert list(result.images) == ["pursuit", "zero-filled"]
+    assert list(result.rangings) == ["cw"]
+    assert list(result.depths) == ["anchored", "nearest"]
+    assert result.image is result.images["pursuit"]
+    assert result.depth_m is result.depths["anchored"]
+    bare = reconstruct(replace(capture, spots=None, optics=None, truth=None))
+    assert bare.rangings == bare.depths == {}
+    assert bare.ranges is bare.depth_m is bare.range_m is bare.range_over_depth is None
+
+
+@pytest.mark.parametrize(
+    ("image", "names"),
+    [
+        ("zero-filled", ["zero-filled"]),
+        (["zero-filled", "pursuit", "zero-filled"], ["zero-filled", "pursuit"]),
+        ("pursuit:dct", ["pursuit:dct"]),
+        (("pursuit", "pursuit:dct"), ["pursuit", "pursuit:dct"]),
+    ],
+)
+def test_image_methods_are_chosen_by_name_the_first_is_the_default(capture, image, names):
+    result = reconstruct(capture, image=image)
+    assert list(result.images) == names
+    assert result.image is result.images[names[0]]
+    usual = reconstruct(capture).images
+    for name, found in result.images.items():
+        np.testing.assert_array_equal(found, usual[name.partition(":")[0]])
+
+
+def test_all_are_all_that_there_are_the_usual_first(capture):
+    result = reconstruct(capture, image="all", ranging="all", depth="all")
+    assert list(result.images)[:2] == ["pursuit", "zero-filled"]
+    assert set(result.images) == set(IMAGE_METHODS)
+    assert next(iter(result.rangings)) == "cw"
+    assert list(result.depths)[:2] == ["anchored", "nearest"]
+    assert "dense" not in result.depths  # there are no taps of every pattern
+
+
+def test_depth_methods_are_chosen_by_name_the_first_is_the_default(capture):
+    result = reconstruct(capture, depth=("nearest", "anchored"), ranging="cw")
+    usual = reconstruct(capture)
+    assert list(result.depths) == ["nearest", "anchored"]
+    np.testing.assert_array_equal(result.depth_m, usual.depths["nearest"])
+    assert reconstruct(capture, depth=()).depths == {}
+    without = reconstruct(capture, ranging=())
+    assert without.rangings == without.depths == {}
+
+
+@pytest.mark.parametrize(
+    ("methods", "message"),
+    [
+        ({"image": "persuit"}, "unknown image method 'persuit': did you mean 'pursuit'"),
+        ({"image": ["pursuit", "zero_filled"]}, "'zero_filled': did you mean 'zero-filled'"),
+        ({"image": "pursuit:dtc"}, "unknown dictionary 'dtc': did you mean 'dct'"),
+        ({"image": "pursuit:"}, "unknown dictionary ''"),
+        ({"image": "zero-filled:dct"}, "'zero-filled' uses no dictionary; 'dct' is not needed"),
+        ({"image": ()}, "no image method is named"),
+        ({"ranging": "pulsd"}, "unknown ranging method 'pulsd': did you mean 'pulsed'"),
+        ({"ranging": "pulsed"}, "'pulsed' reads 'pulsed' spots, not those of 'cw'; allowed: cw"),
+        ({"depth": "nearst"}, "unknown depth method 'nearst': did you mean 'nearest'"),
+        ({"depth": ["anchored", "dense"]}, "depth method 'dense' needs pattern taps, which the"),
+    ],
+)
+def test_methods_that_there_are_not_or_that_do_not_suit_are_refused(capture, methods, message):
+    with pytest.raises(InputError, match=message):
+        Reconstructor(capture.setup, **methods)
+
+
+def test_what_a_depth_method_needs_is_told(capture):
+    bare = replace(capture, spots=None, optics=None, truth=None)
+    for method in ("anchored", "nearest"):
+        with pytest.raises(InputError, match=f"'{method}' needs optics and spots, which the rec"):
+            reconstruct(bare, depth=method)
+    with pytest.raises(InputError, match="'anchored' needs optics, which"):
+        reconstruct(replace(capture, optics=None), depth="anchored")
+
+
+@pytest.mark.parametrize("method", ["cw", "pulsed", "dtof"])
+def test_ranging_methods_read_their_own_kind(method):
+    capture = replace(full_capture(), spots=make_spots(method))
+    assert list(reconstruct(capture, ranging="all").rangings) == [method]
+    for other in {"cw", "pulsed", "dtof"} - {method}:
+        with pytest.raises(InputError, match=f"not those of '{method}'; allowed: {method}$"):
+            ranging_method(other, capture.spots)
+
+
+def test_an_unknown_ranging_method_is_told_even_without_spots(capture):
+    with pytest.raises(InputError, match="unknown ranging method 'cv'"):
+        reconstruct(replace(capture, spots=None), ranging="cv")
+
+
+# Methods of others
+
+
+class Giving:
+    """A method of any station that gives what it is told to give."""
+
+    title = "test"
+    needs = ()
+
+    def __init__(self, value):
+        self.value = value
+
+    def compile(self, _):
+        return lambda _: self.value
+
+
+def register(monkeypatch, registry, **methods):
+    for name, method in methods.items():
+        monkeypatch.setitem(registry._loaded, name, method)
+
+
+def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
+    register(monkeypatch, IMAGE_METHODS, grey=Giving(np.full((16, 16), 3, dtype=np.int16)))
+    nowhere = np.full((16, 16), np.nan)
+    register(monkeypatch, DEPTH_METHODS, nowhere=Giving(nowhere), never=Giving(None))
+    result = reconstruct(capture, image=["grey", "pursuit"], depth=["nowhere", "never", "anchored"])
+    assert list(result.images) == ["grey", "pursuit"]
+    assert (result.image == 3).all()
+    assert result.image.dtype == np.float32
+    assert list(result.depths) == ["nowhere", "anchored"]
+    assert np.isnan(result.depth_m).all()
+    assert {"image grey", "depth never"} <= result.timings_s.keys()
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.ones((16, 15)), r"gave float64 of shape \(16, 15\); real numbers of \(16, 16\)"),
+        (np.ones(256), r"gave float64 of shape \(256,\)"),
+        (np.ones((16, 16)) * 1j, r"gave complex128 of shape \(16, 16\); real numbers"),
+        (np.ones((16, 16), dtype=bool), "gave bool of shape"),
+        (None, r"gave object of shape \(\)"),
+        (np.where(np.eye(16) > 0, np.nan, 1.0), "gave values that are not finite"),
+        (np.where(np.eye(16) > 0, np.inf, 1.0), "gave values that are not finite"),
+    ],
+)
+def test_an_image_method_that_gives_no_image_is_named(capture, monkeypatch, value, message):
+    register(monkeypatch, IMAGE_METHODS, odd=Giving(value))
+    with pytest.raises(InputError, match=f"image method 'odd' {message}"):
+        reconstruct(capture, image=["pursuit", "odd"])
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.ones((15, 16)), r"gave float64 of shape \(15, 16\); real numbers of \(16, 16\)"),
+        (np.ones((16, 16)) * 1j, r"gave complex128 of shape \(16, 16\)"),
+        (np.full((16, 16), "far"), r"gave <U3 of shape"),
+    ],
+)
+def test_a_depth_method_that_gives_no_depths_is_named(capture, monkeypatch, value, message):
+    register(monkeypatch, DEPTH_METHODS, odd=Giving(value))
+    with pytest.raises(InputError, match=f"depth method 'odd' {message}"):
+        reconstruct(capture, depth="odd")
+
+
+def ranges(**changes):
+    values = {
+        "range_m": np.ones(4),
+        "sigma_m": np.ones(4),
+        "signal_electrons": np.ones(4),
+        "background_electrons": np.ones(4),
+        "status": ("ok",) * 4,
+    }
+    return Ranges(**values | changes)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.ones(4), "gave ndarray, not four ranges"),
+        (None, "gave NoneType, not four ranges"),
+        (ranges(status=("ok",) * 3), "not four ranges"),
+        (ranges(range_m=np.ones(3)), "not four ranges"),
+        (ranges(sigma_m=np.ones((4, 2))), "not four ranges"),
+        (ranges(range_m=np.array([1, np.nan, 1, 1])), "a range that is not finite as 'ok'"),
+    ],
+)
+def test_a_ranging_method_that_gives_no_ranges_is_named(capture, monkeypatch, value, message):
+    method = Giving(value)
+    method.reads = type(capture.spots)
+    register(monkeypatch, RANGING_METHODS, odd=method)
+    with pytest.raises(InputError, match=f"ranging method 'odd' .*{message}"):
+        reconstruct(capture, ranging="odd")
+
+
+def test_a_range_may_be_missing_where_its_status_says_so(capture, monkeypatch):
+    method = Giving(
+        ranges(range_m=np.array([1, np.nan, 1, 1]), status=("ok", "no signal", "ok", "ok"))
+    )
+    method.reads = type(capture.spots)
+    register(monkeypatch, RANGING_METHODS, new=method)
+    result = reconstruct(capture, ranging=["new", "cw"])
+    assert list(result.rangings) == ["new", "cw"]
+    assert result.ranges is method.value
+    assert set(np.unique(result.depths["nearest"] * result.range_over_depth).round(6)) == {1.0}
+
+
+def test_a_method_that_cannot_use_the_patterns_is_refused_by_name_and_left_out_of_all(
+    capture, monkeypatch
+):
+    class Choosy:
+        title = "choosy"
+
+        def compile(self, operator):
+            raise InputError("image method 'choosy' needs patterns of another basis")
+
+    register(monkeypatch, IMAGE_METHODS, choosy=Choosy())
+    monkeypatch.setitem(IMAGE_METHODS._own, "choosy", "choosy")
+    with pytest.raises(InputError, match="'choosy' needs patterns of another basis"):
+        reconstruct(capture, image="choosy")
+    assert "choosy" not in reconstruct(capture, image="all").images
+
+
+# Noise
+
+
+def noisy(plan, sigma):
+    """Readings of an image with noise, and the variance of each."""
+    image = 1e3 * natural_image(32, 6)
+    variance = np.full(plan.exposures, sigma**2)
+    readings = expose(plan, image) + np.random.default_rng(7).normal(0, sigma, plan.exposures)
+    return image, readings, variance
+
+
+@pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
+def test_one_unknown_variance_does_not_switch_off_the_denoising(polarity):
+    plan = make_plan((32, 32), polarity=polarity)
+    image, readings, variance = noisy(plan, 8e3)
+    usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
+
+    def error(variance):
+        found = usable.solver("pursuit")(usable.decode(readings, variance))
+        return np.sqrt(np.mean((found - image) ** 2))
+
+    one_unknown = variance.copy()
+    one_unknown[5] = np.nan
+    known, unknown = usable.decode(readings, variance), usable.decode(readings, one_unknown)
+    np.testing.assert_allclose(unknown.noise, known.noise, rtol=1e-9)
+    np.testing.assert_allclose(unknown.values, known.values, rtol=1e-9)
+    nothing_known = error(np.full(plan.exposures, np.nan))
+    assert error(variance) < 0.8 * nothing_known
+    assert error(one_unknown) == pytest.approx(error(variance))
+
+
+def test_where_no_variance_is_known_every_reading_is_taken_at_its_word():
+    plan = make_plan((32, 32), 200, polarity="single-ended")
+    _, readings, variance = noisy(plan, 2e3)
+    usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
+    found = usable.decode(readings, np.full_like(variance, np.nan))
+    assert not found.noise.any()
+    np.testing.assert_array_equal(found.values, usable.decoder.decode(readings))
+
+
+def test_an_unknown_variance_is_the_median_of_the_others():
+    plan = make_plan((8, 8), polarity="signed")
+    variance = np.linspace(1, 9, plan.exposures)
+    usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
+    signal = np.arange(64.0)
+    unknown = variance.copy()
+    unknown[[3, 60]] = np.nan
+    told = unknown.copy()
+    told[[3, 60]] = np.nanmedian(unknown)
+    found, expected = usable.decode(signal, unknown), usable.decode(signal, told)
+    np.testing.assert_array_equal(found.noise, expected.noise)
