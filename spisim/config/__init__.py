@@ -23,6 +23,7 @@ from spisim.config.reading import (
     read_mapping,
     read_text,
 )
+from spisim.config.registered import OneOf
 from spisim.config.shipped import shipped
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Name",
     "NonNegative",
     "Number",
+    "OneOf",
     "Positive",
     "Section",
     "Vector",

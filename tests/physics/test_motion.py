@@ -10,7 +10,6 @@ import spisim
 import worlds
 from reconstruction.errors import InputError
 from spisim.measurement import bucket_light, spot_light
-from spisim.measurement.spots import cw_taps
 from spisim.scene import Scene
 from spisim.transport import LightSequence, trace
 from spisim.transport.sequence import KEYS_PER_FRAME
@@ -78,7 +77,7 @@ def test_flying_towards_a_wall_is_the_wall_coming_closer(paper):
     first, second = (spot_light(paper, light, 1) for light in lights)
     np.testing.assert_allclose(first.steady_per_s, second.steady_per_s, rtol=1e-5)
     frequency = paper.tof.modulation.frequencies_hz[0]
-    taps = [cw_taps(paper.tof, light, frequency) for light in (first, second)]
+    taps = [paper.tof.tap_electrons(light, frequency) for light in (first, second)]
     np.testing.assert_allclose(*taps, rtol=1e-5)
 
 
