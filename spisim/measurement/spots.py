@@ -26,12 +26,12 @@ def spot_light(
     Falling drops change them by their mean over a frame.
     """
     detector = instrument.tof.detector
-    in_frame = light.weights(instrument.exposure_times_s(frames)).mean(axis=1)  # (frames, keys)
+    between = light.between(instrument.exposure_times_s(frames))
 
     def rate(name: str, source: Any) -> Floats:
         values = np.array([getattr(key, name) for key in light.transports])
         per_watt = instrument.electrons_per_joule(detector, source)
-        return np.asarray(np.tensordot(in_frame, values, 1) * per_watt)
+        return between.means(values) * per_watt
 
     steady = rate("spot_daylight_w", "daylight") + rate("spot_crosstalk_w", "projector")
     lengths = light.transports[0].path_length_m
