@@ -26,7 +26,7 @@ from spisim.atmosphere import CLEAR, fog
 from spisim.budget import Target, class_1_power_w, range_sigma_m
 from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import record, record_spots, spot_light
+from spisim.measurement import record, spot_light
 from spisim.measurement.light import background_electrons
 from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, in_band_irradiance, load_scene
@@ -249,8 +249,7 @@ def sigma_check(instruments: dict[int, Instrument], frames: int) -> Check:
 def scatter_z(instrument: Instrument, light: Transport, frames: int) -> float:
     """Standard errors between the variance of the ranges, mean of four spots, and the budget's."""
     still = LightSequence(np.zeros(1), (light,))
-    spots = record_spots(
-        instrument.tof,
+    spots = instrument.tof.record(
         spot_light(instrument, still, frames),
         instrument.lasers.directions,
         np.random.default_rng(0),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import c, elementary_charge
 
-from spisim.instrument import Apd, Instrument, Pin
+from spisim.instrument import Instrument, Photodiode
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class Flood:
         half_angle_deg: float,
         illuminance_klx: float,
         noise_a_per_sqrt_hz: float,
-        sensor: Pin | Apd | None = None,
+        sensor: Photodiode | None = None,
     ) -> Flood:
         """Lens, filter and photodiode of an instrument's bucket detector, or another `sensor`."""
         detector = instrument.detector

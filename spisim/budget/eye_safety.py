@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import singledispatch
-from typing import Any, Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from spisim.budget.laser_limits import (
     merging_time_s,
     repeated_pulse_factor,
 )
-from spisim.instrument import CwTof, DirectTof, Instrument, PulsedTof
+from spisim.instrument import Emission, Instrument
 
 LaserClass = Literal["1", "3R", "3B", "4"]
 RiskGroupName = Literal["exempt", "1", "2", "3"]
@@ -44,14 +43,6 @@ GROUP_LIMITS_W_PER_M2 = (100.0, 18000 * 100**-0.75, 18000 * 10**-0.75)
 #: Infrared light that nobody looks away from must not exceed this radiance, W m⁻² sr⁻¹ over the
 #: angle of the source, at any time (section 4.3.6); the eye's movements smear smaller sources.
 RETINA_W_PER_M2_SR, SMALLEST_RAD, LARGEST_RAD = 6000.0, 0.011, 0.1
-
-
-class Emission(NamedTuple):
-    """What one beam sends: its mean power and its pulses."""
-
-    mean_w: float
-    pulse_j: float
-    pulse_s: float
 
 
 @dataclass(frozen=True)
@@ -88,7 +79,7 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
 
     Raises InputError for a wavelength outside 700 to 1800 nm.
     """
-    one = emission(instrument.tof, instrument.lasers.power_w)
+    one = instrument.tof.emission(instrument.lasers.power_w)
     beams = _beams_together(instrument)
     together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
     mean_margin, pulse_margin = _margins(together, instrument.wavelength_nm)
@@ -106,31 +97,6 @@ def class_1_power_w(instrument: Instrument) -> float:
     """`lasers.power_w` with which the instrument's lasers would just be of class 1."""
     safety = laser_safety(instrument)
     return instrument.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
-
-
-@singledispatch
-def emission(tof: Any, power_w: float) -> Emission:
-    """Mean power, energy and length of the pulses of one beam, taken as always in use."""
-    raise TypeError(f"no such method: {tof!r}")
-
-
-@emission.register
-def _(tof: CwTof, power_w: float) -> Emission:
-    """Half a period of the slowest modulation has the most light."""
-    half_period_s = 0.5 / min(tof.modulation.frequencies_hz)
-    return Emission(power_w, power_w * 2 * half_period_s, half_period_s)
-
-
-@emission.register
-def _(tof: PulsedTof, power_w: float) -> Emission:
-    energy = power_w * tof.pulse_width_s
-    return Emission(energy * tof.repetition_rate_hz, energy, tof.pulse_width_s)
-
-
-@emission.register
-def _(tof: DirectTof, power_w: float) -> Emission:
-    energy = power_w * tof.pulse_sigma_s * math.sqrt(2 * math.pi)
-    return Emission(energy * tof.repetition_rate_hz, energy, tof.pulse_fwhm_s)
 
 
 def array_risk_group(instrument: Instrument) -> RiskGroup:

@@ -6,11 +6,8 @@ import numpy as np
 
 from spisim.budget.eye_safety import safety_warnings
 from spisim.budget.link import SpotLink, Target, bucket_link, spot_link
-from spisim.budget.noise import reading_of
-from spisim.instrument import Detector, Instrument, Spad
+from spisim.instrument import Instrument
 
-#: Detections per dead time, or per gate, from which on a counter falls behind.
-PILE_UP = 0.05
 #: What ranging may take longer than the patterns, relative: whole numbers of periods seldom fit.
 SLACK = 0.01
 
@@ -22,7 +19,7 @@ def budget_warnings(instrument: Instrument, target: Target) -> list[str]:
     return [
         *_range_warnings(instrument, target, spots),
         *_bucket_warnings(instrument, background, background + float(bucket.signal_electrons)),
-        *_spot_warnings(instrument, float(spots.steady_per_s.max()), float(spots.echo_per_s.max())),
+        *instrument.tof.warnings(float(spots.steady_per_s.max()), float(spots.echo_per_s.max())),
         *instrument_warnings(instrument),
     ]
 
@@ -54,7 +51,7 @@ def background_warnings(
     """
     return [
         *_bucket_warnings(instrument, bucket_electrons, bucket_electrons),
-        *_spot_warnings(instrument, spots_per_s, 0.0),
+        *instrument.tof.warnings(spots_per_s, 0.0),
     ]
 
 
@@ -78,59 +75,6 @@ def _range_warnings(instrument: Instrument, target: Target, link: SpotLink) -> l
 def _bucket_warnings(instrument: Instrument, background: float, whole: float) -> list[str]:
     """By the electrons of one exposure."""
     detector, modulation = instrument.detector, instrument.projector.modulation
-    if isinstance(detector.sensor, Spad):
-        each_per_s = whole / len(detector.positions_m) / instrument.exposure_time_s
-        blind = each_per_s * detector.sensor.dead_time_s
-        return [] if blind < PILE_UP else [_blind(blind)]
-    if detector.amplifier is not None and detector.amplifier.coupling == "ac":
-        return []  # only changes reach the converter
     share = 1.0 if modulation is None else modulation.taps.share  # each tap has its own converter
-    return _converter_warnings("detector", detector, share * background, share * whole)
-
-
-def _spot_warnings(instrument: Instrument, steady_per_s: float, echo_per_s: float) -> list[str]:
-    """By the electrons per second on one ranging detector."""
-    tof = instrument.tof
-    if isinstance(tof.detector.sensor, Spad):
-        assert tof.method == "dtof"
-        first = steady_per_s * tof.gate_s
-        return [] if first < PILE_UP else [_pile_up(first)]
-    if tof.method == "dtof":
-        return []  # time stamps need no converter
-    reading = reading_of(tof)
-    swing = 2.0 if tof.method == "cw" else 1.0
-    background = steady_per_s * reading.steady_s
-    whole = background + swing * echo_per_s * reading.echo_s
-    return _converter_warnings("tof.detector", tof.detector, background, whole)
-
-
-def _pile_up(first: float) -> str:
-    return (
-        f"tof.detector fires {first:.2g} times per gate without any echo, which hides later "
-        f"arrivals; below {PILE_UP:g} it would not"
-    )
-
-
-def _blind(detections: float) -> str:
-    return (
-        f"detector would fire {detections:.2g} times in a dead time, and counts fall behind; "
-        f"below {PILE_UP:g} they would not"
-    )
-
-
-def _converter_warnings(
-    name: str, detector: Detector, background: float, whole: float
-) -> list[str]:
-    assert detector.adc is not None
-    room = detector.adc.headroom_electrons
-    if background > room:
-        return [
-            f"{name}.adc holds {room:.3g} electrons, and the background alone is "
-            f"{background:.3g}: every reading saturates"
-        ]
-    if whole > room:
-        return [
-            f"{name}.adc holds {room:.3g} electrons, and signal and background together are "
-            f"{whole:.3g}: bright readings saturate"
-        ]
-    return []
+    time_s = instrument.exposure_time_s
+    return detector.sensor.warnings("detector", detector, time_s, share * background, share * whole)

@@ -10,14 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import singledispatch
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from spisim.budget.link import BucketLink, SpotLink
-from spisim.instrument import CwTof, Detector, DirectTof, Instrument, PulsedTof, Spad
+from spisim.instrument import Detector, Instrument
 from spisim.instrument.demodulation import TAPS
 
 Floats = NDArray[np.float64]
@@ -51,19 +49,6 @@ class NoiseBudget:
         return name, totals[name] / sum(totals.values())
 
 
-@dataclass(frozen=True)
-class Reading:
-    """What one reading of a ranging detector collects: for how long light, echo and amplifier.
-
-    `echo_s` is the time for which a laser that is on would have to shine to leave as much.
-    """
-
-    steady_s: float
-    echo_s: float
-    amplifier_s: float
-    converted: bool  # by an ADC
-
-
 def bucket_noise(instrument: Instrument, link: BucketLink) -> NoiseBudget:
     """Noise of one exposure with all pixels on; of modulated ones, of the sum over the taps."""
     modulation = instrument.projector.modulation
@@ -83,12 +68,9 @@ def bucket_noise(instrument: Instrument, link: BucketLink) -> NoiseBudget:
 def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
     """Noise of one reading of the ranging detectors (..., 4).
 
-    That is one tap of the lowest frequency (cw), one window, the echo in it entirely (pulsed), all
-    time stamps within the width of the response (dtof with a single-photon diode) or the current
-    of one pulse at its peak, as charge within half the amplifier's reciprocal bandwidth (dtof with
-    a threshold).
+    What a reading is, each method tells: `Tof.reading`.
     """
-    reading = reading_of(instrument.tof)
+    reading = instrument.tof.reading
     light = {
         "signal": link.echo_per_s * reading.echo_s,
         "daylight": link.daylight_per_s * reading.steady_s,
@@ -97,52 +79,6 @@ def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
     }
     detector = instrument.tof.detector
     return _noise(detector, light, reading.amplifier_s, conversions=int(reading.converted))
-
-
-@singledispatch
-def reading_of(tof: Any) -> Reading:
-    """Times of one reading of a ranging method."""
-    raise TypeError(f"no such method: {tof!r}")
-
-
-@reading_of.register
-def _(tof: CwTof) -> Reading:
-    return cw_reading(tof, min(tof.modulation.frequencies_hz))
-
-
-def cw_reading(tof: CwTof, frequency_hz: float) -> Reading:
-    """Times of one tap at a frequency; the echo's is its mean over all phases."""
-    time_s = tof.tap_time_s(frequency_hz)
-    periods_s = tof.periods / frequency_hz
-    return Reading(time_s, time_s, periods_s * tof.modulation.taps.noise_share, converted=True)
-
-
-@reading_of.register
-def _(tof: PulsedTof) -> Reading:
-    time_s = tof.pulses * tof.pulse_width_s
-    return Reading(time_s, time_s, time_s, converted=True)
-
-
-@reading_of.register
-def _(tof: DirectTof) -> Reading:
-    if isinstance(tof.detector.sensor, Spad):
-        widths = np.sqrt(2 * np.pi) * tof.pulses * np.array([tof.response_sigma_s, 1.0])
-        return Reading(widths[0], widths[1] * tof.pulse_sigma_s, 0.0, converted=False)
-    time_s = threshold_time_s(tof)
-    return Reading(time_s, time_s * peak_share(tof), time_s, converted=False)
-
-
-def threshold_time_s(tof: DirectTof) -> float:
-    """Window whose charge is as noisy as a current in the amplifier's bandwidth B: 1 / 2B."""
-    amplifier = tof.detector.amplifier
-    assert amplifier is not None
-    assert amplifier.bandwidth_hz is not None
-    return 1 / (2 * amplifier.bandwidth_hz)
-
-
-def peak_share(tof: DirectTof) -> float:
-    """Height of the pulse behind the amplifier over that in front: it keeps its charge."""
-    return tof.pulse_sigma_s / tof.amplified_sigma_s
 
 
 def _noise(

@@ -55,7 +55,9 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
     bucket = bucket_noise(instrument, bucket_link(instrument, same))
     spots = spot_noise(instrument, spot_link(instrument, same))
     _noise_panel(image_noise, distance, bucket, "image: noise of one exposure")
-    _noise_panel(spot_noise_axes, distance, spots, f"spots: noise of one {_reading(instrument)}")
+    _noise_panel(
+        spot_noise_axes, distance, spots, f"spots: noise of one {instrument.tof.reading.name}"
+    )
     for axes in (snr, sigma, image_noise, spot_noise_axes):
         axes.axvline(float(target.distance_m), color="0.5", lw=1, ls=":")
     reach = _image_reach(instrument, target)
@@ -74,10 +76,6 @@ def distance_axis(axes: Axes, nearest_m: float, farthest_m: float) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel("distance, m")
     axes.grid(alpha=0.25)
-
-
-def _reading(instrument: Instrument) -> str:
-    return {"cw": "tap", "pulsed": "window", "dtof": "echo"}[instrument.tof.method]
 
 
 def _image_panel(axes: Axes, instrument: Instrument, target: Target, distance: Floats) -> None:

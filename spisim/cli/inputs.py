@@ -29,6 +29,7 @@ def scene_with(
     are printed, and returned too.
     """
     from reconstruction.errors import InputError
+    from spisim.atmosphere.sections import WEATHER
     from spisim.scene import SceneWarning, load_scene
 
     options = {"--visibility": visibility_m, "--fog": fog_kind, "--rain": rain_mm_per_h}
@@ -42,7 +43,7 @@ def scene_with(
         scene = load_scene(name, wavelength_nm=wavelength_nm)
         changes: dict[str, Any] = {}
         if clear:
-            changes = dict.fromkeys(("fog", "smoke", "rain", "snow", "volumes"))
+            changes = dict.fromkeys((*WEATHER, "volumes"))
         if visibility_m is not None or fog_kind is not None:
             changes["fog"] = _fog(yaml.safe_load(scene.text).get("fog"), visibility_m, fog_kind)
         if rain_mm_per_h is not None:

@@ -23,14 +23,17 @@ from spisim.config.reading import (
     read_mapping,
     read_text,
 )
+from spisim.config.registered import Named, OneOf
 from spisim.config.shipped import shipped
 
 __all__ = [
     "Count",
     "Fraction",
     "Name",
+    "Named",
     "NonNegative",
     "Number",
+    "OneOf",
     "Positive",
     "Section",
     "Vector",

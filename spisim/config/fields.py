@@ -30,7 +30,8 @@ Name = Annotated[str, Field(min_length=1)]
 class Section(BaseModel):
     """Base of every part of a configuration file: no unknown fields, no NaN, immutable."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    # Built when first used: what other packages add to a file may import what it is part of.
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="before")
     @classmethod

@@ -5,14 +5,16 @@ near = data.where(lambda p: p["scene.fog.visibility_m"] < 50)
 train, validation, test = near.split()
 """
 
+from spisim.dataset.exports import EXPORTS
+from spisim.dataset.exports.webdataset import write_shards
 from spisim.dataset.fields import FIELDS
 from spisim.dataset.reader import DataSet, StoredSample
 from spisim.dataset.reader import open_data_set as open  # noqa: A004 - as gzip.open
 from spisim.dataset.split import Split
 from spisim.dataset.verify import Finding, verify
-from spisim.dataset.webdataset import write_shards
 
 __all__ = [
+    "EXPORTS",
     "FIELDS",
     "DataSet",
     "Finding",

@@ -12,7 +12,10 @@ from scipy.constants import elementary_charge
 
 from reconstruction.errors import InputError
 from spisim.config import NonNegative, Number, Positive, Section, Vector
-from spisim.instrument.sensor import PositiveFraction, Sensor, Spad
+from spisim.instrument.sensor import PositiveFraction, Random, Readings
+from spisim.instrument.sensors import AnySensor
+
+Floats = NDArray[np.float64]
 
 #: No lens is faster: the sine of its cone would exceed 1.
 SMALLEST_F_NUMBER = 0.5
@@ -78,6 +81,12 @@ class Adc(Section):
         """Rms error of rounding, a step over √12."""
         return self.electrons_per_count / math.sqrt(12)
 
+    def converted(self, electrons: Floats) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+        """Counts of charges, rounded and clipped, and which are at an end of the range."""
+        counts = np.rint(electrons / self.electrons_per_count + self.offset_counts)
+        clipped = np.clip(counts, 0, self.max_count).astype(np.int32)
+        return clipped, (counts <= 0) | (counts >= self.max_count)
+
     @property
     def headroom_electrons(self) -> float:
         """The largest charge that is not clipped."""
@@ -95,9 +104,10 @@ class Detector(Section):
     f_number: Annotated[Number, Field(ge=SMALLEST_F_NUMBER)] | None = None
     aperture_diameter_mm: Positive | None = None
     lens_transmittance: PositiveFraction
-    sensor: Sensor
+    sensor: AnySensor
     amplifier: Amplifier | None = None
     adc: Adc | None = None
+    positions_m: tuple[Vector, ...]
 
     @property
     def aperture_area_m2(self) -> float:
@@ -116,6 +126,16 @@ class Detector(Section):
     def _largest_aperture_m2(self) -> float:
         half_angle = math.radians(self.field_of_view_deg) / 2
         return self.sensor.effective_area_m2 / math.sin(half_angle) ** 2
+
+    def read(
+        self,
+        electrons: Floats,
+        time_s: float | Floats,
+        rng: Random,
+        taken_off: Floats | float = 0.0,
+    ) -> Readings:
+        """Readings of mean primary electrons (frames, ...); see `Sensor.read`."""
+        return self.sensor.read(electrons, self, time_s, rng, taken_off)
 
     def dark_electrons(self, time_s: float) -> float:
         """Mean dark count of a window."""
@@ -148,7 +168,7 @@ class Detector(Section):
 
     @model_validator(mode="after")
     def _charge_is_amplified_and_converted(self) -> Detector:
-        counts = isinstance(self.sensor, Spad)
+        counts = self.sensor.counts
         for name in ("amplifier", "adc"):
             if (getattr(self, name) is None) != counts:
                 verb = "counts pulses and has no" if counts else "needs an"

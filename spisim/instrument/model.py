@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import yaml
 from pydantic import Field, model_validator
-from scipy.constants import c, elementary_charge, h
 
 from reconstruction.errors import InputError
 from reconstruction.operators import PatternPlan, make_plan
@@ -15,8 +14,8 @@ from spisim.config import Number, Positive, Section, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.parts import Filter, Floats, Lasers, Plan, Projector
-from spisim.instrument.sensor import Spad, quantum_efficiency
-from spisim.instrument.tof import Tof
+from spisim.instrument.sensor import quantum_efficiency
+from spisim.instrument.tofs import AnyTof
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 
 Source = Literal["projector", "laser", "daylight"]
@@ -52,7 +51,7 @@ class Instrument(Section):
     filter: Filter
     detector: BucketDetector
     lasers: Lasers
-    tof: Tof
+    tof: AnyTof
     eye_safety: EyeSafety = EyeSafety()
     exposure_time_s: Positive = Field(default_factory=_pattern_period)
 
@@ -220,17 +219,10 @@ class Instrument(Section):
     @model_validator(mode="after")
     def _one_electron_per_photon_at_most(self) -> Instrument:
         low, _ = band = self.filter.band_nm
-        limit = elementary_charge * low * 1e-9 / (h * c)
         for name, detector in (("detector", self.detector), ("tof.detector", self.tof.detector)):
             sensor = detector.sensor
-            if quantum_efficiency(sensor, np.linspace(*band, BAND_POINTS)).max() <= 1:
-                continue
-            if isinstance(sensor, Spad):
-                raise InputError(f"{name}.sensor.detection_efficiency is more than 1")
-            raise InputError(
-                f"{name}.sensor.responsivity_a_per_w {sensor.responsivity_a_per_w} is more than "
-                f"one electron per photon, {limit:.4g} A/W"
-            )
+            if quantum_efficiency(sensor, np.linspace(*band, BAND_POINTS)).max() > 1:
+                raise InputError(f"{name}.sensor.{sensor.too_efficient(low)}")
         return self
 
     @model_validator(mode="after")

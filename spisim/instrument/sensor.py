@@ -1,4 +1,4 @@
-"""What turns light into electrons: PIN photodiode, avalanche diode, single-photon diode.
+"""What turns light into electrons, and those into readings: what every sensor tells of itself.
 
 Electrons are *primary* ones throughout: one per detected photon, before any gain.
 """
@@ -6,18 +6,28 @@ Electrons are *primary* ones throughout: one per detected photon, before any gai
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import AfterValidator, Discriminator, Field
-from scipy.constants import c, elementary_charge, h
+from pydantic import AfterValidator, Field
+from scipy.constants import c, h
 
 from reconstruction.errors import InputError
-from spisim.config import NonNegative, Number, Positive, Section
+from spisim.config import Number, Positive, Section
 
+if TYPE_CHECKING:
+    from spisim.instrument.detector import Detector
+    from spisim.instrument.stamping import Stamping
+    from spisim.instrument.tofs.dtof import DirectTof
+
+Floats = NDArray[np.float64]
+Random = np.random.Generator | None
 PositiveFraction = Annotated[Number, Field(gt=0, le=1)]
-Efficiency = Annotated[Number, Field(ge=0, lt=1)]
+
+FWHM_PER_SIGMA = 2 * math.sqrt(2 * math.log(2))
 
 
 def _rising(table: Any) -> Any:
@@ -32,7 +42,7 @@ def _rising(table: Any) -> Any:
 Spectral = Annotated[Positive | tuple[tuple[Positive, Positive], ...], AfterValidator(_rising)]
 
 
-def spectral_value(curve: Any, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+def spectral_value(curve: Any, wavelength_nm: ArrayLike) -> Floats:
     """Values of a `Spectral` field at some wavelengths; a table's ends hold beyond it."""
     at = np.asarray(wavelength_nm, dtype=np.float64)
     if isinstance(curve, tuple):
@@ -40,139 +50,107 @@ def spectral_value(curve: Any, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
     return np.full(at.shape, float(curve))
 
 
-def _covers(curve: Any, band_nm: tuple[float, float]) -> bool:
+def covers(curve: Any, band_nm: tuple[float, float]) -> bool:
     """Whether a `Spectral` field is a table that reaches over a band."""
     return isinstance(curve, tuple) and curve[0][0] <= band_nm[0] and band_nm[1] <= curve[-1][0]
 
 
-class _Sensor(Section):
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Counts (frames, ...), and what they stand for; see `reconstruction.capture.Charge`."""
+
+    counts: NDArray[Any]
+    saturated: NDArray[np.bool_]
+    electrons_per_count: float
+    offset_counts: float
+    noise_electrons: Any
+    excess_noise_factor: float
+    dead_time_s: float = 0.0
+
+    @property
+    def charge(self) -> dict[str, Any]:
+        """What the counts of a converter stand for, as fields of `Charge`."""
+        names = ("electrons_per_count", "offset_counts", "noise_electrons", "excess_noise_factor")
+        return {name: getattr(self, name) for name in names}
+
+
+class Sensor(Section, ABC):
+    """What all sensors have in common; each has a `type`, the name that it is registered by."""
+
+    counts: ClassVar[bool] = False
+    """Whether it counts pulses, instead of integrating charge for amplifier and converter."""
+
     photoactive_area_mm2: Positive
     fill_factor: PositiveFraction = 1.0
+
+    if TYPE_CHECKING:  # fields of some sensors, which properties here would stand in the way of
+
+        @property
+        def type(self) -> str:
+            """Name of the sensor."""
+
+        @property
+        def gain(self) -> float:
+            """Electrons per primary electron; 1 of a counter."""
 
     @property
     def effective_area_m2(self) -> float:
         """Of the part that detects."""
         return self.photoactive_area_mm2 * 1e-6 * self.fill_factor
 
-
-class _Photodiode(_Sensor):
-    responsivity_a_per_w: Spectral  # at unit gain
-
-    def electrons_per_joule(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
-        """Primary electrons per joule on the photodiode."""
-        return spectral_value(self.responsivity_a_per_w, wavelength_nm) / elementary_charge
-
-    def at_band(self, band_nm: tuple[float, float], old_nm: float, new_nm: float) -> Self:
-        """For light of another band: of the same quantum efficiency, but where a table covers it.
-
-        At one quantum efficiency the responsivity is proportional to the wavelength.
-        """
-        if _covers(self.responsivity_a_per_w, band_nm):
-            return self
-        old = float(spectral_value(self.responsivity_a_per_w, old_nm))
-        return self.model_copy(update={"responsivity_a_per_w": old * (new_nm / old_nm)})
-
-
-class Pin(_Photodiode):
-    """Photodiode without gain."""
-
-    type: Literal["pin"]
-    dark_current_na: NonNegative
-
     @property
-    def gain(self) -> float:
-        """Electrons per primary electron."""
-        return 1.0
-
-    @property
+    @abstractmethod
     def excess_noise_factor(self) -> float:
         """Variance of the charge per primary electron, in primary electrons squared."""
-        return 1.0
 
     @property
+    @abstractmethod
     def dark_rate_hz(self) -> float:
         """Primary dark electrons per second."""
-        return self.dark_current_na * 1e-9 / elementary_charge
 
+    @abstractmethod
+    def electrons_per_joule(self, wavelength_nm: ArrayLike) -> Floats:
+        """Primary electrons per joule on the sensor."""
 
-class Apd(_Photodiode):
-    """Avalanche diode in linear mode.
-
-    The excess noise is McIntyre's (IEEE Trans. Electron Devices 13, 164 (1966)) for the carriers
-    that multiply best: F = k M + (1 - k)(2 - 1/M). Many electrons make its sum normal; for a few
-    per reading the real distribution is skewed.
-    """
-
-    type: Literal["apd"]
-    dark_current_na: NonNegative  # at the operating gain, taken as multiplied altogether
-    gain: Annotated[Number, Field(ge=1)]
-    ionisation_ratio: Annotated[Number, Field(ge=0, le=1)]  # k of holes to electrons, or inverse
-
-    @property
-    def excess_noise_factor(self) -> float:
-        """Variance of the charge per primary electron, in primary electrons squared."""
-        k, gain = self.ionisation_ratio, self.gain
-        return k * gain + (1 - k) * (2 - 1 / gain)
-
-    @property
-    def dark_rate_hz(self) -> float:
-        """Primary dark electrons per second."""
-        return self.dark_current_na * 1e-9 / (elementary_charge * self.gain)
-
-
-class Spad(_Sensor):
-    """Avalanche diode in Geiger mode: a counter, blind for `dead_time_s` after each detection.
-
-    Every detection is followed by another one, of a trapped carrier, with
-    `afterpulse_probability`. `jitter_fwhm_s` is that of the time stamp, taken as Gaussian.
-    """
-
-    type: Literal["spad"]
-    detection_efficiency: Spectral
-    dark_count_rate_hz: NonNegative
-    dead_time_s: NonNegative
-    afterpulse_probability: Efficiency = 0.0
-    jitter_fwhm_s: NonNegative = 0.0
-
-    @property
-    def gain(self) -> float:
-        """A counter has none."""
-        return 1.0
-
-    @property
-    def excess_noise_factor(self) -> float:
-        """Of a count with its geometric cascade of after-pulses."""
-        return 1 + self.afterpulse_probability
-
-    def electrons_per_joule(self, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
-        """Primary detections per joule on the diode."""
-        at = np.asarray(wavelength_nm, dtype=np.float64)
-        return spectral_value(self.detection_efficiency, at) * at * 1e-9 / (h * c)
-
+    @abstractmethod
     def at_band(self, band_nm: tuple[float, float], old_nm: float, new_nm: float) -> Self:
         """For light of another band, as efficient as at `old_nm` but where a table covers it."""
-        if _covers(self.detection_efficiency, band_nm):
-            return self
-        old = float(spectral_value(self.detection_efficiency, old_nm))
-        return self.model_copy(update={"detection_efficiency": old})
 
-    @property
-    def dark_rate_hz(self) -> float:
-        """Dark counts per second, without their after-pulses."""
-        return self.dark_count_rate_hz
+    @abstractmethod
+    def too_efficient(self, shortest_nm: float) -> str:
+        """What to say of more than one electron per photon, with the field that has it."""
 
-    @property
-    def jitter_sigma_s(self) -> float:
-        """Standard deviation of a time stamp."""
-        return self.jitter_fwhm_s / FWHM_PER_SIGMA
+    @abstractmethod
+    def read(
+        self,
+        electrons: Floats,
+        detector: Detector,
+        time_s: float | Floats,
+        rng: Random,
+        taken_off: Floats | float = 0.0,
+    ) -> Readings:
+        """One recording of mean primary electrons (frames, ...) in windows of `time_s`.
+
+        Signal, daylight and dark current arrive as one Poisson process; `taken_off` is what an
+        AC-coupled amplifier does not let through, though it does its noise. Without `rng`: the
+        expected readings of an ideal instrument, whose noise is unknown.
+        """
+
+    @abstractmethod
+    def warnings(
+        self, name: str, detector: Detector, time_s: float, background: float, whole: float
+    ) -> list[str]:
+        """Sentences about readings of `time_s` that so many mean electrons overwhelm.
+
+        `background` is without image or echo, `whole` with it; `name` is the detector's.
+        """
+
+    @abstractmethod
+    def stamping(self, tof: DirectTof) -> Stamping:
+        """How it stamps the times of single arrivals."""
 
 
-FWHM_PER_SIGMA = 2 * math.sqrt(2 * math.log(2))
-
-Sensor = Annotated[Pin | Apd | Spad, Discriminator("type")]
-
-
-def quantum_efficiency(sensor: Pin | Apd | Spad, wavelength_nm: ArrayLike) -> NDArray[np.float64]:
+def quantum_efficiency(sensor: Sensor, wavelength_nm: ArrayLike) -> Floats:
     """Detected electrons per photon."""
     photon_energy = h * c / (np.asarray(wavelength_nm, dtype=np.float64) * 1e-9)
     return sensor.electrons_per_joule(wavelength_nm) * photon_energy

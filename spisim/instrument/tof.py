@@ -1,183 +1,128 @@
-"""How the four spots are ranged: continuous wave, pulses with windows, or single arrivals."""
+"""What a method of ranging the four spots is."""
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from pydantic import Discriminator, Field, model_validator
+from numpy.typing import NDArray
 from scipy.constants import c
 
 from reconstruction.errors import InputError
-from reconstruction.ranging import unambiguous_path_m
-from spisim.config import Count, NonNegative, Number, Positive, Section
-from spisim.instrument.demodulation import Modulation
-from spisim.instrument.detector import TofDetector
-from spisim.instrument.sensor import FWHM_PER_SIGMA, Spad
+
+if TYPE_CHECKING:
+    from reconstruction.capture import Spots
+    from spisim.instrument.detector import TofDetector
+
+Floats = NDArray[np.float64]
+
+#: Bins of the light's path lengths that resolve a pulse.
+BINS_PER_PULSE = 4
 
 
-class CwTof(Section):
-    """Continuous wave: the phase of modulated light, from four taps per frequency."""
+@dataclass(frozen=True, eq=False)
+class SpotLight:
+    """What reaches the four ranging detectors, in primary electrons.
 
-    method: Literal["cw"]
-    modulation: Modulation
-    periods: Count  # accumulated by each tap at each frequency, for one frame
-    detector: TofDetector
-
-    def tap_time_s(self, frequency_hz: float) -> float:
-        """Time for which one tap is open in a frame."""
-        return self.periods * self.modulation.taps.share / frequency_hz
-
-    @property
-    def unambiguous_range_m(self) -> float:
-        """Range from which on a spot looks nearer than it is."""
-        return float(unambiguous_path_m(np.array(self.modulation.frequencies_hz))) / 2
-
-    @property
-    def frame_time_s(self) -> float:
-        """Time that a frame takes, all frequencies and taps."""
-        turns = 4 if self.modulation.taps.arrangement == "in-turn" else 1
-        spots = 4 if self.detector.shared else 1
-        periods = sum(1 / frequency for frequency in self.modulation.frequencies_hz)
-        return self.periods * periods * turns * spots
-
-    @model_validator(mode="after")
-    def _charge_is_demodulated(self) -> CwTof:
-        _integrates_charge("cw", self.detector)
-        return self
-
-
-class PulsedTof(Section):
-    """Pulses: charge in two windows as long as the pulse, one after the other, and one before.
-
-    The range is the share of the light that arrives in the second window. The pulse rises and
-    falls within `rise_time_s`, linearly.
+    `echo_per_s` (frames, 4, bins) is the rate per histogram bin of the path length
+    `path_length_m` (bins,), for a laser that is on; `steady_per_s` (frames, 4) that of daylight,
+    the projector's patterns and the dark current.
     """
 
-    method: Literal["pulsed"]
-    pulse_width_s: Positive  # at half height; of each window too
-    rise_time_s: NonNegative = 0.0
-    pulses: Count
-    repetition_rate_hz: Positive
-    detector: TofDetector
+    path_length_m: Floats
+    echo_per_s: Floats
+    steady_per_s: Floats
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one reading of a ranging detector collects: for how long light, echo and amplifier.
+
+    `echo_s` is the time for which a laser that is on would have to shine to leave as much.
+    """
+
+    name: str  # as "tap"
+    steady_s: float
+    echo_s: float
+    amplifier_s: float
+    converted: bool = True  # by an ADC
+
+
+class Emission(NamedTuple):
+    """What one beam sends: its mean power and its pulses."""
+
+    mean_w: float
+    pulse_j: float
+    pulse_s: float
+
+
+class Tof(Protocol):
+    """A method with its settings: a section of an instrument's file."""
 
     @property
-    def window_starts_s(self) -> tuple[float, float, float]:
-        """Of background, first and second window, from the start of the pulse."""
-        return (-2 * self.pulse_width_s, 0.0, self.pulse_width_s)
+    def method(self) -> str:
+        """The name that it is registered by; that of its readings in a capture too."""
+
+    @property
+    def detector(self) -> TofDetector:
+        """The photodiodes of the spots."""
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Range from which on the first window gets nothing."""
-        return c * self.pulse_width_s / 2
+        """Range from which on a spot is not told from a nearer one, or not seen."""
 
     @property
     def frame_time_s(self) -> float:
         """Time that a frame takes."""
-        return self.pulses / self.repetition_rate_hz * (4 if self.detector.shared else 1)
-
-    @model_validator(mode="after")
-    def _fits(self) -> PulsedTof:
-        _integrates_charge("pulsed", self.detector)
-        if self.rise_time_s > self.pulse_width_s:
-            raise InputError(
-                f"rise_time_s {self.rise_time_s:g} is longer than pulse_width_s "
-                f"{self.pulse_width_s:g}"
-            )
-        if 4 * self.pulse_width_s * self.repetition_rate_hz > 1:
-            raise InputError(
-                f"repetition_rate_hz {self.repetition_rate_hz:g} leaves no room for three windows "
-                f"of {self.pulse_width_s:g} s and a gap; at most {0.25 / self.pulse_width_s:.4g}"
-            )
-        return self
-
-
-class DirectTof(Section):
-    """Single arrivals: each pulse gives at most one time stamp, and those a histogram.
-
-    A single-photon diode stamps its first detection in the gate. A charge detector stamps the
-    first crossing of a threshold, `threshold_sigma` times the rms noise of the current, as the
-    middle between the crossings of rising and falling edge, which does not walk with the pulse's
-    height. `pulse_fwhm_s` is that of Gaussian light.
-    """
-
-    method: Literal["dtof"]
-    pulse_fwhm_s: Positive
-    pulses: Count
-    repetition_rate_hz: Positive
-    bin_width_s: Positive
-    bins: Annotated[int, Field(ge=3, le=2**20)]
-    threshold_sigma: Annotated[Number, Field(ge=1)] | None = None
-    detector: TofDetector
 
     @property
-    def gate_s(self) -> float:
-        """How long a cycle waits for an arrival, from the centre of the pulse on."""
-        return self.bins * self.bin_width_s
+    def reading(self) -> Reading:
+        """What one reading collects."""
 
-    @property
-    def unambiguous_range_m(self) -> float:
-        """Range from which on the light arrives after the gate."""
-        return c * self.gate_s / 2
+    def check_bins(self, bin_width_m: float) -> None:
+        """Raise InputError where path lengths in such bins do not resolve its light."""
 
-    @property
-    def pulse_sigma_s(self) -> float:
-        """Standard deviation of the pulse of light."""
-        return self.pulse_fwhm_s / FWHM_PER_SIGMA
+    def record(
+        self, light: SpotLight, directions: Floats, rng: np.random.Generator | None
+    ) -> Spots:
+        """What is recorded of spots in the `directions` (4, 3) of the lasers.
 
-    @property
-    def amplified_sigma_s(self) -> float:
-        """Standard deviation of the pulse behind the amplifier that feeds the threshold.
-
-        The amplifier is taken as a filter of Gaussian shape here, 3 dB down at its bandwidth, so
-        that pulses stay even; one pole would draw out their end.
+        Without `rng`: the expected readings of an ideal instrument, whose noise is unknown, so that
+        reconstruction takes every reading at its word.
         """
-        amplifier = self.detector.amplifier
-        assert amplifier is not None
-        assert amplifier.bandwidth_hz is not None
-        widening_s = math.sqrt(math.log(2)) / (2 * math.pi * amplifier.bandwidth_hz)
-        return math.hypot(self.pulse_sigma_s, widening_s)
 
-    @property
-    def response_sigma_s(self) -> float:
-        """Standard deviation of light and time stamp together; of a threshold, nan: it varies."""
-        sensor = self.detector.sensor
-        if not isinstance(sensor, Spad):
-            return math.nan
-        return math.hypot(self.pulse_sigma_s, sensor.jitter_sigma_s)
+    def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
+        """Standard deviation (...) of the path lengths measured, in closed form.
 
-    @property
-    def frame_time_s(self) -> float:
-        """Time that a frame takes."""
-        return self.pulses / self.repetition_rate_hz * (4 if self.detector.shared else 1)
+        For echoes (...) of one path length each, at rates while the laser is on.
+        """
 
-    @model_validator(mode="after")
-    def _fits(self) -> DirectTof:
-        sensor, amplifier = self.detector.sensor, self.detector.amplifier
-        counts = isinstance(sensor, Spad)
-        if counts != (self.threshold_sigma is None):
-            verb = "has no threshold_sigma" if counts else "needs threshold_sigma"
-            raise InputError(f"a {sensor.type} sensor {verb} for dtof")
-        if amplifier is not None and amplifier.bandwidth_hz is None:
-            raise InputError("detector.amplifier.bandwidth_hz is needed for a threshold")
-        dead = sensor.dead_time_s if isinstance(sensor, Spad) else 0.0
-        highest = 1 / (self.gate_s + dead)
-        if self.repetition_rate_hz > highest * (1 + 1e-9):
-            raise InputError(
-                f"repetition_rate_hz {self.repetition_rate_hz:g}: the gate of bins · bin_width_s, "
-                f"{self.gate_s:.4g} s, and the dead time do not fit a period; at most {highest:.4g}"
-            )
-        return self
+    def emission(self, power_w: float) -> Emission:
+        """What one beam of this power sends, taken as always in use."""
+
+    def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
+        """Sentences about so many electrons per second on one detector that overwhelm it."""
 
 
-Tof = Annotated[CwTof | PulsedTof | DirectTof, Discriminator("method")]
-
-
-def _integrates_charge(method: str, detector: TofDetector) -> None:
-    if isinstance(detector.sensor, Spad):
-        raise InputError(f"{method} integrates charge; a spad sensor counts: choose method dtof")
+def check_charge(method: str, detector: TofDetector) -> None:
+    """Raise InputError unless the detector integrates charge, the background included."""
+    if detector.sensor.counts:
+        raise InputError(
+            f"{method} integrates charge; a {detector.sensor.type} sensor counts: choose method "
+            "dtof"
+        )
     if detector.amplifier is not None and detector.amplifier.coupling == "ac":
         raise InputError(
             f"detector.amplifier.coupling should be dc: {method} subtracts the background itself"
+        )
+
+
+def check_pulse(field: str, pulse_s: float, bin_width_m: float) -> None:
+    """Raise InputError, naming the field, for a pulse shorter than a few bins."""
+    shortest = BINS_PER_PULSE * bin_width_m / c
+    if pulse_s < shortest:
+        raise InputError(
+            f"tof.{field} {pulse_s:g}: a pulse is shorter than {BINS_PER_PULSE} bins of the "
+            f"path-length histogram; at least {shortest:.4g}"
         )

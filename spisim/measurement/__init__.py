@@ -3,14 +3,12 @@
 from spisim.measurement.capture import record
 from spisim.measurement.findings import simulation_warnings
 from spisim.measurement.light import BucketLight, bucket_light
-from spisim.measurement.spots import SpotLight, record_spots, spot_light
+from spisim.measurement.spots import spot_light
 
 __all__ = [
     "BucketLight",
-    "SpotLight",
     "bucket_light",
     "record",
-    "record_spots",
     "simulation_warnings",
     "spot_light",
 ]

@@ -13,7 +13,7 @@ from reconstruction.capture import Capture, FrameTruth, Optics, Provenance, Trut
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
 from spisim.measurement.light import bucket_light
-from spisim.measurement.spots import record_spots, spot_light
+from spisim.measurement.spots import spot_light
 from spisim.scene import Scene
 from spisim.transport import GroundTruth, LightSequence
 from spisim.transport.drops import falling_drops
@@ -47,8 +47,7 @@ def record(
     return Capture(
         plan=instrument.pattern_plan,
         buckets=buckets,
-        spots=record_spots(
-            instrument.tof,
+        spots=instrument.tof.record(
             spot_light(instrument, light, frames, drops),
             instrument.lasers.directions,
             for_spots if noise else None,

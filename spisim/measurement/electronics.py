@@ -1,70 +1,16 @@
-"""Noise and conversion of charge: from mean electrons to what the ADC reports."""
+"""What one exposure has of others: AC coupling, and patterns that settle slowly."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from spisim.instrument import Adc, Amplifier, Detector
+from spisim.instrument import Amplifier
 
 Floats = NDArray[np.float64]
-
-LARGE_MEAN = 1e12
-"""Electrons above which the normal distribution stands for Poisson's, whose skewness is 1e-6."""
-
-
-class Readings(NamedTuple):
-    """Counts (frames, ...) of one detector channel."""
-
-    counts: NDArray[Any]
-    saturated: NDArray[np.bool_]  # clipped at either end of the converter's range
-
-
-def read_out(
-    mean_electrons: Floats,
-    detector: Detector,
-    amplifier_noise: float | Floats,
-    rng: np.random.Generator,
-    taken_off: Floats | float = 0.0,
-) -> Readings:
-    """Draw one recording of the mean charges (frames, ...).
-
-    Signal, daylight and dark current arrive as one Poisson process, which an avalanche makes
-    noisier; `taken_off` is what an AC-coupled amplifier does not let through, though it does its
-    noise; the amplifier adds Gaussian charge; the converter rounds and clips.
-    """
-    adc = detector.adc
-    assert adc is not None
-    electrons = _arrivals(mean_electrons, rng)
-    excess = detector.sensor.excess_noise_factor - 1
-    if excess > 0:
-        electrons += rng.normal(0, np.sqrt(excess * mean_electrons))
-    electrons += rng.normal(0, amplifier_noise, electrons.shape) - taken_off
-    counts = np.rint(electrons / adc.electrons_per_count + adc.offset_counts)
-    return Readings(
-        counts=np.clip(counts, 0, adc.max_count).astype(np.int32),
-        saturated=(counts <= 0) | (counts >= adc.max_count),
-    )
-
-
-def expected_readings(
-    mean_electrons: Floats, adc: Adc, taken_off: Floats | float = 0.0
-) -> Readings:
-    """What an ideal instrument would report: no noise, no steps, no end of range."""
-    counts = (mean_electrons - taken_off) / adc.electrons_per_count + adc.offset_counts
-    return Readings(counts, np.zeros(counts.shape, dtype=np.bool_))
-
-
-def _arrivals(mean: Floats, rng: np.random.Generator) -> Floats:
-    """Poisson numbers; NumPy has none of a mean near 2^63."""
-    large = mean > LARGE_MEAN
-    drawn = rng.poisson(np.where(large, 0, mean)).astype(np.float64)
-    drawn[large] = rng.normal(mean[large], np.sqrt(mean[large]))
-    return drawn
 
 
 def slow_part(electrons: Floats, amplifier: Amplifier, period_s: float) -> Floats:

@@ -16,6 +16,7 @@ from spisim.instrument.model import Source
 from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
 from spisim.transport import LightSequence, Transport
 from spisim.transport.drops import FallingDrops, on_buckets
+from spisim.transport.sequence import Interpolation
 
 Floats = NDArray[np.float64]
 
@@ -49,10 +50,10 @@ def bucket_light(
 
     Falling drops change the readings; the image is that without them.
     """
-    shares = light.weights(instrument.exposure_times_s(frames))  # (frames, M, keys)
+    between = light.between(instrument.exposure_times_s(frames))
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
     switched = (1 - instrument.projector.dark_level) * electrons
-    in_frame = shares.mean(axis=1)[: frames if len(light.transports) > 1 else 1]  # (T, keys)
+    told = between.until(frames if len(light.transports) > 1 else 1)
     images, errors = (
         np.array([getattr(key, name) for key in light.transports])
         for name in ("image", "image_error")
@@ -67,17 +68,17 @@ def bucket_light(
         by_tap_steady = np.tile(modulation.taps.share * steady, (len(by_tap), 1))
         steadies = np.concatenate([steadies, by_tap_steady])
     pictures = pictures * electrons
-    changes = on_buckets(drops, pictures, shares, electrons, _response(instrument))
+    changes = on_buckets(drops, pictures, between, electrons, _response(instrument))
     buckets, *taps = (
-        _readings(instrument, shares, *window)
+        _readings(instrument, between, *window)
         for window in zip(pictures, steadies, changes, strict=True)
     )
     taken_off = np.zeros_like(buckets)
     if instrument.detector.amplifier is not None:
         taken_off = slow_part(buckets, instrument.detector.amplifier, instrument.pattern_period_s)
     return BucketLight(
-        image=np.tensordot(in_frame, images, 1) * switched,
-        image_error=np.tensordot(in_frame, errors, 1) * switched,
+        image=told.means(images) * switched,
+        image_error=told.means(errors) * switched,
         buckets=buckets,
         taken_off=taken_off,
         taps=np.stack(taps, axis=-1) if taps else None,
@@ -127,13 +128,15 @@ def _response(instrument: Instrument) -> Callable[[Floats], Floats]:
 
 
 def _readings(
-    instrument: Instrument, shares: Floats, images: Floats, steady: Floats, change: Floats
+    instrument: Instrument, between: Interpolation, images: Floats, steady: Floats, change: Floats
 ) -> Floats:
     """Exposures (frames, M) of images (keys, H, W), steady light (keys,) and a change of them."""
     dark = instrument.projector.dark_level
     total = images.sum(axis=(1, 2))[:, None]
     shown = (1 - dark) * expose(instrument.pattern_plan, images) + dark * total
-    readings = np.einsum("fmk,km->fm", shares, shown + steady[:, None]) + change
+    light = shown + steady[:, None]  # (keys, M)
+    nearby = light[between.keys, np.arange(light.shape[1])[:, None]]
+    readings = (between.shares * nearby).sum(axis=-1) + change
     amplifier = instrument.detector.amplifier
     pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
     share = carried_over(

@@ -12,7 +12,7 @@ from scipy.constants import c
 
 from spisim.budget.equations import Flood, range_sigma_eq3_m
 from spisim.budget.ranging import last_below
-from spisim.instrument import Apd, Pin, load_instrument
+from spisim.instrument import Photodiode, load_instrument
 from spisim.paper.checks import Check, Table
 from spisim.paper.result import COLOURS, REFLECTANCES, Result, percent
 
@@ -108,10 +108,10 @@ def reaches(diode: str, amplifier_a_per_sqrt_hz: float) -> Floats:
     return reach
 
 
-def _sensor(diode: str) -> Pin | Apd:
+def _sensor(diode: str) -> Photodiode:
     """FGA015 as in Table 1, or G14858-0020AA in linear mode."""
     sensor = load_instrument("paper" if diode == "PIN" else "apd").detector.sensor
-    assert isinstance(sensor, Pin | Apd)
+    assert isinstance(sensor, Photodiode)
     return sensor
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -17,28 +18,26 @@ from numpy.typing import NDArray
 from reconstruction.errors import InputError
 from spisim.atmosphere import Atmosphere, combine
 from spisim.atmosphere.precipitation import Precipitation
+from spisim.atmosphere.sections import WEATHER
+from spisim.atmosphere.weather import Weather
+from spisim.config.files import read_density
 from spisim.scene.description import (
     AmbientDescription,
     DroneDescription,
-    FallingDescription,
     MeshObject,
     ObjectDescription,
     Pose,
     SceneDescription,
     VolumeDescription,
 )
-from spisim.scene.files import read_density
 from spisim.scene.materials import Material, find_material, make_material
-from spisim.scene.media import make_medium, make_precipitation, warn_of_doubtful_media
 from spisim.scene.model import Ambient, Scene, SceneObject, Vector3, Volume
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
 from spisim.scene.shapes import make_mesh, texture_coordinates
 from spisim.scene.soundness import warn_of_odd_sizes, warn_of_unsound_meshes
 from spisim.scene.volumes import warn_of_overlap
-
-#: Sections of a scene file that fill all of the air, in the order of their fields.
-MEDIA = ("fog", "smoke", "rain", "snow")
+from spisim.scene.warning import SceneWarning
 
 #: From forward, left, up (ROS REP 103) to right, down, forward.
 OPTICAL_FROM_BODY = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
@@ -76,13 +75,16 @@ def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_
             materials[name] = make_material(name, own, folder, wavelength_nm)
     media: list[Atmosphere] = []
     falling: list[Precipitation] = []
-    for field in MEDIA:
+    for field in WEATHER:
+        section: Weather | None = getattr(described, field)
+        if section is None:
+            continue
         with _problems_at(source, field):
-            section = getattr(described, field)
-            if isinstance(section, FallingDescription) and section.model == "drops":
-                falling.append(make_precipitation(section, wavelength_nm))
-            elif section is not None:
-                media.append(make_medium(section, folder, wavelength_nm))
+            made = section.made(folder, wavelength_nm)
+        if isinstance(made, Precipitation):
+            falling.append(made)
+        else:
+            media.append(made)
     with _problems_at(source, "ambient"):
         ambient = _ambient(described.ambient)
     with _problems_at(source, "drone"):
@@ -132,7 +134,9 @@ def warn_of_oddities(scene: Scene) -> None:
     warn_of_odd_sizes(scene)
     warn_of_overlap(scene.volumes)
     parts = scene.atmosphere.parts or (scene.atmosphere,)
-    warn_of_doubtful_media([*parts, *(volume.medium for volume in scene.volumes)])
+    for medium in (*parts, *(volume.medium for volume in scene.volumes)):
+        for doubt in medium.doubts:
+            warnings.warn(doubt, SceneWarning, stacklevel=2)
 
 
 @contextmanager
@@ -151,7 +155,7 @@ def _drone_pose(described: DroneDescription) -> NDArray[np.float64]:
 
 
 def _volume(described: VolumeDescription, folder: Path, wavelength_nm: float) -> Volume:
-    medium = make_medium(described, folder, wavelength_nm)
+    medium = described.made(folder, wavelength_nm)
     if medium.extinction_per_m == 0:
         raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
     centred = np.diag([*described.size_m, 1.0])

@@ -8,6 +8,7 @@ from typing import Any
 
 import yaml
 
+from spisim.atmosphere.sections import WEATHER
 from spisim.config import read_text
 from spisim.scene.load import list_scenes, scenes_folder
 
@@ -41,8 +42,9 @@ def weather(fields: Mapping[str, Any]) -> tuple[str, ...]:
         "rate_mm_per_h": "mm/h",
     }
     found = []
-    for medium in ("fog", "smoke", "rain", "snow"):
+    for medium in WEATHER:
         section = fields.get(medium) or {}
-        found += [f"{medium} {section[f]:g} {unit}" for f, unit in units.items() if f in section]
+        known = [f"{medium} {section[f]:g} {unit}" for f, unit in units.items() if f in section]
+        found += known or ([medium] if section else [])
     found += [f"volume {volume['name']}" for volume in fields.get("volumes") or ()]
     return tuple(found)

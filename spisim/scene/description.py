@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import nearest
-from spisim.atmosphere import PHASES, SNOW_G, Diffraction, PhaseName
-from spisim.atmosphere.precipitation import FLAKE_KG_PER_M3, FLAKE_SPEED_M_S
+from spisim.atmosphere.sections import WEATHER
+from spisim.atmosphere.sections.fog import Fog
 from spisim.atmosphere.structure import Structure
-from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector
+from spisim.atmosphere.weather import Weather
+from spisim.config import (
+    Fraction,
+    Name,
+    Named,
+    NonNegative,
+    Number,
+    Positive,
+    Section,
+    Vector,
+)
 
 
 class DroneDescription(Section):
@@ -175,163 +185,7 @@ class MaterialDescription(Section):
         return {name: getattr(self, name) for name in names if name in self.model_fields_set}
 
 
-class PhaseDescription(Section):
-    """A phase function: `g` of Henyey-Greenstein, a `table` file, or a `blend` of several.
-
-    Beside a table, `g` is what its mean cosine should be, and `unit` whether its values are
-    absolute.
-    """
-
-    g: Annotated[Number, Field(gt=-1, lt=1)] | None = None
-    table: Name | None = None
-    unit: Literal["relative", "1/sr"] = "relative"
-    blend: Annotated[tuple[BlendPart, ...], Field(min_length=1)] | None = None
-
-    @model_validator(mode="after")
-    def _one_way(self) -> PhaseDescription:
-        given = self.model_fields_set - {"weight"}
-        allowed = {"table", "g", "unit"} if "table" in given else {"g"}
-        if given not in ({"blend"}, {"g"}) and not ("table" in given and given <= allowed):
-            raise PydanticCustomError("phase", "needs one of g, table (with unit and g), or blend")
-        return self
-
-
-class BlendPart(PhaseDescription):
-    """A phase function's share of a blend; the weights sum to 1."""
-
-    weight: Positive
-
-
-class DropletDescription(Section):
-    """Sizes of droplets or particles: a modified gamma distribution or a log-normal one.
-
-    n(r) ∝ r^alpha exp(-b r^gamma) with its peak at `mode_radius_um`; or half of the particles
-    below `median_diameter_um` and 68 % within a factor `sigma_g`. They are of water unless `n` and
-    `k` give another refractive index n - ik.
-    """
-
-    alpha: Number | None = None
-    gamma: Number | None = None
-    mode_radius_um: Number | None = None
-    median_diameter_um: Number | None = None
-    sigma_g: Number | None = None
-    n: Number | None = None
-    k: Number = 0.0
-
-    @model_validator(mode="after")
-    def _one_way(self) -> DropletDescription:
-        ways = {"alpha", "gamma", "mode_radius_um"}, {"median_diameter_um", "sigma_g"}
-        if self.model_fields_set - {"n", "k"} not in ways:
-            message = "needs alpha, gamma and mode_radius_um, or median_diameter_um and sigma_g"
-            raise PydanticCustomError("droplets", message)
-        if "k" in self.model_fields_set and self.n is None:
-            raise PydanticCustomError("droplets", "k needs n")
-        return self
-
-
-AnyPhase = Annotated[
-    Annotated[PhaseName, Tag("by name")] | Annotated[PhaseDescription, Tag("by numbers")],
-    Discriminator(lambda data: "by name" if isinstance(data, str) else "by numbers"),
-]
-
-
-class FogDescription(Section):
-    """Fog by visibility or water, or a medium by its coefficients, at any wavelength the same.
-
-    Its droplets are of a `kind` or have sizes of their own (`droplets`). The `phase` of fog by
-    visibility or water is the name of a form, that of a medium by coefficients a phase function.
-    """
-
-    visibility_m: Positive | None = None
-    liquid_water_g_per_m3: Positive | None = None
-    kind: str = "moderate-radiation"
-    droplets: DropletDescription | None = None
-    definition: str = "koschmieder"
-    extinction_per_m: NonNegative | None = None
-    albedo: Fraction = 1.0
-    g: Annotated[Number, Field(gt=-1, lt=1)] = 0.0
-    phase: AnyPhase | None = None
-
-    @model_validator(mode="after")
-    def _one_way(self) -> FogDescription:
-        given = self.model_fields_set
-        amounts = [f for f in ("visibility_m", "liquid_water_g_per_m3") if f in given]
-        if bool(amounts) == ("extinction_per_m" in given):
-            raise PydanticCustomError(
-                "fog", "needs either visibility_m or extinction_per_m, or liquid_water_g_per_m3"
-            )
-        for pair in ({"g", "phase"}, {"kind", "droplets"}):
-            if pair <= given:
-                one, other = sorted(pair, key=list(type(self).model_fields).index)
-                raise PydanticCustomError(
-                    "fog", "needs {one} or {other}, not both", {"one": one, "other": other}
-                )
-        way = amounts[0] if amounts else "extinction_per_m"
-        stray = sorted(given & ({"albedo", "g"} if amounts else {"kind", "droplets", "definition"}))
-        if "phase" in given and isinstance(self.phase, str) != bool(amounts):
-            stray.append("phase")
-        if stray:
-            hint = f": it is one of {', '.join(PHASES)}" if amounts and stray == ["phase"] else ""
-            raise PydanticCustomError(
-                "fog",
-                "{field} does not go with {way}{hint}",
-                {"field": stray[0], "way": way, "hint": hint},
-            )
-        return self
-
-
-class SmokeDescription(FogDescription):
-    """Smoke, by the same fields as fog."""
-
-    kind: str = "glycol"
-
-
-class FallingDescription(Section):
-    """What rain and snow have in common.
-
-    As a `medium` they are smooth; as `drops` each drop or flake crosses the beams by itself, and
-    drifts with the wind. Fields `of_medium` do not go with drops, nor those `of_drops` with it.
-    """
-
-    of_medium: ClassVar[frozenset[str]]
-    of_drops: ClassVar[frozenset[str]] = frozenset({"wind_m_s"})
-    rate_mm_per_h: Positive
-    model: Literal["medium", "drops"] = "medium"
-    wind_m_s: Vector = (0.0, 0.0, 0.0)
-
-    @model_validator(mode="after")
-    def _fields_of_its_model(self) -> FallingDescription:
-        others = self.of_medium if self.model == "drops" else self.of_drops
-        if stray := sorted(self.model_fields_set & others):
-            raise PydanticCustomError(
-                "falling",
-                "{field} does not go with model {model}",
-                {"field": stray[0], "model": self.model},
-            )
-        return self
-
-
-class RainDescription(FallingDescription):
-    """Rain of a rate; `diffraction` says whether light bent by a milliradian counts as lost."""
-
-    of_medium = frozenset({"diffraction"})
-    kind: str = "marshall-palmer"
-    diffraction: Diffraction = "remove"
-
-
-class SnowDescription(FallingDescription):
-    """Snow of a rate (as water), "wet" or "dry"; its scattering and its flakes are assumed."""
-
-    of_medium = frozenset({"kind"})
-    of_drops = FallingDescription.of_drops | {"flake_density_kg_m3", "fall_speed_m_s"}
-    kind: str = "wet"
-    albedo: Fraction | None = None  # by the absorption of ice
-    g: Annotated[Number, Field(gt=-1, lt=1)] = SNOW_G
-    flake_density_kg_m3: Positive = FLAKE_KG_PER_M3
-    fall_speed_m_s: Positive = FLAKE_SPEED_M_S
-
-
-class VolumeDescription(Pose, FogDescription):
+class VolumeDescription(Pose, Fog):
     """A box of fog or smoke with edges `size_m`, centred on the origin before its pose.
 
     `density` is a file of relative densities (nz, ny, nx) that fills the box, `structure` what to
@@ -358,7 +212,18 @@ class AmbientDescription(Section):
     sky_klx: NonNegative = 0.0
 
 
-class Surroundings(Section):
+_SECTIONS: dict[str, Any] = {
+    name: (Annotated[Weather, Named(WEATHER, name)] | None, None) for name in WEATHER
+}
+#: What fills all of the air: a section for each kind of weather.
+Air: Any = create_model(
+    "Air",
+    __base__=Section,
+    **_SECTIONS,
+)
+
+
+class Surroundings(Air):
     """Sections that every scene file may have.
 
     `material_swaps` puts materials in place of others, wherever those are used, if they are.
@@ -367,10 +232,6 @@ class Surroundings(Section):
     description: str = ""
     materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
     material_swaps: dict[Name, Name] = Field(default_factory=dict)
-    fog: FogDescription | None = None
-    smoke: SmokeDescription | None = None
-    rain: RainDescription | None = None
-    snow: SnowDescription | None = None
     volumes: tuple[VolumeDescription, ...] = ()
     moment: Moment | None = None
 

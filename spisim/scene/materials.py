@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from reconstruction.errors import InputError, naming, nearest
 from spisim.config import Fraction, Name, Section, parse_model, read_text
+from spisim.config.files import read_picture
 from spisim.scene.bsdf import DIFFUSE, Bsdf, Clear, make_bsdf
 from spisim.scene.description import MaterialDescription, Spectrum
-from spisim.scene.files import read_picture
 from spisim.scene.wetness import wet_reflectance
 
 Picture: TypeAlias = NDArray[np.float32]

@@ -9,6 +9,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.errors import InputError
+from spisim.config.files import check_is_there
 from spisim.scene.description import (
     BoxObject,
     CylinderObject,
@@ -17,7 +18,6 @@ from spisim.scene.description import (
     RectangleObject,
     SphereObject,
 )
-from spisim.scene.files import check_is_there
 
 SPHERE_SUBDIVISIONS = 4  # 5120 triangles, radius true to 0.1 %
 CYLINDER_SECTIONS = 96  # radius true to 0.05 %

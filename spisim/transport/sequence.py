@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 
 from spisim.instrument import Instrument
 from spisim.scene import Scene, check_clear_of_sensor
@@ -19,6 +21,26 @@ Floats = NDArray[np.float64]
 KEYS_PER_FRAME = 2
 
 
+class Interpolation(NamedTuple):
+    """Light at times (frames, M): that of two key times each, (frames, M, 2), by their shares."""
+
+    keys: NDArray[np.intp]
+    shares: Floats
+
+    def until(self, frames: int) -> Interpolation:
+        """That of the first frames."""
+        return Interpolation(self.keys[:frames], self.shares[:frames])
+
+    def means(self, values: Floats) -> Floats:
+        """Mean over each frame's times, (frames, ...), of what is `values` (K, ...) at the keys."""
+        frames, times = self.keys.shape[:2]
+        rows = np.repeat(np.arange(frames), 2 * times)
+        shape = (frames, len(values))
+        sums = coo_array((self.shares.ravel(), (rows, self.keys.ravel())), shape).tocsr()
+        flat = sums / times @ values.reshape(len(values), -1)
+        return np.asarray(flat).reshape(frames, *values.shape[1:])
+
+
 @dataclass(frozen=True, eq=False)
 class LightSequence:
     """Light transport at key times (K,), in seconds from the first exposure's start."""
@@ -26,13 +48,14 @@ class LightSequence:
     times_s: Floats
     transports: tuple[Transport, ...]
 
-    def weights(self, times_s: Floats) -> Floats:
-        """Share of each key time in the light at other times: (..., K), rows sum to one."""
-        keys = len(self.times_s)
-        place = np.interp(times_s, self.times_s, np.arange(keys)) if keys > 1 else 0 * times_s
-        apart: Floats = np.abs(place[..., None] - np.arange(keys))
-        shares: Floats = np.maximum(1 - apart, 0)
-        return shares
+    def between(self, times_s: Floats) -> Interpolation:
+        """The light at other times (frames, M)."""
+        last = len(self.times_s) - 1
+        place = np.interp(times_s, self.times_s, np.arange(last + 1)) if last else 0 * times_s
+        before = np.floor(place).astype(np.intp)
+        keys = np.stack([before, np.minimum(before + 1, last)], axis=-1)
+        later = place - before
+        return Interpolation(keys, np.stack([1 - later, later], axis=-1))
 
 
 def trace(

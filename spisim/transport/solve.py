@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import c
 
-from reconstruction.errors import InputError
 from reconstruction.operators import expose, mean_illumination
 from reconstruction.ranging import MAX_PATH_M
-from spisim.instrument import CwTof, DirectTof, Instrument, Tof
+from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
@@ -28,9 +26,6 @@ from spisim.transport.world import World, build_world
 #: Optical path per histogram bin. Paths beyond MAX_PATH_M, which no range is looked for beyond, are
 #: not told apart: fog tails there are nothing.
 BIN_WIDTH_M = 0.02
-#: A bin shares light between its neighbours, which damps a modulation of so many bins by 1 %.
-BINS_PER_PERIOD = 20
-BINS_PER_PULSE = 4
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
 #: Paths for steady light, which is smooth over the field and felt by its shot noise alone: a share
@@ -101,7 +96,7 @@ def solve(
         If some light was not a finite number and is left out.
     """
     began = time.perf_counter()
-    _check_resolution(instrument.tof)
+    instrument.tof.check_bins(BIN_WIDTH_M)
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
@@ -139,25 +134,6 @@ def solve(
         seconds=time.perf_counter() - began,
         extra=_extra(outputs, image.mean, spots.mean, shape),
     )
-
-
-def _check_resolution(tof: Tof) -> None:
-    """The spots' histograms must resolve what is modulated onto the light."""
-    if isinstance(tof, CwTof):
-        frequency, highest = max(tof.modulation.frequencies_hz), c / (BINS_PER_PERIOD * BIN_WIDTH_M)
-        if frequency > highest:
-            raise InputError(
-                f"tof.modulation.frequencies_hz {frequency:g}: a period is shorter than "
-                f"{BINS_PER_PERIOD} bins of the path-length histogram; at most {highest:.4g}"
-            )
-        return
-    field = "pulse_fwhm_s" if isinstance(tof, DirectTof) else "pulse_width_s"
-    pulse, shortest = getattr(tof, field), BINS_PER_PULSE * BIN_WIDTH_M / c
-    if pulse < shortest:
-        raise InputError(
-            f"tof.{field} {pulse:g}: a pulse is shorter than {BINS_PER_PULSE} bins of the "
-            f"path-length histogram; at least {shortest:.4g}"
-        )
 
 
 def _steady_light(

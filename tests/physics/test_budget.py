@@ -22,9 +22,8 @@ from spisim.budget import (
     spot_link,
     spot_noise,
 )
-from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import SpotLight, bucket_light, record_spots, spot_light
-from spisim.measurement.electronics import read_out
+from spisim.instrument import Instrument, SpotLight, load_instrument
+from spisim.measurement import bucket_light, spot_light
 from spisim.scene import Ambient
 from spisim.transport import LightSequence, Transport, solve
 
@@ -138,9 +137,8 @@ def test_mean_and_variance_of_an_exposure(name: str) -> None:
     mean = budget.signal_electrons + budget.daylight_electrons + budget.dark_electrons
     lights = [bucket_light(instrument, still(run), 1).buckets[0, 0] for run in runs(name)]
     assert abs(z_score(lights, mean)) < 4
-    noise = detector.amplifier_noise_electrons(instrument.exposure_time_s)
     draws = np.full((4 * FRAMES, 1), float(mean))
-    readings = read_out(draws, detector, noise, np.random.default_rng(3))
+    readings = detector.read(draws, instrument.exposure_time_s, np.random.default_rng(3))
     adc = detector.adc
     electrons = (readings.counts - adc.offset_counts) * adc.electrons_per_count
     expected = bucket_noise(instrument, budget).total_electrons
@@ -195,7 +193,7 @@ def recorded(name: str, frames: int):
         np.broadcast_to(one.steady_per_s, (frames, 4)),
     )
     directions = instrument.lasers.directions
-    return record_spots(instrument.tof, many, directions, np.random.default_rng(5))
+    return instrument.tof.record(many, directions, np.random.default_rng(5))
 
 
 def z_of_variance(values: np.ndarray, sigma: float) -> float:

@@ -73,10 +73,10 @@ def one_drop(one, place_m, diameter_mm, **options):
 
 def one_exposure(one, falling, pictures, electrons):
     """Change (windows,) of the exposure that shows all pixels."""
-    shares = np.ones((1, one.pattern_plan.exposures, 1))
+    still = LightSequence(np.zeros(1), ()).between(np.zeros((1, one.pattern_plan.exposures)))
     windows = np.asarray(pictures)[:, None]
     return on_buckets(
-        falling, windows, shares, electrons, lambda length: np.ones((len(windows), len(length)))
+        falling, windows, still, electrons, lambda length: np.ones((len(windows), len(length)))
     )[:, 0, 0]
 
 
@@ -259,9 +259,9 @@ def test_a_wall_that_comes_closer_than_a_drop_hides_it():
         spot_ranges_by_frame_m=np.multiply.outer(walls, 1 / one.lasers.directions[:, 2]),
     )
     image = np.ones(one.projector.shape)
-    shares = np.ones((2, one.pattern_plan.exposures, 1))
+    still = LightSequence(np.zeros(1), ()).between(np.zeros((2, one.pattern_plan.exposures)))
     change = on_buckets(
-        (falling,), image[None, None], shares, 0 * image, lambda length: np.ones((1, len(length)))
+        (falling,), image[None, None], still, 0 * image, lambda length: np.ones((1, len(length)))
     )
     assert change[0, 0, 0] < -0.01
     np.testing.assert_allclose(change[0, 1], 0, atol=1e-12)

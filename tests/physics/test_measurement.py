@@ -14,7 +14,6 @@ from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import fog
 from spisim.instrument import Instrument, load_instrument
 from spisim.measurement import bucket_light, record, spot_light
-from spisim.measurement.spots import cw_taps
 from spisim.scene import Ambient
 from spisim.transport import GroundTruth, LightSequence, Transport, ground_truth, solve
 
@@ -72,7 +71,7 @@ def test_the_capture_tells_the_media(paper, light, truth):
 
 def test_variance_is_shot_noise_plus_electronics(paper, light, noisy):
     buckets = bucket_light(paper, still(light), 1).buckets
-    taps = cw_taps(paper.tof, spot_light(paper, still(light), 1), frequency(paper))
+    taps = paper.tof.tap_electrons(spot_light(paper, still(light), 1), frequency(paper))
     for part, expected in ((noisy.buckets, buckets), (noisy.spots, taps)):
         variance = electrons(part).var(axis=0, ddof=1)
         model = expected[0] + part.noise_electrons**2

@@ -1,6 +1,8 @@
 """Things that move while the patterns are shown: what the readings must follow."""
 
+import tracemalloc
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +10,9 @@ import trimesh
 
 import spisim
 import worlds
+from instruments import changed
 from reconstruction.errors import InputError
 from spisim.measurement import bucket_light, spot_light
-from spisim.measurement.spots import cw_taps
 from spisim.scene import Scene
 from spisim.transport import LightSequence, trace
 from spisim.transport.sequence import KEYS_PER_FRAME
@@ -78,16 +80,53 @@ def test_flying_towards_a_wall_is_the_wall_coming_closer(paper):
     first, second = (spot_light(paper, light, 1) for light in lights)
     np.testing.assert_allclose(first.steady_per_s, second.steady_per_s, rtol=1e-5)
     frequency = paper.tof.modulation.frequencies_hz[0]
-    taps = [cw_taps(paper.tof, light, frequency) for light in (first, second)]
+    taps = [paper.tof.tap_electrons(light, frequency) for light in (first, second)]
     np.testing.assert_allclose(*taps, rtol=1e-5)
 
 
 def test_interpolation_weights_sum_to_one_and_hit_the_keys():
     light = LightSequence(np.array([0.0, 1.0, 3.0]), ())
-    weights = light.weights(np.array([[0.0, 0.25], [1.0, 2.0]]))
+    between = light.between(np.array([[0.0, 0.25], [1.0, 2.0]]))
+    weights = np.zeros((2, 2, 3))
+    for place in np.ndindex(2, 2, 2):
+        weights[place[:2]][between.keys[place]] += between.shares[place]
     np.testing.assert_allclose(weights.sum(axis=-1), 1)
     np.testing.assert_allclose(weights[0, 1], [0.75, 0.25, 0])
     np.testing.assert_allclose(weights[1], [[0, 1, 0], [0, 0.5, 0.5]])
+    values = np.array([[1.0, 0], [2.0, 10], [7.0, 0]])
+    np.testing.assert_allclose(between.means(values), weights.mean(axis=1) @ values)
+
+
+def test_memory_of_a_long_flight_is_that_of_its_frames():
+    """Readings and key times grow with the frames, their product with the patterns must not."""
+    small = changed("paper", projector__shape=[8, 8], plan__patterns=63)
+
+    def peak_bytes(frames):
+        keys = 2 * frames + 1
+        one = any_light(small)
+        light = LightSequence(np.linspace(0, frames * small.frame_time_s, keys), (one,) * keys)
+        tracemalloc.start()
+        bucket_light(small, light, frames)
+        spot_light(small, light, frames)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    assert peak_bytes(400) < 2.5 * peak_bytes(200)
+
+
+def any_light(instrument):
+    """Light of a scene, without any tracing."""
+    shape = instrument.projector.shape
+    return SimpleNamespace(
+        image=np.ones(shape),
+        image_error=np.zeros(shape),
+        daylight_w=1e-9,
+        spot_histogram=np.ones((4, 10)),
+        path_length_m=np.arange(10.0),
+        spot_daylight_w=np.ones(4),
+        spot_crosstalk_w=np.ones(4),
+    )
 
 
 def test_an_object_that_flies_through_the_instrument_is_refused(paper):

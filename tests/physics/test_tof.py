@@ -12,9 +12,7 @@ from scipy.constants import c
 from scipy.special import ndtr
 
 from reconstruction.ranging import measure_ranges
-from spisim.instrument import CwTof, Instrument, load_instrument
-from spisim.measurement import SpotLight, record_spots
-from spisim.measurement.spots import cw_taps, pulsed_windows
+from spisim.instrument import CwTof, Instrument, SpotLight, load_instrument
 
 FRAMES = 5000  # of four spots each
 PATHS = np.arange(1001) * 0.02
@@ -41,7 +39,7 @@ def light(range_m: float, echo_per_s: float, steady_per_s: float, frames: int = 
 
 
 def ranges_of(tof, given: SpotLight, seed: int = 7):
-    spots = record_spots(tof, given, AHEAD, np.random.default_rng(seed))
+    spots = tof.record(given, AHEAD, np.random.default_rng(seed))
     found = [measure_ranges(spots, frame) for frame in range(len(given.steady_per_s))]
     assert all(status == "ok" for ranges in found for status in ranges.status)
     return np.array([r.range_m for r in found]), np.array([r.sigma_m for r in found])
@@ -128,7 +126,7 @@ def test_wiggling_of_square_waves(pair: tuple[str, str]) -> None:
     tof = tof.model_copy(update={"modulation": modulation})
     errors = []
     for range_m in np.arange(0.625, 9.5, 0.3125):
-        spots = record_spots(tof, light(range_m, 2e10, 8e10, 1), AHEAD, None)
+        spots = tof.record(light(range_m, 2e10, 8e10, 1), AHEAD, None)
         errors.append(measure_ranges(spots).range_m[0] - range_m)
     largest = np.abs(errors).max()
     if pair[0] == "sine":
@@ -164,13 +162,13 @@ def test_slow_pulses_and_amplifiers_keep_the_range_between_the_ends() -> None:
     detector = tof.detector.model_copy(update={"amplifier": amplifier})
     tof = tof.model_copy(update={"detector": detector})
     for range_m in (1.0, 5.0, 8.0):
-        spots = record_spots(tof, light(range_m, 8e11, 0.0, 1), AHEAD, None)
+        spots = tof.record(light(range_m, 8e11, 0.0, 1), AHEAD, None)
         assert measure_ranges(spots).range_m[0] == pytest.approx(range_m, abs=1e-3)
 
 
 def test_windows_collect_every_electron_of_the_pulse() -> None:
     tof = with_tof(preset("hybrid"))
-    windows = pulsed_windows(tof, light(4.0, 1e12, 0.0, 1))[0, 0]
+    windows = tof.window_electrons(light(4.0, 1e12, 0.0, 1))[0, 0]
     assert windows[0] == pytest.approx(0, abs=1e-6)
     assert windows.sum() == pytest.approx(1e12 * tof.pulses * tof.pulse_width_s, rel=1e-6)
 
@@ -191,7 +189,9 @@ def test_single_photons_reach_the_cramer_rao_bound(
     found, stated = ranges_of(tof, light(range_m, signal / area_s, background, frames))
 
     def rates(delay_s: float) -> np.ndarray:
-        edges = (np.arange(tof.bins + 1) * tof.bin_width_s - delay_s) / tof.response_sigma_s
+        edges = (
+            np.arange(tof.bins + 1) * tof.bin_width_s - delay_s
+        ) / tof.stamping.response_sigma_s
         return signal * np.diff(ndtr(edges)) + background * tof.bin_width_s
 
     delay_s, step = 2 * range_m / c, 1e-13
@@ -234,7 +234,7 @@ def test_too_much_sun_is_flagged() -> None:
     spad = with_tof(preset("spad"))
     area_s = spad.pulse_sigma_s * np.sqrt(2 * np.pi)
     given = light(4.0, 0.1 / area_s, 6e8, 1)
-    spots = record_spots(spad, given, AHEAD, np.random.default_rng(0))
+    spots = spad.record(given, AHEAD, np.random.default_rng(0))
     assert spots.saturated.all()
     assert measure_ranges(spots).status == ("saturated",) * 4
 
@@ -244,9 +244,9 @@ def test_taps_of_several_frequencies_stand_one_after_the_other() -> None:
     given = light(3.0, 1e10, 0.0, 1)
     modulation = tof.modulation.model_copy(update={"frequencies_hz": (10e6, 15e6)})
     tof = tof.model_copy(update={"modulation": modulation})
-    spots = record_spots(tof, given, AHEAD, None)
+    spots = tof.record(given, AHEAD, None)
     epc, offset = spots.electrons_per_count, spots.offset_counts
     for number, frequency in enumerate((10e6, 15e6)):
         part = (spots.taps[..., 4 * number : 4 * number + 4] - offset) * epc
-        np.testing.assert_allclose(part, cw_taps(tof, given, frequency), rtol=1e-9)
+        np.testing.assert_allclose(part, tof.tap_electrons(given, frequency), rtol=1e-9)
         assert (spots.tap_frequencies_hz[4 * number : 4 * number + 4] == frequency).all()

@@ -175,7 +175,9 @@ def test_first_photons_have_the_information_of_their_bins(illuminance_klx: float
     per_pulse = link.echo_per_s[0] * tof.pulse_sigma_s * np.sqrt(2 * np.pi)
 
     def rates(delay_s: float) -> np.ndarray:
-        edges = (np.arange(tof.bins + 1) * tof.bin_width_s - delay_s) / tof.response_sigma_s
+        edges = (
+            np.arange(tof.bins + 1) * tof.bin_width_s - delay_s
+        ) / tof.stamping.response_sigma_s
         return per_pulse * np.diff(ndtr(edges)) + link.steady_per_s[0] * tof.bin_width_s
 
     mean = rates(delay_s)

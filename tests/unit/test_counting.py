@@ -5,8 +5,6 @@ import pytest
 from scipy.constants import c
 
 from spisim.instrument import Apd, DirectTof, Spad, load_instrument
-from spisim.measurement.arrivals import tcspc_arrivals, threshold_arrivals
-from spisim.measurement.counting import draw_counts, expected_counts
 
 EXPOSURE_S = 60e-6
 
@@ -30,7 +28,7 @@ def events(mean: float, dead_s: float, trials: int, rng: np.random.Generator) ->
 @pytest.mark.parametrize("mean", [0.5, 20.0, 300.0])
 def test_dead_time_shapes_the_counts(mean: float) -> None:
     trials = 20_000
-    drawn = draw_counts(np.full(trials, mean), sensor(), EXPOSURE_S, np.random.default_rng(1))
+    drawn = sensor().draw_counts(np.full(trials, mean), EXPOSURE_S, np.random.default_rng(1))
     true = events(mean, 1e-6, trials, np.random.default_rng(2))
     for power in (1, 2):
         a, b = drawn.astype(float) ** power, true**power
@@ -40,7 +38,7 @@ def test_dead_time_shapes_the_counts(mean: float) -> None:
 
 def test_mean_counts_saturate_at_one_per_dead_time() -> None:
     diode = sensor()
-    few, many = expected_counts(np.array([1.0, 1e6]), diode, EXPOSURE_S)
+    few, many = diode.expected_counts(np.array([1.0, 1e6]), EXPOSURE_S)
     assert few == pytest.approx(1 / (1 + 1 / 60))
     assert many == pytest.approx(60, rel=1e-3)
 
@@ -48,12 +46,12 @@ def test_mean_counts_saturate_at_one_per_dead_time() -> None:
 def test_after_pulses_add_their_share() -> None:
     diode = sensor(afterpulse_probability=0.2, dead_time_s=0)
     trials, mean = 40_000, 30.0
-    drawn = draw_counts(np.full(trials, mean), diode, EXPOSURE_S, np.random.default_rng(3))
+    drawn = diode.draw_counts(np.full(trials, mean), EXPOSURE_S, np.random.default_rng(3))
     # A geometric cascade of mean 1 / (1 - p) and excess noise 1 + p.
     assert abs(drawn.mean() - mean / 0.8) < 4 * drawn.std() / np.sqrt(trials)
     variance = 1.2 * mean / 0.8**2
     assert abs(drawn.var(ddof=1) / variance - 1) < 4 * np.sqrt(2 / trials) * 1.1
-    assert expected_counts(np.array(mean), diode, EXPOSURE_S) == pytest.approx(mean / 0.8)
+    assert diode.expected_counts(np.array(mean), EXPOSURE_S) == pytest.approx(mean / 0.8)
 
 
 PATHS = np.arange(1001) * 0.02
@@ -73,13 +71,13 @@ def test_first_photons_against_event_by_event(request: pytest.FixtureRequest) ->
     )
     signal, background = 0.8, 0.05  # photons per pulse, and per nanosecond
     area_s = tof.pulse_sigma_s * np.sqrt(2 * np.pi)
-    chances = tcspc_arrivals(tof, PATHS, echo(6.0, signal / area_s), background * 1e9)
+    chances = tof.stamping.chances(PATHS, echo(6.0, signal / area_s), background * 1e9)
 
     rng, cycles = np.random.default_rng(4), 400_000
     arrivals = np.full(cycles, np.inf)
     seen = rng.poisson(signal, cycles)
     for number in range(1, seen.max() + 1):
-        stamp = rng.normal(6.0 / c, tof.response_sigma_s, cycles)
+        stamp = rng.normal(6.0 / c, tof.stamping.response_sigma_s, cycles)
         arrivals = np.where(seen >= number, np.minimum(arrivals, stamp), arrivals)
     first_background = rng.exponential(1e-9 / background, cycles)
     arrivals = np.minimum(arrivals, first_background)
@@ -105,7 +103,7 @@ def test_threshold_stamps_the_middle_of_the_pulse_whatever_its_height() -> None:
     tof = threshold_tof()
     times = (np.arange(tof.bins) + 0.5) * tof.bin_width_s
     for rate in (3e13, 3e14):
-        chances = threshold_arrivals(tof, PATHS, echo(8.0, rate), 1e9)
+        chances = tof.stamping.chances(PATHS, echo(8.0, rate), 1e9)
         assert chances.sum() == pytest.approx(1, abs=1e-3)
         assert times @ chances == pytest.approx(8.0 / c, abs=3e-12)
 
@@ -113,7 +111,7 @@ def test_threshold_stamps_the_middle_of_the_pulse_whatever_its_height() -> None:
 def test_threshold_jitter_is_noise_over_slope() -> None:
     tof = threshold_tof(threshold_sigma=30.0)
     rate = 3e13
-    chances = threshold_arrivals(tof, PATHS, echo(8.0, rate), 0.0)
+    chances = tof.stamping.chances(PATHS, echo(8.0, rate), 0.0)
     times = (np.arange(tof.bins) + 0.5) * tof.bin_width_s
     spread = np.sqrt(chances @ (times - times @ chances) ** 2)
     amplifier, diode = tof.detector.amplifier, tof.detector.sensor
@@ -128,5 +126,5 @@ def test_threshold_jitter_is_noise_over_slope() -> None:
 
 
 def test_echo_below_the_threshold_is_rarely_seen() -> None:
-    chances = threshold_arrivals(threshold_tof(), PATHS, echo(8.0, 1e9), 0.0)
+    chances = threshold_tof().stamping.chances(PATHS, echo(8.0, 1e9), 0.0)
     assert chances.sum() < 1e-3

@@ -5,13 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from spisim.instrument import Amplifier, load_instrument
-from spisim.measurement.electronics import (
-    LARGE_MEAN,
-    carried_over,
-    read_out,
-    slow_part,
-    with_carry_over,
-)
+from spisim.instrument.photodiode import LARGE_MEAN
+from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
 
 DETECTOR = load_instrument("paper").detector
 
@@ -19,7 +14,7 @@ DETECTOR = load_instrument("paper").detector
 def counts(mean, frames=1, detector=DETECTOR):
     rng = np.random.default_rng(0)
     means = np.repeat(np.atleast_2d(np.asarray(mean, float)), frames, axis=0)
-    return read_out(means, detector, 0.0, rng)
+    return detector.read(means, 0.0, rng)
 
 
 @pytest.mark.parametrize("mean", [1e13, 1e19, 1e30, 1e200])

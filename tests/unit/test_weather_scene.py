@@ -96,8 +96,8 @@ def test_everything_at_once_is_one_atmosphere(load: Load) -> None:
     expected = combine(
         [
             fog(100, "heavy-radiation"),
-            fog(30, "glycol"),
             rain(12, "joss-drizzle", diffraction="include"),
+            fog(30, "glycol"),
             snow(1, "dry", albedo=0.7, g=0.9),
         ]
     )

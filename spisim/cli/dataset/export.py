@@ -1,39 +1,52 @@
 """`spisim dataset export`: samples for programs that do not read this folder."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
-from ..console import messages, print_json
+from ..console import messages, print_json, results
 from ..options import Json, number_option
 from .arguments import Folder
 
 EXAMPLE = "spisim dataset export out/fog -o shards --shard-size 500"
 
 
+def _list(wanted: bool) -> None:
+    if wanted:
+        from spisim.dataset import EXPORTS
+
+        results.print("\n".join(EXPORTS))
+        raise typer.Exit
+
+
 def command(
     folder: Folder,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the shards.")
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files.")
     ],
     form: Annotated[
-        Literal["webdataset"],
-        typer.Option("--format", help="TAR files with captures (.h5) and parameters (.json)."),
+        str,
+        typer.Option("--format", help="webdataset: TAR files with captures and parameters."),
     ] = "webdataset",
+    formats: Annotated[
+        bool,
+        typer.Option("--formats", callback=_list, is_eager=True, help="List all formats."),
+    ] = False,
     shard_size: Annotated[int, number_option(1, 10**6, "Samples in each shard.")] = 1000,
     json: Json = False,
 ) -> None:
-    """Write the finished samples as shards, which are read as one stream.
+    """Write the finished samples in another format; as shards they are read as one stream.
 
     Equal data sets give byte-equal shards.
     """
+    from spisim.dataset import EXPORTS
     from spisim.dataset import open as open_data_set
-    from spisim.dataset import write_shards
 
+    write = EXPORTS[form]
     data = open_data_set(folder)
-    written = write_shards(data, output, shard_size)
+    written = write(data, output, shard_size)
     if json:
         print_json({"written": written, "samples": len(data)})
     else:
-        messages.print(f"Wrote {len(data)} samples to {len(written)} shards in {output}.")
+        messages.print(f"Wrote {len(data)} samples to {len(written)} files in {output}.")

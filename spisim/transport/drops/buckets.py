@@ -18,6 +18,7 @@ from spisim.transport.drops.discs import (
 from spisim.transport.drops.echo import echo
 from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
+from spisim.transport.sequence import Interpolation
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ Floats = NDArray[np.float64]
 def on_buckets(
     drops: Sequence[FallingDrops],
     pictures: Floats,
-    shares: Floats,
+    between: Interpolation,
     electrons: Floats,
     response: Callable[[Floats], Floats],
 ) -> Floats:
@@ -37,8 +38,8 @@ def on_buckets(
         Of one recording; each entry's hide light independently of the others'.
     pictures
         Electrons of each fully lit pixel without drops, (windows, keys, H, W).
-    shares
-        Of each key in every exposure, (frames, M, keys).
+    between
+        The keys that every exposure lies between.
     electrons
         Electrons per exposure if all of a pixel's power were on the detector, (H, W).
     response
@@ -48,16 +49,17 @@ def on_buckets(
     straight back, which it does but for fog and interreflections. Drops are still during an
     exposure; rays out and back are hidden independently.
     """
-    changes = np.zeros((len(pictures), *shares.shape[:2]))
+    changes = np.zeros((len(pictures), *between.keys.shape[:2]))
     if not drops:
         return changes
     instrument, times_s = drops[0].instrument, drops[0].times_s
     plan, dark = instrument.pattern_plan, instrument.projector.dark_level
-    for frame in range(shares.shape[0]):
+    for frame in range(len(between.keys)):
         fields = [_in_sight(one, frame) for one in drops]
         for exposure, time_s in enumerate(times_s[frame]):
             lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)
-            shown = np.tensordot(pictures, shares[frame, exposure], (1, 0))
+            nearby = pictures[:, between.keys[frame, exposure]]
+            shown = np.tensordot(nearby, between.shares[frame, exposure], (1, 0))
             left = np.ones(lit.size)
             for one, field in zip(drops, fields, strict=True):
                 passed, met, echoed = _at(one, field, time_s, one.depth_m(frame), response)

@@ -74,3 +74,6 @@ def _tar(members: Iterator[tuple[str, bytes]]) -> bytes:
             header.mode = 0o644
             tar.addfile(header, io.BytesIO(content))
     return buffer.getvalue()
+
+
+EXPORT = write_shards

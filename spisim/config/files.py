@@ -1,4 +1,4 @@
-"""Files that a scene file refers to: pictures and tables of numbers."""
+"""Files that configuration files refer to: pictures and tables of numbers."""
 
 from __future__ import annotations
 

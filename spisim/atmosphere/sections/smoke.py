@@ -1,0 +1,14 @@
+"""Smoke in scene files."""
+
+from __future__ import annotations
+
+from spisim.atmosphere.sections.fog import Fog
+
+
+class Smoke(Fog):
+    """Smoke, by the same fields as fog."""
+
+    kind: str = "glycol"
+
+
+WEATHER = Smoke

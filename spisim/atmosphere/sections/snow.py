@@ -1,0 +1,47 @@
+"""Snow in scene files."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from spisim.atmosphere import precipitation
+from spisim.atmosphere.medium import Atmosphere
+from spisim.atmosphere.precipitation import FLAKE_KG_PER_M3, FLAKE_SPEED_M_S, Precipitation
+from spisim.atmosphere.snow import SNOW_G, snow
+from spisim.atmosphere.weather import Falling
+from spisim.config import Fraction, Number, Positive
+
+
+class Snow(Falling):
+    """Snow of a rate (as water), "wet" or "dry"; its scattering and its flakes are assumed."""
+
+    of_medium = frozenset({"kind"})
+    of_drops = Falling.of_drops | {"flake_density_kg_m3", "fall_speed_m_s"}
+    kind: str = "wet"
+    albedo: Fraction | None = None  # by the absorption of ice
+    g: Annotated[Number, Field(gt=-1, lt=1)] = SNOW_G
+    flake_density_kg_m3: Positive = FLAKE_KG_PER_M3
+    fall_speed_m_s: Positive = FLAKE_SPEED_M_S
+
+    def medium(self, wavelength_nm: float) -> Atmosphere:
+        """The mean over very many flakes."""
+        return snow(
+            self.rate_mm_per_h,
+            self.kind,
+            wavelength_nm=wavelength_nm,
+            albedo=self.albedo,
+            g=self.g,
+        )
+
+    def drops(self, wavelength_nm: float) -> Precipitation:
+        """Single flakes."""
+        names = self.model_fields_set & {"albedo", "g", "flake_density_kg_m3", "fall_speed_m_s"}
+        assumed = {name: getattr(self, name) for name in names}
+        return precipitation.snow(
+            self.rate_mm_per_h, wavelength_nm=wavelength_nm, wind_m_s=self.wind_m_s, **assumed
+        )
+
+
+WEATHER = Snow

@@ -1,0 +1,63 @@
+"""What fills all of the air, as a scene file tells it: a medium, or drops that fall."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from pydantic import model_validator
+from pydantic_core import PydanticCustomError
+
+from spisim.atmosphere.medium import Atmosphere
+from spisim.atmosphere.precipitation import Precipitation
+from spisim.config import Positive, Section, Vector
+
+
+class Weather(Section, ABC):
+    """A section of a scene file."""
+
+    @abstractmethod
+    def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
+        """What it describes, at a wavelength; files are relative to `folder`.
+
+        Raises InputError for what the section's fields cannot tell alone: unknown kinds, values
+        outside the range of a model, contradictions, and phase functions that are none.
+        """
+
+
+class Falling(Weather):
+    """What rain and snow have in common.
+
+    As a `medium` they are smooth; as `drops` each drop or flake crosses the beams by itself, and
+    drifts with the wind. Fields `of_medium` do not go with drops, nor those `of_drops` with it.
+    """
+
+    of_medium: ClassVar[frozenset[str]]
+    of_drops: ClassVar[frozenset[str]] = frozenset({"wind_m_s"})
+    rate_mm_per_h: Positive
+    model: Literal["medium", "drops"] = "medium"
+    wind_m_s: Vector = (0.0, 0.0, 0.0)
+
+    def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
+        """The medium, or the drops; see `Weather.made`."""
+        return self.drops(wavelength_nm) if self.model == "drops" else self.medium(wavelength_nm)
+
+    @abstractmethod
+    def medium(self, wavelength_nm: float) -> Atmosphere:
+        """The mean over very many drops."""
+
+    @abstractmethod
+    def drops(self, wavelength_nm: float) -> Precipitation:
+        """Single drops or flakes."""
+
+    @model_validator(mode="after")
+    def _fields_of_its_model(self) -> Falling:
+        others = self.of_medium if self.model == "drops" else self.of_drops
+        if stray := sorted(self.model_fields_set & others):
+            raise PydanticCustomError(
+                "falling",
+                "{field} does not go with model {model}",
+                {"field": stray[0], "model": self.model},
+            )
+        return self

@@ -1,0 +1,129 @@
+"""Photodiodes: what PIN and avalanche diodes have in common, from light to converted charge."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.constants import c, elementary_charge, h
+
+from spisim.instrument.sensor import (
+    Floats,
+    Random,
+    Readings,
+    Sensor,
+    Spectral,
+    covers,
+    spectral_value,
+)
+from spisim.instrument.stamping.threshold import Threshold
+
+if TYPE_CHECKING:
+    from spisim.instrument.detector import Detector
+    from spisim.instrument.tofs.dtof import DirectTof
+
+#: Electrons above which the normal distribution stands for Poisson's, whose skewness is 1e-6.
+LARGE_MEAN = 1e12
+
+
+class Photodiode(Sensor):
+    """A sensor whose charge is amplified and converted."""
+
+    responsivity_a_per_w: Spectral  # at unit gain
+
+    def electrons_per_joule(self, wavelength_nm: ArrayLike) -> Floats:
+        """Primary electrons per joule on the photodiode."""
+        return spectral_value(self.responsivity_a_per_w, wavelength_nm) / elementary_charge
+
+    def at_band(self, band_nm: tuple[float, float], old_nm: float, new_nm: float) -> Self:
+        """For light of another band: of the same quantum efficiency, but where a table covers it.
+
+        At one quantum efficiency the responsivity is proportional to the wavelength.
+        """
+        if covers(self.responsivity_a_per_w, band_nm):
+            return self
+        old = float(spectral_value(self.responsivity_a_per_w, old_nm))
+        return self.model_copy(update={"responsivity_a_per_w": old * (new_nm / old_nm)})
+
+    def too_efficient(self, shortest_nm: float) -> str:
+        """What to say of more than one electron per photon, with the field that has it."""
+        limit = elementary_charge * shortest_nm * 1e-9 / (h * c)
+        return (
+            f"responsivity_a_per_w {self.responsivity_a_per_w} is more than one electron per "
+            f"photon, {limit:.4g} A/W"
+        )
+
+    def arrivals(self, electrons: Floats, rng: np.random.Generator) -> Floats:
+        """Draw charges of these means: Poisson's, which an avalanche makes noisier."""
+        drawn = _poisson(electrons, rng)
+        excess = self.excess_noise_factor - 1
+        if excess > 0:
+            drawn += rng.normal(0, np.sqrt(excess * electrons))
+        return drawn
+
+    def read(
+        self,
+        electrons: Floats,
+        detector: Detector,
+        time_s: float | Floats,
+        rng: Random,
+        taken_off: Floats | float = 0.0,
+    ) -> Readings:
+        """One recording: the amplifier adds Gaussian charge, the converter rounds and clips.
+
+        See `Sensor.read`.
+        """
+        adc = detector.adc
+        assert adc is not None
+        if rng is None:  # no noise, no steps, no end of range
+            counts: NDArray[Any] = (
+                electrons - taken_off
+            ) / adc.electrons_per_count + adc.offset_counts
+            saturated, noise = np.zeros(counts.shape, np.bool_), np.nan * np.asarray(time_s)
+        else:
+            charge = self.arrivals(electrons, rng)
+            amplifier = detector.amplifier_noise_electrons(time_s)
+            charge += rng.normal(0, amplifier, charge.shape) - taken_off
+            counts, saturated = adc.converted(charge)
+            noise = detector.electronics_noise_electrons(time_s)
+        return Readings(
+            counts,
+            saturated,
+            electrons_per_count=adc.electrons_per_count,
+            offset_counts=float(adc.offset_counts),
+            noise_electrons=noise,
+            excess_noise_factor=self.excess_noise_factor,
+        )
+
+    def warnings(
+        self, name: str, detector: Detector, time_s: float, background: float, whole: float
+    ) -> list[str]:
+        """Sentences about charge that the converter has no room for; see `Sensor.warnings`."""
+        assert detector.adc is not None
+        if detector.amplifier is not None and detector.amplifier.coupling == "ac":
+            return []  # only changes reach the converter
+        room = detector.adc.headroom_electrons
+        if background > room:
+            return [
+                f"{name}.adc holds {room:.3g} electrons, and the background alone is "
+                f"{background:.3g}: every reading saturates"
+            ]
+        if whole > room:
+            return [
+                f"{name}.adc holds {room:.3g} electrons, and signal and background together are "
+                f"{whole:.3g}: bright readings saturate"
+            ]
+        return []
+
+    def stamping(self, tof: DirectTof) -> Threshold:
+        """Crossings of a threshold."""
+        return Threshold(tof)
+
+
+def _poisson(mean: Floats, rng: np.random.Generator) -> Floats:
+    """Poisson numbers; NumPy has none of a mean near 2^63."""
+    large = mean > LARGE_MEAN
+    drawn = rng.poisson(np.where(large, 0, mean)).astype(np.float64)
+    drawn[large] = rng.normal(mean[large], np.sqrt(mean[large]))
+    return drawn

@@ -1,0 +1,16 @@
+"""Sensors, one module each, named like their `type`; other packages add theirs."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+from reconstruction.registry import Registry
+from spisim.config import OneOf
+from spisim.instrument.sensor import Sensor
+
+SENSORS: Registry[type[Sensor]] = Registry(
+    "sensor", package=__name__, attribute="SENSOR", group="spisim.sensors"
+)
+
+#: Any of them, as a field of a file.
+AnySensor: TypeAlias = Annotated[Sensor, OneOf(SENSORS, "type")]

@@ -1,0 +1,35 @@
+"""PIN photodiodes."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from scipy.constants import elementary_charge
+
+from spisim.config import NonNegative
+from spisim.instrument.photodiode import Photodiode
+
+
+class Pin(Photodiode):
+    """Photodiode without gain."""
+
+    type: Literal["pin"]
+    dark_current_na: NonNegative
+
+    @property
+    def gain(self) -> float:
+        """Electrons per primary electron."""
+        return 1.0
+
+    @property
+    def excess_noise_factor(self) -> float:
+        """Variance of the charge per primary electron, in primary electrons squared."""
+        return 1.0
+
+    @property
+    def dark_rate_hz(self) -> float:
+        """Primary dark electrons per second."""
+        return self.dark_current_na * 1e-9 / elementary_charge
+
+
+SENSOR = Pin

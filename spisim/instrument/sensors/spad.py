@@ -1,0 +1,177 @@
+"""Single-photon diodes: counts in an exposure, with dead time and after-pulses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+from scipy.constants import c, h
+
+from spisim.config import NonNegative, Number
+from spisim.instrument.sensor import (
+    FWHM_PER_SIGMA,
+    Floats,
+    Random,
+    Readings,
+    Sensor,
+    Spectral,
+    covers,
+    spectral_value,
+)
+from spisim.instrument.stamping.first_photons import PILE_UP, FirstPhotons
+
+if TYPE_CHECKING:
+    from spisim.instrument.detector import Detector
+    from spisim.instrument.tofs.dtof import DirectTof
+
+#: Mean counts above which the normal limit of the renewal process stands for its distribution.
+LARGE_COUNT = 1000.0
+#: A counter this close to one count per dead time tells nothing about the light.
+MOST_OF_FULL = 0.95
+
+
+class Spad(Sensor):
+    """Avalanche diode in Geiger mode: a counter, blind for `dead_time_s` after each detection.
+
+    Every detection is followed by another one, of a trapped carrier, with
+    `afterpulse_probability`. `jitter_fwhm_s` is that of the time stamp, taken as Gaussian.
+    """
+
+    counts: ClassVar[bool] = True
+    type: Literal["spad"]
+    detection_efficiency: Spectral
+    dark_count_rate_hz: NonNegative
+    dead_time_s: NonNegative
+    afterpulse_probability: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    jitter_fwhm_s: NonNegative = 0.0
+
+    @property
+    def gain(self) -> float:
+        """A counter has none."""
+        return 1.0
+
+    @property
+    def excess_noise_factor(self) -> float:
+        """Of a count with its geometric cascade of after-pulses."""
+        return 1 + self.afterpulse_probability
+
+    @property
+    def dark_rate_hz(self) -> float:
+        """Dark counts per second, without their after-pulses."""
+        return self.dark_count_rate_hz
+
+    @property
+    def dead_time_per_primary_s(self) -> float:
+        """Time that a primary detection and its cascade of after-pulses leave the diode blind."""
+        return self.dead_time_s / (1 - self.afterpulse_probability)
+
+    def electrons_per_joule(self, wavelength_nm: ArrayLike) -> Floats:
+        """Primary detections per joule on the diode."""
+        at = np.asarray(wavelength_nm, dtype=np.float64)
+        return spectral_value(self.detection_efficiency, at) * at * 1e-9 / (h * c)
+
+    def at_band(self, band_nm: tuple[float, float], old_nm: float, new_nm: float) -> Self:
+        """For light of another band, as efficient as at `old_nm` but where a table covers it."""
+        if covers(self.detection_efficiency, band_nm):
+            return self
+        old = float(spectral_value(self.detection_efficiency, old_nm))
+        return self.model_copy(update={"detection_efficiency": old})
+
+    def too_efficient(self, shortest_nm: float) -> str:
+        """What to say of more than one electron per photon, with the field that has it."""
+        return "detection_efficiency is more than 1"
+
+    def read(
+        self,
+        electrons: Floats,
+        detector: Detector,
+        time_s: float | Floats,
+        rng: Random,
+        taken_off: Floats | float = 0.0,
+    ) -> Readings:
+        """Counts of all diodes of the detector, which share the light; see `Sensor.read`.
+
+        Each has a dead time of its own.
+        """
+        diodes = len(detector.positions_m)
+        each = electrons / diodes
+        if rng is None:
+            counts: Any = diodes * self.expected_counts(each, time_s)
+        else:
+            counts = sum(self.draw_counts(each, time_s, rng) for _ in range(diodes))
+        most = diodes * time_s / self.dead_time_s if self.dead_time_s > 0 else np.inf
+        return Readings(
+            counts,
+            np.asarray(counts >= MOST_OF_FULL * most),
+            electrons_per_count=1 - self.afterpulse_probability,
+            offset_counts=0.0,
+            noise_electrons=np.nan if rng is None else 0.0,
+            excess_noise_factor=self.excess_noise_factor,
+            dead_time_s=self.dead_time_per_primary_s / diodes,
+        )
+
+    def expected_counts(self, primaries: Floats, time_s: float | Floats) -> Floats:
+        """Mean counts of so many detections as there would be without dead time.
+
+        m = N / (1 + N τ / T), non-paralysable, after-pulses included.
+        """
+        blind = primaries * self.dead_time_per_primary_s / time_s
+        return np.asarray(primaries / (1 + blind) / (1 - self.afterpulse_probability))
+
+    def draw_counts(
+        self, primaries: Floats, time_s: float | Floats, rng: np.random.Generator
+    ) -> NDArray[np.int32]:
+        """Draw counts (frames, ...) for mean detections `primaries`.
+
+        A renewal process: an exponential wait, a detection with a geometric number of after-pulses,
+        and a dead time for each of them (J. W. Müller, Nucl. Instrum. Methods 112, 47 (1973)). Many
+        counts are normal, of variance (1 + p) N / (1 + N τ / T)³ / (1 - p)².
+        """
+        expected = self.expected_counts(primaries, time_s)
+        many = expected > LARGE_COUNT
+        counts = np.empty(primaries.shape)
+        counts[~many] = self._events(primaries[~many], time_s, rng)
+        p = self.afterpulse_probability
+        blind = primaries[many] * self.dead_time_per_primary_s / time_s
+        deviation = np.sqrt((1 + p) * primaries[many] / (1 + blind) ** 3) / (1 - p)
+        counts[many] = np.rint(rng.normal(expected[many], deviation))
+        return counts.astype(np.int32)
+
+    def _events(
+        self, primaries: Floats, time_s: float | Floats, rng: np.random.Generator
+    ) -> Floats:
+        """Counts, one detection of all readings after the other."""
+        counts = np.zeros(primaries.shape)
+        times = np.zeros(primaries.shape)
+        with np.errstate(divide="ignore"):
+            waits = time_s / primaries
+        going = np.flatnonzero(np.isfinite(waits))
+        while going.size:
+            times[going] += rng.exponential(waits[going])
+            going = going[times[going] < time_s]
+            cascade = rng.geometric(1 - self.afterpulse_probability, going.size)
+            counts[going] += cascade
+            times[going] += cascade * self.dead_time_s
+        return counts
+
+    def warnings(
+        self, name: str, detector: Detector, time_s: float, background: float, whole: float
+    ) -> list[str]:
+        """Sentences about a counter that is blind too often; see `Sensor.warnings`."""
+        blind = whole / len(detector.positions_m) / time_s * self.dead_time_s
+        if blind < PILE_UP:
+            return []
+        return [
+            f"{name} would fire {blind:.2g} times in a dead time, and counts fall behind; "
+            f"below {PILE_UP:g} they would not"
+        ]
+
+    def stamping(self, tof: DirectTof) -> FirstPhotons:
+        """The first detection of a gate."""
+        jitter_s = self.jitter_fwhm_s / FWHM_PER_SIGMA
+        return FirstPhotons(tof, jitter_s, self.dead_time_s, self.afterpulse_probability)
+
+
+SENSOR = Spad

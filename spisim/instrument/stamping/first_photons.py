@@ -1,0 +1,117 @@
+"""Stamps of first photons, by a counter: time-correlated single-photon counting."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import c
+from scipy.interpolate import CubicSpline
+
+from reconstruction.errors import InputError
+from spisim.instrument.stamping.pulses import smoothed
+from spisim.instrument.tof import Reading
+
+if TYPE_CHECKING:
+    from spisim.instrument.tofs.dtof import DirectTof
+
+Floats = NDArray[np.float64]
+
+#: Iterations for the after-pulses, which shrink by their probability every time.
+ROUNDS = 20
+#: Points over which the shape of an echo is integrated, and how many of its sigmas they span.
+ECHO_POINTS, ECHO_SIGMAS = 65, 5.0
+#: Detections per dead time, or per gate, from which on a counter falls behind.
+PILE_UP = 0.05
+
+
+@dataclass(frozen=True)
+class FirstPhotons:
+    """The first detection in a gate ends its cycle; after-pulses spread over the next gate."""
+
+    piles_up: ClassVar[bool] = True
+
+    tof: DirectTof
+    jitter_sigma_s: float
+    dead_time_s: float
+    afterpulse_probability: float
+
+    @property
+    def response_sigma_s(self) -> float:
+        """Standard deviation of light and time stamp together."""
+        return math.hypot(self.tof.pulse_sigma_s, self.jitter_sigma_s)
+
+    @property
+    def reading(self) -> Reading:
+        """All time stamps within the width of the response."""
+        widths_s = np.sqrt(2 * np.pi) * self.tof.pulses * np.array([self.response_sigma_s, 1.0])
+        echo_s = widths_s[1] * self.tof.pulse_sigma_s
+        return Reading("echo", widths_s[0], echo_s, 0.0, converted=False)
+
+    def check(self) -> None:
+        """Raise InputError where there is a threshold."""
+        if self.tof.threshold_sigma is not None:
+            sensor = self.tof.detector.sensor
+            raise InputError(f"a {sensor.type} sensor has no threshold_sigma for dtof")
+
+    def chances(self, path_m: Floats, echo_per_s: Floats, steady_per_s: float) -> Floats:
+        """Chance (bins,) that the first detection of a cycle falls into each bin of the gate.
+
+        Detections are Poisson with mean λ_i per bin, and the first one ends the cycle:
+        p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i)) (Coates, J. Phys. E 1, 878 (1968)).
+        """
+        tof = self.tof
+        edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
+        times, density = smoothed(path_m, echo_per_s, self.response_sigma_s)
+        collected = CubicSpline(times, density).antiderivative()
+        per_pulse = tof.pulse_sigma_s * math.sqrt(2 * math.pi)  # light of peak one, times seconds
+        inside = np.clip(edges, times[0], times[-1])
+        echo = np.maximum(np.diff(collected(inside)), 0) * per_pulse
+        primary = echo + steady_per_s * tof.bin_width_s
+        mean = primary
+        for _ in range(ROUNDS):
+            detected = -math.expm1(-mean.sum())
+            mean = primary + self.afterpulse_probability * detected / tof.bins
+        before = np.concatenate([[0.0], np.cumsum(mean)[:-1]])
+        return np.asarray(np.exp(-before) * -np.expm1(-mean))
+
+    def sigma_s(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
+        """Cramér-Rao bound (...) of the delay of a Gaussian echo among first detections.
+
+        Detections come at the rate λ(t) = b + n g(t); a cycle whose first one is at t says no more.
+        The information of N cycles is N ∫ exp(-∫λ) λ'² / λ dt: an at-risk cycle is a Bernoulli
+        trial in every instant. Without background or pile-up it is σ_t² over the detections. Level
+        and background are taken as known, which costs nothing as they are even about the echo's
+        centre. The width of a bin adds 1/12 of its square to σ_t². After-pulses are background,
+        spread evenly.
+        """
+        tof = self.tof
+        sigma = np.hypot(self.response_sigma_s, tof.bin_width_s / np.sqrt(12))
+        delay = path_m / c
+        per_pulse = echo_per_s * tof.pulse_sigma_s * np.sqrt(2 * np.pi)
+        rate = steady_per_s
+        for _ in range(ROUNDS):
+            detected = -np.expm1(-(rate * tof.gate_s + per_pulse))
+            rate = steady_per_s + self.afterpulse_probability * detected / tof.gate_s
+        x = np.linspace(-ECHO_SIGMAS, ECHO_SIGMAS, ECHO_POINTS)  # time in sigmas, along a last axis
+        shape = np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi)
+        echo = per_pulse[..., None] * shape
+        steady = rate[..., None] * sigma
+        step = x[1] - x[0]
+        since_gate = rate[..., None] * np.maximum(delay[..., None] + x * sigma, 0)
+        before = np.exp(-since_gate - np.cumsum(echo, axis=-1) * step)
+        information = np.sum(before * (x * echo) ** 2 / (steady + echo), axis=-1) * step
+        return np.asarray(sigma / np.sqrt(tof.pulses * information))
+
+    def warnings(self, steady_per_s: float) -> list[str]:
+        """A sentence about light that fires the detector before the echo does."""
+        first = steady_per_s * self.tof.gate_s
+        if first < PILE_UP:
+            return []
+        return [
+            f"tof.detector fires {first:.2g} times per gate without any echo, which hides later "
+            f"arrivals; below {PILE_UP:g} it would not"
+        ]

@@ -1,0 +1,16 @@
+"""Methods of ranging, one module each, named like their `method`; other packages add theirs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, TypeAlias
+
+from reconstruction.registry import Registry
+from spisim.config import OneOf
+from spisim.instrument.tof import Tof
+
+TOFS: Registry[Any] = Registry(  # of classes; a protocol's are no type[Tof]
+    "method of time of flight", package=__name__, attribute="TOF", group="spisim.tofs"
+)
+
+#: Any of them, as a field of a file.
+AnyTof: TypeAlias = Annotated[Tof, OneOf(TOFS, "method")]

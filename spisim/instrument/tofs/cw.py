@@ -1,0 +1,153 @@
+"""Continuous wave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+from scipy.constants import c
+
+from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.errors import InputError
+from reconstruction.ranging import unambiguous_path_m
+from spisim.config import Count, Section
+from spisim.instrument.demodulation import Modulation
+from spisim.instrument.detector import TofDetector
+from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge
+
+Floats = NDArray[np.float64]
+
+#: A bin shares light between its neighbours, which damps a modulation of so many bins by 1 %.
+BINS_PER_PERIOD = 20
+
+
+class CwTof(Section):
+    """Continuous wave: the phase of modulated light, from four taps per frequency."""
+
+    method: Literal["cw"]
+    modulation: Modulation
+    periods: Count  # accumulated by each tap at each frequency, for one frame
+    detector: TofDetector
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Range from which on a spot looks nearer than it is."""
+        return float(unambiguous_path_m(np.array(self.modulation.frequencies_hz))) / 2
+
+    @property
+    def frame_time_s(self) -> float:
+        """Time that a frame takes, all frequencies and taps."""
+        turns = 4 if self.modulation.taps.arrangement == "in-turn" else 1
+        spots = 4 if self.detector.shared else 1
+        periods = sum(1 / frequency for frequency in self.modulation.frequencies_hz)
+        return self.periods * periods * turns * spots
+
+    def tap_time_s(self, frequency_hz: float) -> float:
+        """Time for which one tap is open in a frame."""
+        return self.periods * self.modulation.taps.share / frequency_hz
+
+    @property
+    def reading(self) -> Reading:
+        """One tap of the lowest frequency."""
+        return self.reading_at(min(self.modulation.frequencies_hz))
+
+    def reading_at(self, frequency_hz: float) -> Reading:
+        """Times of one tap at a frequency; the echo's is its mean over all phases."""
+        time_s = self.tap_time_s(frequency_hz)
+        periods_s = self.periods / frequency_hz
+        return Reading("tap", time_s, time_s, periods_s * self.modulation.taps.noise_share)
+
+    def check_bins(self, bin_width_m: float) -> None:
+        """Raise InputError where path lengths in such bins do not resolve its light."""
+        frequency, highest = (
+            max(self.modulation.frequencies_hz),
+            c / (BINS_PER_PERIOD * bin_width_m),
+        )
+        if frequency > highest:
+            raise InputError(
+                f"tof.modulation.frequencies_hz {frequency:g}: a period is shorter than "
+                f"{BINS_PER_PERIOD} bins of the path-length histogram; at most {highest:.4g}"
+            )
+
+    def record(
+        self, light: SpotLight, directions: Floats, rng: np.random.Generator | None
+    ) -> CwSpots:
+        """The taps of all frequencies, one after the other; see `Tof.record`."""
+        modulation = self.modulation
+        frequencies, phases = np.array(modulation.frequencies_hz), modulation.taps.phases_rad
+        electrons = np.concatenate(
+            [self.tap_electrons(light, frequency) for frequency in modulation.frequencies_hz],
+            axis=-1,
+        )
+        offsets = [modulation.phase_offset_rad(each, self._response) for each in frequencies]
+        tap_frequencies = np.repeat(frequencies, phases.size)
+        times_s = self.periods / tap_frequencies * modulation.taps.noise_share
+        readings = self.detector.read(electrons, times_s, rng)
+        return CwSpots(
+            directions=directions,
+            detector_positions_m=self.detector.spot_positions_m,
+            taps=readings.counts,
+            saturated=readings.saturated,
+            **readings.charge,
+            tap_frequencies_hz=tap_frequencies,
+            tap_phases_rad=np.tile(phases, frequencies.size),
+            phase_offsets_rad=np.repeat(offsets, phases.size),
+            periods=self.periods,
+        )
+
+    def tap_electrons(self, light: SpotLight, frequency_hz: float) -> Floats:
+        """Mean electrons of the four taps at one frequency, (frames, 4, taps)."""
+        phase = 2 * np.pi * frequency_hz / c * light.path_length_m
+        modulation = self.modulation
+        window = modulation.correlation(phase, frequency_hz, self._response)  # (taps, bins)
+        steady = light.steady_per_s[..., None] * modulation.taps.share
+        return np.asarray((light.echo_per_s @ window.T + steady) * self.periods / frequency_hz)
+
+    def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
+        """Four taps: σ_φ = √(v/2) / A (Lange & Seitz, IEEE J. Quantum Electron. 37, 390 (2001)).
+
+        v is the variance of a tap at mean phase, A the amplitude of its signal against phase.
+        Equals the paper's Eq. (3) with A_R twice the mean signal of a period. Several frequencies
+        weigh by their precision, once their whole periods are told apart, which needs far better
+        than that.
+        """
+        precision = np.zeros(np.shape(echo_per_s))
+        for frequency in self.modulation.frequencies_hz:
+            reading = self.reading_at(frequency)
+            electronics = self.detector.electronics_noise_electrons(reading.amplifier_s)
+            mean = (echo_per_s + steady_per_s) * reading.steady_s
+            variance = self.detector.sensor.excess_noise_factor * mean + electronics**2
+            contrast = self.modulation.demodulation_contrast(frequency, self._response)
+            amplitude = contrast * echo_per_s * reading.echo_s
+            phase_sigma = np.sqrt(variance / 2) / amplitude
+            precision = precision + (2 * np.pi * frequency / (c * phase_sigma)) ** 2
+        return np.asarray(1 / np.sqrt(precision))
+
+    def emission(self, power_w: float) -> Emission:
+        """Half a period of the slowest modulation has the most light."""
+        half_period_s = 0.5 / min(self.modulation.frequencies_hz)
+        return Emission(power_w, power_w * 2 * half_period_s, half_period_s)
+
+    def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
+        """Sentences about taps that overflow: with the echo in phase, they take twice its mean."""
+        time_s = self.reading.steady_s
+        background = steady_per_s * time_s
+        whole = background + 2 * echo_per_s * time_s
+        sensor = self.detector.sensor
+        return sensor.warnings("tof.detector", self.detector, time_s, background, whole)
+
+    @property
+    def _response(self) -> Callable[[Any], Any]:
+        assert self.detector.amplifier is not None
+        return self.detector.amplifier.response
+
+    @model_validator(mode="after")
+    def _charge_is_demodulated(self) -> CwTof:
+        check_charge("cw", self.detector)
+        return self
+
+
+TOF = CwTof

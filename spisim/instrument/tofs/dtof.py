@@ -1,0 +1,147 @@
+"""Histograms of single arrivals."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from scipy.constants import c
+
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.errors import InputError
+from spisim.config import Count, Number, Positive, Section
+from spisim.instrument.detector import TofDetector
+from spisim.instrument.sensor import FWHM_PER_SIGMA
+from spisim.instrument.stamping import Stamping
+from spisim.instrument.tof import Emission, Reading, SpotLight, check_pulse
+
+Floats = NDArray[np.float64]
+
+#: Where more cycles than this end with a photon, too few are left to tell late light from early.
+MOST_OF_CYCLES = 0.99
+
+
+class DirectTof(Section):
+    """Single arrivals: each pulse gives at most one time stamp, and those a histogram.
+
+    A single-photon diode stamps its first detection in the gate. A charge detector stamps the
+    first crossing of a threshold, `threshold_sigma` times the rms noise of the current, as the
+    middle between the crossings of rising and falling edge, which does not walk with the pulse's
+    height. `pulse_fwhm_s` is that of Gaussian light.
+    """
+
+    method: Literal["dtof"]
+    pulse_fwhm_s: Positive
+    pulses: Count
+    repetition_rate_hz: Positive
+    bin_width_s: Positive
+    bins: Annotated[int, Field(ge=3, le=2**20)]
+    threshold_sigma: Annotated[Number, Field(ge=1)] | None = None
+    detector: TofDetector
+
+    @property
+    def gate_s(self) -> float:
+        """How long a cycle waits for an arrival, from the centre of the pulse on."""
+        return self.bins * self.bin_width_s
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Range from which on the light arrives after the gate."""
+        return c * self.gate_s / 2
+
+    @property
+    def pulse_sigma_s(self) -> float:
+        """Standard deviation of the pulse of light."""
+        return self.pulse_fwhm_s / FWHM_PER_SIGMA
+
+    @property
+    def stamping(self) -> Stamping:
+        """How the detector stamps times."""
+        return self.detector.sensor.stamping(self)
+
+    @property
+    def frame_time_s(self) -> float:
+        """Time that a frame takes."""
+        return self.pulses / self.repetition_rate_hz * (4 if self.detector.shared else 1)
+
+    @property
+    def reading(self) -> Reading:
+        """What leaves one time stamp, or all of an echo."""
+        return self.stamping.reading
+
+    def check_bins(self, bin_width_m: float) -> None:
+        """Raise InputError where path lengths in such bins do not resolve its light."""
+        check_pulse("pulse_fwhm_s", self.pulse_fwhm_s, bin_width_m)
+
+    def record(
+        self, light: SpotLight, directions: Floats, rng: np.random.Generator | None
+    ) -> HistogramSpots:
+        """The histograms; see `Tof.record`."""
+        stamping, chances = self.stamping, self._chances(light)
+        if rng is None:
+            counts: NDArray[Any] = self.pulses * chances
+        else:
+            none = np.maximum(1 - chances.sum(axis=-1, keepdims=True), 0)
+            cases = np.concatenate([chances, none], axis=-1)
+            drawn = rng.multinomial(self.pulses, cases / cases.sum(axis=-1, keepdims=True))
+            counts = drawn[..., :-1].astype(np.int32)
+        return HistogramSpots(
+            directions=directions,
+            detector_positions_m=self.detector.spot_positions_m,
+            counts=counts,
+            saturated=stamping.piles_up & (chances.sum(axis=-1) > MOST_OF_CYCLES),
+            bin_width_s=self.bin_width_s,
+            start_s=0.0,
+            pulses=self.pulses,
+            response_sigma_s=stamping.response_sigma_s,
+            delay_offset_s=0.0,
+            piles_up=stamping.piles_up,
+        )
+
+    def _chances(self, light: SpotLight) -> Floats:
+        """Chances (frames, 4, bins) of a time stamp; the same light is not computed twice."""
+        known: dict[bytes, Floats] = {}
+        stamping = self.stamping
+
+        def chances(echo: Floats, steady: Any) -> Floats:
+            key = echo.tobytes() + steady.tobytes()
+            if key not in known:
+                known[key] = stamping.chances(light.path_length_m, echo, float(steady))
+            return known[key]
+
+        return np.array(
+            [
+                [chances(*spot) for spot in zip(*frame, strict=True)]
+                for frame in zip(light.echo_per_s, light.steady_per_s, strict=True)
+            ]
+        )
+
+    def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
+        """As the stamps scatter; see `Tof.path_sigma_m`."""
+        return c * self.stamping.sigma_s(path_m, echo_per_s, steady_per_s)
+
+    def emission(self, power_w: float) -> Emission:
+        """What one beam of this power sends, taken as always in use."""
+        energy = power_w * self.pulse_sigma_s * math.sqrt(2 * math.pi)
+        return Emission(energy * self.repetition_rate_hz, energy, self.pulse_fwhm_s)
+
+    def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
+        """Sentences about what steady light does to the stamps."""
+        return self.stamping.warnings(steady_per_s)
+
+    @model_validator(mode="after")
+    def _fits(self) -> DirectTof:
+        self.stamping.check()
+        highest = 1 / (self.gate_s + self.stamping.dead_time_s)
+        if self.repetition_rate_hz > highest * (1 + 1e-9):
+            raise InputError(
+                f"repetition_rate_hz {self.repetition_rate_hz:g}: the gate of bins · bin_width_s, "
+                f"{self.gate_s:.4g} s, and the dead time do not fit a period; at most {highest:.4g}"
+            )
+        return self
+
+
+TOF = DirectTof

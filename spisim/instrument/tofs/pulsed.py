@@ -1,0 +1,155 @@
+"""Pulses in windows of time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+from scipy.constants import c
+from scipy.signal import lfilter
+
+from reconstruction.capture.readings.pulsed import PulsedSpots
+from reconstruction.errors import InputError
+from spisim.config import Count, NonNegative, Positive, Section
+from spisim.instrument.detector import TofDetector
+from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, check_pulse
+
+Floats = NDArray[np.float64]
+
+#: Points of a pulse's wave form per window.
+WAVE_POINTS = 2000
+
+
+class PulsedTof(Section):
+    """Pulses: charge in two windows as long as the pulse, one after the other, and one before.
+
+    The range is the share of the light that arrives in the second window. The pulse rises and
+    falls within `rise_time_s`, linearly.
+    """
+
+    method: Literal["pulsed"]
+    pulse_width_s: Positive  # at half height; of each window too
+    rise_time_s: NonNegative = 0.0
+    pulses: Count
+    repetition_rate_hz: Positive
+    detector: TofDetector
+
+    @property
+    def window_starts_s(self) -> tuple[float, float, float]:
+        """Of background, first and second window, from the start of the pulse."""
+        return (-2 * self.pulse_width_s, 0.0, self.pulse_width_s)
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Range from which on the first window gets nothing."""
+        return c * self.pulse_width_s / 2
+
+    @property
+    def frame_time_s(self) -> float:
+        """Time that a frame takes."""
+        return self.pulses / self.repetition_rate_hz * (4 if self.detector.shared else 1)
+
+    @property
+    def reading(self) -> Reading:
+        """One window, the echo in it entirely."""
+        time_s = self.pulses * self.pulse_width_s
+        return Reading("window", time_s, time_s, time_s)
+
+    def check_bins(self, bin_width_m: float) -> None:
+        """Raise InputError where path lengths in such bins do not resolve its light."""
+        check_pulse("pulse_width_s", self.pulse_width_s, bin_width_m)
+
+    def record(
+        self, light: SpotLight, directions: Floats, rng: np.random.Generator | None
+    ) -> PulsedSpots:
+        """The three windows; see `Tof.record`."""
+        amplifier, time_s = self.detector.amplifier, self.pulses * self.pulse_width_s
+        readings = self.detector.read(self.window_electrons(light), time_s, rng)
+        return PulsedSpots(
+            directions=directions,
+            detector_positions_m=self.detector.spot_positions_m,
+            taps=readings.counts,
+            saturated=readings.saturated,
+            **readings.charge,
+            window_starts_s=np.array(self.window_starts_s),
+            pulse_width_s=self.pulse_width_s,
+            pulses=self.pulses,
+            delay_offset_s=0.0 if amplifier is None else amplifier.time_constant_s,
+        )
+
+    def window_electrons(self, light: SpotLight) -> Floats:
+        """Mean electrons of background, first and second window, (frames, 4, 3)."""
+        collected = self._collected()
+        starts = (
+            np.array(self.window_starts_s)[:, None] - light.path_length_m / c
+        )  # (windows, bins)
+        window = collected(starts + self.pulse_width_s) - collected(starts)
+        steady = light.steady_per_s[..., None] * self.pulse_width_s
+        return np.asarray((light.echo_per_s @ window.T + steady) * self.pulses)
+
+    def _collected(self) -> Callable[[Floats], Floats]:
+        """Integral over time of the pulse behind the amplifier, of height one, up to a time."""
+        width, amplifier = self.pulse_width_s, self.detector.amplifier
+        pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
+        step = width / WAVE_POINTS
+        times = np.arange(-2 * WAVE_POINTS, 6 * WAVE_POINTS) * step
+        rise = max(self.rise_time_s, step)
+        edges = [np.clip(0.5 + (times - edge) / rise, 0, 1) for edge in (0.0, width)]
+        pulse = edges[0] - edges[1]
+        if pole_s > 0:
+            decay = np.exp(-step / pole_s)
+            pulse = lfilter([(1 - decay) / 2, (1 - decay) / 2], [1, -decay], pulse)
+        sums = np.concatenate([[0.0], np.cumsum((pulse[1:] + pulse[:-1]) / 2)]) * step
+        return lambda at: np.asarray(np.interp(at, times, sums))
+
+    def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
+        """Windows: L = c T r with r = (S₂ - S₀) / (S₁ + S₂ - 2 S₀), to first order of the errors.
+
+        var L = (c T)² [F r (1 - r) / s + v ((1 - r)² + r² + (1 - 2r)²) / s²], s being the whole
+        signal and v the variance of a window without it. Breaks near both ends, within the rise
+        time.
+        """
+        detector, reading = self.detector, self.reading
+        excess = detector.sensor.excess_noise_factor
+        signal = echo_per_s * reading.echo_s
+        electronics = detector.electronics_noise_electrons(reading.amplifier_s)
+        other = excess * steady_per_s * reading.steady_s + electronics**2
+        longest_path = 2 * self.unambiguous_range_m
+        r = path_m / longest_path
+        shot = excess * r * (1 - r) / signal
+        spread = other * ((1 - r) ** 2 + r**2 + (1 - 2 * r) ** 2) / signal**2
+        return np.asarray(longest_path * np.sqrt(shot + spread))
+
+    def emission(self, power_w: float) -> Emission:
+        """What one beam of this power sends, taken as always in use."""
+        energy = power_w * self.pulse_width_s
+        return Emission(energy * self.repetition_rate_hz, energy, self.pulse_width_s)
+
+    def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
+        """Sentences about windows that overflow."""
+        time_s = self.reading.steady_s
+        background = steady_per_s * time_s
+        whole = background + echo_per_s * time_s
+        sensor = self.detector.sensor
+        return sensor.warnings("tof.detector", self.detector, time_s, background, whole)
+
+    @model_validator(mode="after")
+    def _fits(self) -> PulsedTof:
+        check_charge("pulsed", self.detector)
+        if self.rise_time_s > self.pulse_width_s:
+            raise InputError(
+                f"rise_time_s {self.rise_time_s:g} is longer than pulse_width_s "
+                f"{self.pulse_width_s:g}"
+            )
+        if 4 * self.pulse_width_s * self.repetition_rate_hz > 1:
+            raise InputError(
+                f"repetition_rate_hz {self.repetition_rate_hz:g} leaves no room for three windows "
+                f"of {self.pulse_width_s:g} s and a gap; at most {0.25 / self.pulse_width_s:.4g}"
+            )
+        return self
+
+
+TOF = PulsedTof
