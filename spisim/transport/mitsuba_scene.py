@@ -16,11 +16,9 @@ from spisim.scene.importing.mitsuba_xml import read_scene
 from spisim.scene.importing.model import Content
 
 Type = Properties.Type
-#: A line of the text that is parsed, and what the parser's messages say beside the reason.
-LINE = re.compile(r"\(line (\d+), col \d+\)")
-BESIDE = re.compile(
-    rf"\[\w+\.cpp:\d+\] |Error while loading string {LINE.pattern}: | \(previous .*"
-)
+#: What the parser's messages tell of itself, and of the text that it was given.
+SOURCE = re.compile(r"\[\w+\.cpp:\d+\] ")
+PLACE = re.compile(r"Error while loading string \(line (\d+), col \d+\): ")
 #: Names that it gives to what has none.
 UNNAMED = "_arg_"
 
@@ -36,10 +34,10 @@ def parse(elements: Elements) -> Node:
     try:
         state = parser.parse_string(parser.ParserConfig("scalar_rgb"), "\n".join(lines))
     except RuntimeError as error:
-        text = " ".join(str(error).split())
-        line = LINE.search(text)
-        file = f"{elements[int(line[1]) - 2][1]}: " if line else ""
-        raise InputError(file + BESIDE.sub("", text)) from None
+        reason = SOURCE.sub("", " ".join(str(error).split())).partition(" (previous was at ")[0]
+        place = PLACE.match(reason)
+        file = f"{elements[int(place[1]) - 2][1]}: " if place else ""
+        raise InputError(file + PLACE.sub("", reason, count=1)) from None
     nodes = [
         Node(each.type.name.lower(), each.props.plugin_name(), each.props.id())
         for each in state.nodes

@@ -20,8 +20,12 @@ from foreign import (
     triangle_header,
     written,
 )
+from reconstruction.errors import InputError
 from spisim.scene import enclosing_object, load_scene
+from spisim.scene.importing import import_scene
 from spisim.scene.importing.drone import distance
+from spisim.scene.importing.files import Folders
+from spisim.scene.importing.model import Content, Part, Surface
 
 
 def placed(angle: float, offset: list[float], scale: float | list[float] = 1.0) -> np.ndarray:
@@ -277,3 +281,17 @@ def test_a_scene_too_tight_for_the_drone_is_seen_from_before_it(tmp_path: Path) 
     assert report.drone.position_m[0] < -200
     assert any("400 m wide" in text for text in report.warnings)
     assert any("nearest to the drone" in text for text in report.warnings)
+
+
+def test_a_reader_of_another_format(tmp_path: Path) -> None:
+    def read(path: Path, folders: Folders) -> Content:
+        content = Content(unit_m=0.01, unit_why="edges are in centimetres")
+        edge = float(path.read_text())
+        content.add(Part("crate", trimesh.creation.box([edge] * 3), np.eye(4), Surface("wood")))
+        return content
+
+    (tmp_path / "a.crate").write_text("200")
+    report = import_scene(tmp_path / "a.crate", tmp_path / "a.yaml", readers={".crate": read})
+    assert_same(written(report), trimesh.creation.box((2, 2, 2)))
+    with pytest.raises(InputError, match=r"unknown format '\.crate'"):
+        import_scene(tmp_path / "a.crate", tmp_path / "b.yaml")

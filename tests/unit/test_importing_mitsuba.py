@@ -210,6 +210,13 @@ def test_a_sensor_inside_an_object_is_no_place_for_the_drone(tmp_path: Path) -> 
         ),
         (shape("cube", "", '<rotate value="1 nan 0" angle="3"/>'), "expected 3 finite numbers"),
         ('<shape type="cube" id="a"/>' * 2, 'a.xml: duplicate ID: "a"$'),
+        (
+            shape(
+                "cube",
+                '<float name="(line 99, col 1)" value="1"/><ref name="(line 99, col 1)" id="a"/>',
+            ),
+            "multiple times",
+        ),
         ("<shape/>", 'a.xml: missing required attribute "type" in <shape>'),
         ('<shape type="cube"><include filename="a.xml"/></shape>', "include within <shape>"),
         ('<include filename="a.xml"/>', "includes itself"),
