@@ -106,7 +106,7 @@ def test_blocked_light_leaves_dark_and_read_noise() -> None:
             dark,
             instrument,
             still(instrument, dark),
-            ground_truth(dark, instrument),
+            [ground_truth(dark, instrument)],
             seed=2,
             frames=500,
         )

@@ -149,7 +149,7 @@ def test_fewer_patterns_is_what_fewer_patterns_would_have_given(capture, polarit
 
 def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, capsys):
     assert main([str(path), "-o", str(tmp_path / "out")]) == 0
-    pictures = {"image.png", "image_zero-filled.png", "depth.png", "depth_nearest.png"}
+    pictures = {"image.png", "image_zero_filled.png", "depth.png", "depth_nearest.png"}
     names = pictures | {"cloud.ply", "result.h5"}
     assert {file.name for file in (tmp_path / "out").iterdir()} == names
     for name in ("image.png", "depth.png"):
@@ -181,7 +181,7 @@ def test_methods_are_chosen_and_pictures_of_others_do_not_stay(path, tmp_path, c
     assert report["images"] == ["zero-filled", "pursuit:dct"]
     assert list(report["depth_coverage"]) == ["nearest", "anchored"]
     default = {"image.png", "depth.png", "cloud.ply", "result.h5"}
-    assert files == default | {"image_pursuit-dct.png", "depth_anchored.png"}
+    assert files == default | {"image_pursuit_dct.png", "depth_anchored.png"}
     result = read_result(tmp_path / "out" / "result.h5")
     assert list(result.images) == ["zero-filled", "pursuit:dct"]
     report, files = run("--image", "pursuit", "--depth", "nearest", "--ranging", "all")
