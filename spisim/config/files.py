@@ -21,6 +21,18 @@ def check_is_there(path: Path, kind: str) -> None:
         raise InputError(f"no {kind} {path.name!r}{hint}")
 
 
+def read_npy(path: Path, kind: str) -> NDArray[Any]:
+    """Array of real numbers, from an NPY file; InputError, naming its `kind`, for anything else."""
+    try:
+        with path.open("rb") as file:
+            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{kind} {path.name!r} cannot be read: {error}") from None
+    if array.dtype.kind not in "fiub":
+        raise InputError(f"{kind} {path.name!r} should hold real numbers; found {array.dtype}")
+    return array
+
+
 def read_picture(path: Path) -> NDArray[np.float32]:
     """Grey picture (h, w) of values from 0 to 1, from a PNG or NPY file.
 
@@ -30,7 +42,7 @@ def read_picture(path: Path) -> NDArray[np.float32]:
     """
     check_is_there(path, "picture")
     if path.suffix.lower() == ".npy":
-        picture = _read_npy(path, "picture")
+        picture = read_npy(path, "picture")
     elif path.suffix.lower() == ".png":
         picture = _read_png(path)
     else:
@@ -52,7 +64,7 @@ def read_density(path: Path) -> NDArray[np.float32]:
     3-D, is all zero, or holds values that are not numbers from 0 to 1.
     """
     check_is_there(path, "density")
-    density = _read_npy(path, "density")
+    density = read_npy(path, "density")
     if density.ndim != 3 or 0 in density.shape:
         raise InputError(
             f"density {path.name!r} should be 3-D, (nz, ny, nx); found shape {density.shape}"
@@ -76,7 +88,7 @@ def read_columns(path: Path) -> NDArray[np.float64]:
     """
     check_is_there(path, "table")
     if path.suffix.lower() == ".npy":
-        return np.atleast_2d(_read_npy(path, "table").astype(np.float64))
+        return np.atleast_2d(read_npy(path, "table").astype(np.float64))
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
@@ -84,17 +96,6 @@ def read_columns(path: Path) -> NDArray[np.float64]:
         return np.array(rows, dtype=np.float64)
     except (OSError, ValueError) as error:
         raise InputError(f"table {path.name!r} cannot be read: {error}") from None
-
-
-def _read_npy(path: Path, kind: str) -> NDArray[Any]:
-    try:
-        with path.open("rb") as file:
-            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{kind} {path.name!r} cannot be read: {error}") from None
-    if array.dtype.kind not in "fiub":
-        raise InputError(f"{kind} {path.name!r} should hold real numbers; found {array.dtype}")
-    return array
 
 
 def _read_png(path: Path) -> NDArray[Any]:

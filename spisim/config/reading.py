@@ -66,7 +66,9 @@ def read_mapping(text: str, model: type[Section], source: Path | str) -> dict[An
     return data
 
 
-def parse_model(text: str, model: type[Model], source: Path | str) -> Model:
+def parse_model(
+    text: str, model: type[Model], source: Path | str, folder: Path | None = None
+) -> Model:
     """Check YAML text against a model.
 
     Parameters
@@ -74,16 +76,22 @@ def parse_model(text: str, model: type[Model], source: Path | str) -> Model:
     text: the YAML.
     model: the `Section` that describes the whole file.
     source: what error messages call the file.
+    folder: where files that it names are looked for; the working folder where None.
 
     Raises InputError for YAML that does not parse, is not a mapping, or does not fit the model.
     """
-    return check_fields(read_mapping(text, model, source), model, source)
+    return check_fields(read_mapping(text, model, source), model, source, folder)
 
 
-def check_fields(data: Mapping[Any, Any], model: type[Model], source: Path | str) -> Model:
+def check_fields(
+    data: Mapping[Any, Any],
+    model: type[Model],
+    source: Path | str,
+    folder: Path | None = None,
+) -> Model:
     """Check the fields of a file against a model. Raises InputError where they do not fit."""
     try:
-        return model.model_validate(data)
+        return model.model_validate(data, context=folder)
     except ValidationError as error:
         raise InputError(describe(error, data, source)) from None
     except RecursionError:

@@ -235,6 +235,7 @@ class Sample:
     scene_text: str
     scene_folder: Path
     instrument_text: str
+    instrument_folder: Path
     wavelength_nm: float | None  # that the instrument is moved to
     parameters: Mapping[str, Any]  # by field of the plan
 
@@ -265,7 +266,7 @@ class PlannedSet:
                 file = self._scene_file(name)
                 files[f"scene {name}"] = read_mapping(read_text(file), SceneDescription, file)
             for name in sorted(set(self.plan.instruments)):
-                file = find_named(self._beside(name), PRESETS, "instrument")
+                file = self._instrument_file(name)
                 files[f"instrument {name}"] = read_mapping(read_text(file), Instrument, file)
             return files
 
@@ -315,6 +316,7 @@ class PlannedSet:
             _dump(scene),
             folder,
             _dump(files["instrument"]),
+            self._instrument_file(instrument).parent,
             drawn.get("wavelength_nm"),
             {"scene": source.family or name, **told, **parameters, **drawn},
         )
@@ -359,6 +361,9 @@ class PlannedSet:
 
     def _scene_file(self, name: str) -> Path:
         return find_named(self._beside(name), scenes_folder(), "scene")
+
+    def _instrument_file(self, name: str) -> Path:
+        return find_named(self._beside(name), PRESETS, "instrument")
 
     def _beside(self, name: str) -> str:
         """A file by its path from the plan, if there is one; else the name as it stands."""

@@ -112,7 +112,9 @@ def _calculate_on_one_thread() -> None:
 
 def load(sample: Sample) -> tuple[Scene, Instrument]:
     """Scene and instrument of a sample. Raises InputError."""
-    instrument = parse_model(sample.instrument_text, Instrument, "instrument")
+    instrument = parse_model(
+        sample.instrument_text, Instrument, "instrument", sample.instrument_folder
+    )
     if sample.wavelength_nm is not None:
         instrument = instrument.at_wavelength(sample.wavelength_nm)
     scene = make_scene(

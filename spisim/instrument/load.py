@@ -22,4 +22,4 @@ def load_instrument(name_or_path: str | Path) -> Instrument:
     missing, YAML that does not parse, and fields that are unknown, missing or out of range.
     """
     file = find_named(str(name_or_path), PRESETS, "instrument")
-    return parse_model(read_text(file), Instrument, file)
+    return parse_model(read_text(file), Instrument, file, file.parent)

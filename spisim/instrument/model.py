@@ -9,7 +9,7 @@ import yaml
 from pydantic import Field, model_validator
 
 from reconstruction.errors import InputError
-from reconstruction.operators import PatternPlan, make_plan
+from reconstruction.operators import PatternPlan
 from spisim.config import Number, Positive, Section, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
@@ -96,9 +96,7 @@ class Instrument(Section):
     @property
     def pattern_plan(self) -> PatternPlan:
         """The patterns of one frame."""
-        return make_plan(
-            self.projector.shape, self.plan.patterns, self.plan.order, self.plan.polarity
-        )
+        return self.plan.of_shape(self.projector.shape)
 
     @property
     def pattern_period_s(self) -> float:

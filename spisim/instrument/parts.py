@@ -7,15 +7,20 @@ its pinhole. Angles named `fov` or `field_of_view` are full angles.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 from scipy.special import erf
 
+from reconstruction.capture import read_capture
 from reconstruction.errors import InputError
+from reconstruction.operators import BASES, Basis, PatternPlan, make_plan
 from spisim.config import Count, NonNegative, Number, Positive, Section
+from spisim.config.files import check_is_there, read_npy
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.sensor import FWHM_PER_SIGMA, PositiveFraction
 
@@ -59,6 +64,7 @@ class Projector(Section):
     settling_time_s: NonNegative = 0.0  # time constant with which a pattern appears
     on_off_contrast: Annotated[Number, Field(gt=1)] | None = None  # None: dark pixels are black
     nonuniformity: Annotated[Number, Field(ge=0, le=0.5)] = 0.0  # rms spread of the pixels' power
+    nonuniformity_seed: Annotated[int, Field(ge=0)] = 0  # another array for each
     falloff: NonNegative = 0.0  # exponent n of cosⁿθ across the field; 4 for a lens without aids
     lens_radius_m: NonNegative = 0.0  # 0: a pinhole, sharp everywhere
     focus_m: Positive = 1.0  # distance at which a lens is sharp
@@ -68,13 +74,14 @@ class Projector(Section):
     def pixel_shares(self) -> Floats:
         """Share (H, W) of the power in each virtual pixel.
 
-        The spread of the LEDs is drawn once for each shape: an array is what it is.
+        The spread of the LEDs is drawn once for each shape and seed: an array is what it is.
         """
         height, width = self.shape
         x = (2 * (np.arange(width) + 0.5) / width - 1) * self.tan_half_width
         y = (2 * (np.arange(height) + 0.5) / height - 1) * self.tan_half_height
         share = (1 + x**2 + y[:, None] ** 2) ** (-self.falloff / 2)
-        spread = self.nonuniformity * np.random.default_rng(0).standard_normal(self.shape)
+        rng = np.random.default_rng(self.nonuniformity_seed)
+        spread = self.nonuniformity * rng.standard_normal(self.shape)
         share = share * np.maximum(1 + spread, 0)
         return np.asarray(share / share.sum())
 
@@ -111,13 +118,48 @@ def _light_is_not_negative(polarity: Any) -> Any:
 
 
 class Plan(Section):
-    """Which patterns are shown; see `reconstruction.make_plan`."""
+    """Which patterns are shown; see `reconstruction.make_plan`.
+
+    A basis that no shape tells, such as "dense", needs `patterns_file`: transmittances from 0 to 1,
+    (patterns, rows, columns), as an NPY file beside this one, or a capture that has shown them.
+    """
 
     patterns: Count
     order: str
     polarity: Annotated[
         Literal["differential", "single-ended"], BeforeValidator(_light_is_not_negative)
     ]
+    basis: str = "hadamard"
+    patterns_file: Path | None = None
+
+    def of_shape(self, shape: tuple[int, int]) -> PatternPlan:
+        """The plan of patterns of this shape; InputError where there is none."""
+        basis: str | Basis = self.basis
+        needs_file = bool(BASES[self.basis].arrays)
+        if needs_file != (self.patterns_file is not None):
+            verb = "needs" if needs_file else "has no"
+            raise InputError(f"basis {self.basis} {verb} patterns_file")
+        if self.patterns_file is not None:
+            check_is_there(self.patterns_file, "patterns_file")
+            changed = self.patterns_file.stat().st_mtime_ns
+            basis = _basis_in(self.patterns_file, self.basis, shape, changed)
+        return make_plan(shape, self.patterns, self.order, self.polarity, basis)
+
+    @field_validator("patterns_file")
+    @classmethod
+    def _beside_this_file(cls, path: Path | None, info: ValidationInfo) -> Path | None:
+        return path and ((info.context or Path()) / path).absolute()
+
+
+@lru_cache(maxsize=4)
+def _basis_in(path: Path, name: str, shape: tuple[int, int], changed: int) -> Basis:
+    """The basis in a file that has last `changed` then, which a plan asks for again and again."""
+    if path.suffix == ".npy":
+        return BASES[name].restored(shape, {"patterns": read_npy(path, "patterns_file")})
+    basis = read_capture(path).plan.patterns
+    if basis.name != name:
+        raise InputError(f"patterns_file {path}: its patterns are {basis.name}, not {name}")
+    return basis
 
 
 class Filter(Section):
