@@ -1,0 +1,114 @@
+"""What another package adds by entry points goes through every command, with no change here."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from reconstruction import InputError, read_capture
+from spisim.instrument.load import PRESETS
+
+OUTSIDE = Path(__file__).parents[1] / "outside"
+SCENE = {"family": "closet", "seed": 1, "dust": {"mass_g_per_m3": 0.01}}
+STUDY = {
+    "name": "Dust",
+    "scenes": [{"family": "closet"}],
+    "instrument": "elsewhere.yaml",
+    "vary": {"scene.dust.mass_g_per_m3": {"grid": [0.001, 0.1]}},
+    "spp": 2,
+    "study": {
+        "x": "scene.dust.mass_g_per_m3",
+        "rounds": 1,
+        "metrics": ["image_psnr_db[smoothed]", "depth_mae_m[flat]", "range_bias_m"],
+    },
+}
+
+
+def instrument():
+    """The paper's, with detectors, time of flight and patterns of the other package."""
+    fields = yaml.safe_load((PRESETS / "paper.yaml").read_text())
+    fields["projector"]["shape"] = [16, 16]
+    fields["plan"] = {
+        "basis": "cosines",
+        "order": "shuffled",
+        "patterns": 250,
+        "polarity": "differential",
+    }
+    for detector in (fields["detector"], fields["tof"]["detector"]):
+        detector["sensor"] = detector["sensor"] | {"type": "cooled"}
+        del detector["sensor"]["dark_current_na"]
+    fields["tof"] = {
+        "method": "stopwatch",
+        "tick_s": 1e-10,
+        "pulse_s": 1e-8,
+        "detector": fields["tof"]["detector"],
+    }
+    return fields
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("outside")
+    for name, fields in {"closet": SCENE, "elsewhere": instrument(), "study": STUDY}.items():
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(fields))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def capture(folder):
+    run(folder, "simulate", "closet.yaml", "-o", "c.h5", "--instrument", "elsewhere.yaml")
+    return folder / "c.h5"
+
+
+def run(folder, *arguments):
+    """A command of an installation that has the other package too."""
+    paths = [str(OUTSIDE), *filter(None, [os.environ.get("PYTHONPATH")])]
+    done = subprocess.run(
+        [sys.executable, "-m", "spisim", *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_schemas_and_lists_know_it(folder):
+    assert '"cooled"' in run(folder, "schema", "instrument")
+    assert '"dust"' in run(folder, "schema", "scene")
+    assert "closet" in run(folder, "scenes", "list")
+    assert "csv" in run(folder, "dataset", "export", "--formats")
+
+
+def test_it_is_simulated_reconstructed_and_evaluated(folder, capture):
+    methods = ("--image", "smoothed,pursuit:haar", "--depth", "flat,nearest")
+    run(folder, "reconstruct", "c.h5", "-o", "result", *methods)
+    page = (folder / "result" / "report.html").read_text()
+    assert "Smoothed inverse" in page
+    assert "Flat wall" in page
+    metrics = json.loads(run(folder, "evaluate", "c.h5", "result", "--json"))
+    assert list(metrics["images"]) == ["smoothed", "pursuit:haar"]
+    assert metrics["images"]["pursuit:haar"]["correlation"] > 0.8
+    assert list(metrics["depths"]) == ["flat", "nearest"]
+    errors = [abs(spot["error_m"]) for spot in metrics["spots"]["stopwatch"]]
+    assert max(errors) < 0.1
+    assert "stopwatch" in run(folder, "budget", "elsewhere.yaml", "--json")
+
+
+def test_without_the_package_its_readings_are_told_by_name(capture):
+    with pytest.raises(InputError, match=r"'cosines'"):
+        read_capture(capture)
+
+
+@pytest.mark.slow
+def test_it_is_studied_and_exported(folder):
+    run(folder, "study", "study.yaml", "-o", "study")
+    assert "depth_mae_m[flat]" in (folder / "study" / "summary.csv").read_text()
+    run(folder, "dataset", "export", "study", "-o", "table", "--format", "csv")
+    assert len((folder / "table" / "samples.csv").read_text().splitlines()) == 2
