@@ -1,5 +1,7 @@
 """Bucket readings of every kind of detector against the light budget."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -7,10 +9,12 @@ import yaml
 import reconstruction
 import worlds
 from instruments import changed
-from reconstruction.capture import Capture
+from reconstruction.capture import Capture, write_capture
+from reconstruction.errors import InputError
 from reconstruction.operators import decoder_for
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import bucket_light, record
+from spisim.measurement import BucketLight, bucket_light, record
+from spisim.measurement.buckets import record_buckets
 from spisim.scene import Ambient, Scene
 from spisim.transport import GroundTruth, LightSequence, ground_truth, trace
 
@@ -168,3 +172,50 @@ def test_photodiodes_in_parallel_add_up() -> None:
     two = changed("paper", detector__positions_m=[[0.05, 0, 0], [0.05, 0, 0]])
     lights = [bucket_light(instrument, still(instrument, place), 1) for instrument in (one, two)]
     np.testing.assert_allclose(lights[1].image, 2 * lights[0].image, rtol=0.02)
+
+
+def test_taps_of_a_fine_converter_add_up() -> None:
+    """Four counts of 31 bits are more than 32 bits hold."""
+    adc = {"bits": 31, "full_scale_electrons": 2.0**31, "offset_counts": 0}
+    modulation = {"frequencies_hz": [15e6]}
+    fine = changed("paper", projector__modulation=modulation, detector__adc=adc)
+    exposures = fine.pattern_plan.exposures
+    whole, image = np.full((1, exposures), 6e9), np.zeros((1, 64, 64))
+    light = BucketLight(image, image, whole, 0 * whole, np.full((1, exposures, 4), 1.5e9))
+    buckets, taps = record_buckets(fine, light, np.random.default_rng(0))
+    assert taps is not None
+    np.testing.assert_array_equal(buckets.counts, taps.taps.astype(np.int64).sum(axis=-1))
+    assert buckets.signal == pytest.approx(6e9, rel=1e-3)
+
+
+def test_patterns_of_a_file_are_shown(tmp_path: Path) -> None:
+    """Random grey ones, of a shape that no Hadamard matrix has."""
+    patterns = np.random.default_rng(0).random((40, 6, 5)).astype(np.float32)
+    np.save(tmp_path / "grey.npy", patterns)
+    fields = yaml.safe_load(load_instrument("paper").text)
+    fields["projector"] |= {"shape": [6, 5]}
+    plan = {"patterns": 40, "order": "natural", "polarity": "single-ended"}
+    fields["plan"] = plan | {"basis": "dense", "patterns_file": "grey.npy"}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(fields))
+    instrument = load_instrument(tmp_path / "mine.yaml")
+    light = still(instrument)
+    truth = ground_truth(PLACE, instrument)
+    capture = record(PLACE, instrument, light, [truth], seed=5, noise=False)
+    level = bucket_light(instrument, light, 1)
+    lit = (patterns * level.image[0]).sum(axis=(1, 2))
+    change = capture.buckets.signal[0] - lit
+    np.testing.assert_allclose(change, change[0], atol=1e-5 * lit.max())
+    assert reconstruction.reconstruct(capture).image.shape == (6, 5)
+    moved = instrument.at_wavelength(1540)
+    assert moved.pattern_plan.patterns.row(3) == pytest.approx(2 * patterns[3] - 1)
+
+    write_capture(capture, tmp_path / "capture.h5")
+    (tmp_path / "grey.npy").unlink()
+    told = yaml.safe_load(capture.provenance.instrument)
+    told["plan"]["patterns_file"] = "capture.h5"
+    (tmp_path / "again.yaml").write_text(yaml.safe_dump(told))
+    again = load_instrument(tmp_path / "again.yaml").pattern_plan
+    np.testing.assert_array_equal(again.patterns.patterns, patterns)
+    (tmp_path / "again.yaml").write_text(capture.provenance.instrument)
+    with pytest.raises(InputError, match=r"plan: no patterns_file 'grey.npy'"):
+        load_instrument(tmp_path / "again.yaml")

@@ -284,3 +284,5 @@ def test_leds_differ_as_they_should(paper: Instrument) -> None:
     shares = array.pixel_shares * 4096
     assert shares.sum() == pytest.approx(4096)
     assert shares.std() == pytest.approx(0.05, rel=0.05)
+    other = array.model_copy(update={"nonuniformity_seed": 1})
+    assert abs(np.corrcoef(array.pixel_shares.ravel(), other.pixel_shares.ravel())[0, 1]) < 0.1

@@ -38,6 +38,9 @@ def test_exposure_defaults_to_the_pattern_period_and_may_be_shorter(tmp_path: Pa
         (("patterns: 127", "patterns: 5000"), ["plan", "5000"]),
         (("patterns: 127", "patterns: 0"), ["plan.patterns", "greater than 0"]),
         (("order: sequency-2d", "order: sequency2d"), ["plan", "sequency-2d"]),
+        (("plan:", "plan:\n  basis: hadamart"), ["plan", "did you mean 'hadamard'"]),
+        (("plan:", "plan:\n  basis: dense"), ["plan", "basis dense needs patterns_file"]),
+        (("plan:", "plan:\n  patterns_file: p.npy"), ["plan", "hadamard has no patterns_file"]),
         (("polarity: single-ended", "polarity: single"), ["plan.polarity", "single-ended"]),
         (
             ("polarity: single-ended", "polarity: signed"),
