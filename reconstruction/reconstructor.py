@@ -61,7 +61,15 @@ class Reconstructor:
 
     def batch(self, frames: Frames) -> list[Result]:
         """Reconstruct frames; InputError as for one."""
-        buckets = frames.buckets
+        buckets, exposures = frames.buckets, self.setup.plan.exposures
+        if buckets.counts.shape[1:] != (exposures,) or not isinstance(
+            frames.spots, type(self.setup.spots)
+        ):
+            raise InputError(
+                f"frames of {buckets.counts.shape[1]} exposures and "
+                f"{type(frames.spots).__name__}, compiled for {exposures} and "
+                f"{type(self.setup.spots).__name__}: they are of another recording"
+            )
         readings = zip(buckets.signal, buckets.variance, buckets.usable, strict=True)
         return [
             self._frame(frames.between(number, number + 1), *reading)
@@ -161,8 +169,10 @@ def _image_names(names: Names, readings: UsableReadings) -> Sequence[str]:
 def _ranging_names(names: Names, setup: Setup) -> Sequence[str]:
     spots = setup.spots
     if spots is None:
-        for name in () if names == "all" else _listed(names, ()):
-            RANGING_METHODS[name]
+        named = () if names == "all" else _listed(names, ())
+        for name in named:
+            RANGING_METHODS[name]  # an unknown one is told first
+            raise InputError(f"ranging method {name!r} needs spots, which the recording lacks")
         return ()
     if names == "all":
         return list(dict.fromkeys([spots.method, *(n for n in RANGING_METHODS if reads(n, spots))]))

@@ -56,16 +56,7 @@ def read_capture(path: str | Path) -> Capture:
     version, or if a dataset is missing, has another shape or unit, or makes no sense.
     """
     with open_capture(path) as file:
-        readings = file.batch(0, file.frames)
-        return Capture(
-            plan=file.setup.plan,
-            optics=file.setup.optics,
-            buckets=readings.buckets,
-            spots=readings.spots,
-            pattern_taps=readings.pattern_taps,
-            provenance=file.provenance,
-            truth=file.truth(),
-        )
+        return file.capture(0, file.frames)
 
 
 @contextmanager
@@ -122,16 +113,35 @@ class CaptureFile:
         check_parts(readings)
         return readings
 
-    def truth(self) -> Truth | None:
-        """What a simulation knows, or None."""
-        if not hdf5.has(self._file, "truth"):
+    def capture(self, start: int, stop: int) -> Capture:
+        """A capture of frames ``start`` to ``stop`` in memory, with the truth of them alone."""
+        readings = self.batch(start, stop)
+        return Capture(
+            plan=self.setup.plan,
+            optics=self.setup.optics,
+            buckets=readings.buckets,
+            spots=readings.spots,
+            pattern_taps=readings.pattern_taps,
+            provenance=self.provenance,
+            truth=self._truth(start, stop),
+        )
+
+    def _truth(self, start: int, stop: int) -> Truth | None:
+        """What a simulation knows of frames, which are counted from ``start``."""
+        file, still = self._file, self.frames == 1
+        if not hdf5.has(file, "truth"):
             return None
-        if self._version >= (3, 0):
-            truth = _read(self._file, "truth", Truth)
-        else:
-            truth = _truth_of_the_first_frame(self._file, still=self.frames == 1)
+        if self._version < (3, 0):
+            truth = _truth_of_the_first_frame(file, still=still)
+            return truth if still or start == 0 else None
+        frame = hdf5.get_numbers(file, "truth/frame").ravel()
+        still = bool(hdf5.get_number(file, "truth/still"))
+        known = np.flatnonzero(still | (frame >= start) & (frame < stop))
+        if not known.size:
+            return None
+        truth = _read(file, "truth", Truth, slice(known[0], known[-1] + 1))
         check_part("truth", truth, axis_sizes(self.setup.plan))
-        return truth
+        return truth if still else replace(truth, frame=truth.frame - start)
 
     def _readings(self, start: int, stop: int) -> Frames:
         rows, setup = slice(start, stop), self.setup

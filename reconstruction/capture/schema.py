@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 
-FRAMES = "frames"
-"""Name of the axis along which readings follow each other."""
+FRAMES, TRUTHS = "frames", "truths"
+"""Names of the axes along which readings, and what is true of them, follow each other."""
 
 Part = TypeVar("Part")
 
@@ -27,8 +27,8 @@ class Stored(NamedTuple):
 
     @property
     def by_frame(self) -> bool:
-        """Whether there is a value for each frame."""
-        return self.axes[:1] == (FRAMES,)
+        """Whether there is a value for each frame, or for each that has a truth."""
+        return bool(self.axes) and self.axes[0] in (FRAMES, TRUTHS)
 
     def type_of(self, value: NDArray[Any]) -> np.dtype[Any]:
         """The type in which these numbers are kept."""

@@ -9,8 +9,10 @@ from ..operators import ORDERS
 from .model import Capture
 
 
-def first_patterns(capture: Capture, patterns: int, order: str = "sequency-2d") -> Capture:
+def first_patterns(capture: Capture, patterns: int, order: str | None = None) -> Capture:
     """Keep the exposures of the first ``patterns`` of the plan's indices in a named order.
+
+    Without a name, in the usual order of the patterns' basis.
 
     Raises InputError if the capture has fewer indices or the order is unknown.
     """
@@ -19,7 +21,7 @@ def first_patterns(capture: Capture, patterns: int, order: str = "sequency-2d") 
         raise InputError(
             f"patterns = {patterns}: this capture has 1..{plan.sampled} to choose from"
         )
-    ordered = ORDERS[order](plan.patterns)
+    ordered = ORDERS[order or plan.patterns.usual_order](plan.patterns)
     kept = ordered[np.isin(ordered, plan.index)][:patterns]
     exposures = np.isin(plan.index, kept)
     pattern_taps = capture.pattern_taps

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capture import Capture, Truth, first_patterns, open_capture
+from ..capture import Capture, first_patterns, open_capture
 from ..depth import DEPTH_METHODS
 from ..diagnostics import capture_warnings
 from ..errors import naming
@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frame", type=int, default=0, help="frame of the capture (0)")
     parser.add_argument("--patterns", metavar="K", type=int, help="use the first K patterns only")
     parser.add_argument(
-        "--order", default="sequency-2d", help=f"... of this order: {', '.join(ORDERS)}"
+        "--order", help=f"... of this order, or the basis' usual one: {', '.join(ORDERS)}"
     )
     stations: dict[str, Iterable[str]] = {
         "image": IMAGE_METHODS,
@@ -88,16 +88,7 @@ def names(text: str | None) -> str | Sequence[str] | None:
 def _one_frame(path: Path, frame: int) -> Capture:
     """A capture of one frame of those in a file; of the truth that of this frame, if known."""
     with open_capture(path) as file:
-        readings, truth = file.frame(frame), file.truth()
-        return Capture(
-            plan=file.setup.plan,
-            optics=file.setup.optics,
-            buckets=readings.buckets,
-            spots=readings.spots,
-            pattern_taps=readings.pattern_taps,
-            provenance=file.provenance,
-            truth=None if truth is None or not truth.knows(frame) else Truth.of([truth.at(frame)]),
-        )
+        return file.capture(frame, frame + 1)
 
 
 def _report(result: Result, capture: Capture) -> dict[str, Any]:

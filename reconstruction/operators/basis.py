@@ -27,6 +27,8 @@ class Basis(ABC):
     """Rows of a basis of outer products, (H, H) and (W, W): row k is that of both k // W, k % W."""
     orthogonal: ClassVar[bool] = False
     """Whether all rows are orthogonal and of length sqrt(N)."""
+    usual_order: ClassVar[str] = "natural"
+    """Order in which the rows that tell most of an image come first, as far as one is known."""
     arrays: ClassVar[tuple[str, ...]] = ()
     """Names of the arrays that a file must hold beside name and shape: attributes of the basis."""
 

@@ -98,18 +98,18 @@ class PatternPlan:
 def make_plan(
     shape: tuple[int, int],
     patterns: int | None = None,
-    order: str = "sequency-2d",
+    order: str | None = None,
     polarity: str = "differential",
     basis: str | Basis = "hadamard",
 ) -> PatternPlan:
     """Plan that shows the first ``patterns`` rows of a basis (all if None) in a named order.
 
-    ``order``: natural, sequency (sign changes of the row of length N) or sequency-2d (smallest
-    sum of vertical and horizontal spatial frequency first), or one of another package; those begin
-    with row 0 of Hadamard's, all on. ``polarity``: differential shows each index twice, +1 then -1
-    (M = 2K); single-ended shows +1 only, and the projector's dark (M = K + 1); signed is one
-    signed value per index (M = K). ``basis``: the name of one that a shape tells, or one itself.
-    Raises InputError.
+    ``order``: natural, sequency (sign changes of the row of length N), sequency-2d (smallest sum
+    of vertical and horizontal spatial frequency first) or one of another package; the usual one of
+    the basis if None, sequency-2d of Hadamard's. ``polarity``: differential shows each index twice,
+    +1 then -1 (M = 2K); single-ended shows +1 only, and where the basis has an all-on row the
+    projector's dark (M = K + 1); signed is one signed value per index (M = K). ``basis``: the name
+    of one that a shape tells, or one itself. Raises InputError.
     """
     rows_of = BASES[basis].restored(shape, {}) if isinstance(basis, str) else basis
     rows = rows_of.rows
@@ -117,6 +117,7 @@ def make_plan(
     if not 1 <= kept <= rows:
         height, width = rows_of.shape
         raise InputError(f"patterns = {kept}: must lie in 1..{rows} for {height} x {width} pixels")
+    order = order or rows_of.usual_order
     chosen = ORDERS[order](rows_of)[:kept]
     if polarity == "differential":
         index, sign = np.repeat(chosen, 2), np.tile([1, -1], kept)

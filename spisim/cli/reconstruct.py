@@ -16,7 +16,7 @@ def command(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A folder.")],
     frame: Annotated[int, number_option(0, 2**31, "Frame of the capture.")] = 0,
     patterns: Annotated[int | None, number_option(1, 2**31, "Use so many patterns only.")] = None,
-    order: Annotated[str, typer.Option(help="... of this order.")] = "sequency-2d",
+    order: Annotated[str | None, typer.Option(help="... of this order.")] = None,
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
@@ -35,7 +35,7 @@ def command(
     for station, names in {"image": image, "ranging": ranging, "depth": depth}.items():
         options += [] if names is None else [f"--{station}", names]
     if patterns is not None:
-        options += ["--patterns", str(patterns), "--order", order]
+        options += ["--patterns", str(patterns), *(["--order", order] if order else [])]
     if status := main(["reconstruct", str(capture), *options]):
         raise typer.Exit(status)
     recording = read_capture(capture)

@@ -100,7 +100,10 @@ def test_a_frame_from_the_file_is_that_of_the_whole_capture(capture, path, metho
             assert frame.digest(file.setup) == whole.frame(number).digest(whole.setup)
         assert_equal_parts(file.batch(0, 2), whole.batch(0, 2))
         for name in TRUTH:
-            np.testing.assert_array_equal(getattr(file.truth(), name), getattr(whole.truth, name))
+            true = getattr(whole.truth, name)
+            np.testing.assert_array_equal(getattr(file.capture(0, 2).truth, name), true)
+            of_one = getattr(file.capture(1, 2).truth.at(0), name)
+            np.testing.assert_array_equal(of_one, true[1])
 
 
 def test_a_frame_reads_no_more_than_it_holds(path, monkeypatch):
@@ -172,7 +175,7 @@ def test_a_wrong_truth_is_told_when_it_is_asked_for(path):
     with open_capture(path) as file:
         file.frame(0)
         with pytest.raises(InputError, match=r"truth/depth_m has shape \(1, 4, 8\), .*truths = 2"):
-            file.truth()
+            file.capture(0, 2)
 
 
 # Truth of frames

@@ -334,10 +334,10 @@ def test_patterns_that_suit_images_give_a_good_one(polarity):
 
 def test_fewer_of_the_patterns_in_the_file_still_do():
     capture, _ = capture_with(dense("grey", (SIDE, SIDE), 300), "differential")
-    few = first_patterns(capture, 100, "natural")
+    few = first_patterns(capture, 100)
     alone, _ = capture_with(Dense(capture.plan.patterns.patterns[:100]), "differential")
     found, expected = reconstruct(few), reconstruct(alone)
     assert (found.patterns, few.plan.exposures) == (100, 200)
     np.testing.assert_allclose(found.image, expected.image, rtol=1e-4)
     with pytest.raises(InputError, match="use natural"):
-        first_patterns(capture, 100)
+        first_patterns(capture, 100, "sequency-2d")

@@ -7,7 +7,14 @@ import pytest
 
 from captures import full_capture, make_spots
 from images import natural_image
-from reconstruction import Capture, InputError, Reconstructor, make_plan, reconstruct
+from reconstruction import (
+    Capture,
+    InputError,
+    Reconstructor,
+    first_patterns,
+    make_plan,
+    reconstruct,
+)
 from reconstruction.depth import DEPTH_METHODS
 from reconstruction.image import IMAGE_METHODS, Imaging
 from reconstruction.operators import expose
@@ -388,3 +395,12 @@ def test_an_unknown_variance_is_the_median_of_the_others():
     told[[3, 60]] = np.nanmedian(unknown)
     found, expected = usable.decode(signal, unknown), usable.decode(signal, told)
     np.testing.assert_array_equal(found.noise, expected.noise)
+
+
+def test_frames_of_another_plan_and_ranging_without_spots_are_refused():
+    capture = full_capture()
+    reconstructor = Reconstructor(capture.setup)
+    with pytest.raises(InputError, match="18 exposures .* compiled for 20"):
+        reconstructor(first_patterns(capture, 9).frame(0))
+    with pytest.raises(InputError, match="ranging method 'cw' needs spots"):
+        Reconstructor(replace(capture, spots=None).setup, ranging="cw")

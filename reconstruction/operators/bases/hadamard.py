@@ -20,6 +20,7 @@ class Hadamard(Basis):
 
     name = "hadamard"
     orthogonal = True
+    usual_order = "sequency-2d"
     level = 0
 
     def __init__(self, shape: tuple[int, int]) -> None:
