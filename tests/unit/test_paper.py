@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from commands import spisim
+from spisim.paper import table2
 from spisim.paper.fig2 import figure_2, fit_total_count, total_count_reach
 from spisim.paper.fig3 import figure_3, reaches
 from spisim.paper.table2 import PAPER, measure, table_2
@@ -59,9 +60,12 @@ def test_a_frame_is_reconstructed_in_some_time() -> None:
     assert 0 < measure(PAPER[1], repetitions=3) < 1
 
 
-@pytest.mark.slow
-def test_frame_rates_of_table_2() -> None:
-    assert all(check.holds for check in table_2().checks)
+def test_frame_rates_of_a_slow_machine_are_told_and_not_judged(monkeypatch) -> None:
+    """They are measured, and a busy machine is no fault of anybody's."""
+    monkeypatch.setattr(table2, "measure", lambda row: 10.0)
+    result = table_2()
+    assert result.checks == ()
+    assert [row[5] for row in result.tables[0].rows] == ["-100 %"] * len(PAPER)
 
 
 def test_paper_draws_and_checks(tmp_path: Path) -> None:
