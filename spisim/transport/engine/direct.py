@@ -6,39 +6,18 @@ surface is known, and the fog is sampled where the detector looks.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.engine.ends import Detectors
+from spisim.transport.engine.beams import Beams
+from spisim.transport.engine.ends import Detectors, Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
 from spisim.transport.world import World
-
-
-class Pencils(Protocol):
-    """A source of rays: one per lane, each with 1 / `samples` of a cell's power."""
-
-    @property
-    def lanes(self) -> int:
-        """Rays of all cells."""
-        ...
-
-    @property
-    def samples(self) -> int:
-        """Rays per cell."""
-        ...
-
-    def pencil(self, lane: Any, sampler: Any) -> Any:
-        """The lane's ray."""
-        ...
-
-    def cell(self, lane: Any) -> Any:
-        """The lane's accumulator cell."""
-        ...
 
 
 class _Pencil(NamedTuple):
@@ -51,7 +30,7 @@ class _Pencil(NamedTuple):
 
 
 def direct_light(
-    world: World, source: Pencils, detectors: Detectors, seed: int, deposit: Deposit
+    world: World, source: Projector | Beams, detectors: Detectors, seed: int, deposit: Deposit
 ) -> None:
     """Deposit what each lane's ray sends to one of the detectors by scattering once.
 
@@ -124,7 +103,7 @@ def _off_fog(
     add(value, distance + gap, 1, lit)
 
 
-def _low_discrepancy(source: Pencils, seed: int) -> tuple[Any, Any, Any]:
+def _low_discrepancy(source: Projector | Beams, seed: int) -> tuple[Any, Any, Any]:
     """Lane numbers, their cells, and a low-discrepancy sequence for every cell."""
     lane = dr.arange(mi.UInt32, source.lanes)
     cell = source.cell(lane)

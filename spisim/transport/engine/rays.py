@@ -56,7 +56,8 @@ class FogRays:
         return end, importance / pixels * place / (distance * distance * extinction)
 
     def density(self, lens: Any, first: Any, second: Any) -> Any:
-        """See `Rays` in `walk`; 0 where no ray from `lens` leads to `first`."""
+        """Number density with which `connect` picks `first` on a ray from `lens`, seen from
+        `second`, over that of a free flight's collision there, 1/m²; 0 where no such ray is."""
         direction, distance = direction_to(lens, first)
         angular = EquiAngular.about(second, mi.Ray3f(lens, direction), mi.Float(dr.inf))
         importance = self.projector.importance_towards(direction, lens)

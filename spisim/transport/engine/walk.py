@@ -28,12 +28,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.engine.ends import Connection, Launch
+from spisim.transport.engine.beams import Beams
+from spisim.transport.engine.ends import Connection, Detectors, Lamp, Launch, Projector, Sun
+from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Lobe, Turn, Vertex
 from spisim.transport.engine.weights import Weight
@@ -49,44 +51,9 @@ MAX_SURVIVAL = 0.95
 MAX_CROSSINGS = 64
 
 
-class Source(Protocol):
-    """An end that launches paths; see `spisim.transport.engine.ends`."""
-
-    @property
-    def lanes(self) -> int:
-        """Paths of one launch."""
-        ...
-
-    def launch(self, lane: Any, sampler: Any) -> Launch:
-        """Start the lane's path."""
-        ...
-
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
-        """Number density (1/sr) with which it was started."""
-        ...
-
-
-class Sink(Protocol):
-    """An end that paths are connected to."""
-
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
-        """The end as seen from a vertex."""
-        ...
-
-
-class Rays(Protocol):
-    """Rays of the projector, whose points in fog a detector's walk is connected to."""
-
-    def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
-        """A point of a ray as an end, and `density` of its place."""
-        ...
-
-    def density(self, lens: Any, first: Any, second: Any) -> Any:
-        """Number density with which `connect` picks `first` on a ray from `lens`, seen from
-        `second`, over that of a free flight's collision there, 1/m² ."""
-        ...
-
-
+#: Ends that launch paths, and ends that paths are connected to.
+Source = Projector | Beams | Detectors
+Sink = Source | Lamp | Sun
 #: Radiance from outside the scene, by direction of the leaving path.
 Sky = Callable[[Any], Any]
 
@@ -176,7 +143,7 @@ class Walk:
     outward: bool
     weight: Weight
     deposit: Deposit
-    rays: Rays | None = None
+    rays: FogRays | None = None
     sky: Sky | None = None
 
     @dr.syntax
