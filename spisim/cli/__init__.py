@@ -1,5 +1,6 @@
 """The `spisim` command: one module for each of its subcommands."""
 
+import warnings
 from typing import Any
 
 import typer
@@ -22,7 +23,7 @@ from . import (
     transport,
     weather,
 )
-from .console import messages
+from .console import messages, warn
 
 
 class Commands(TyperGroup):
@@ -86,4 +87,5 @@ app.add_typer(scenes.app)
 
 def main() -> None:
     """Entry point of the console script."""
+    warnings.showwarning = lambda message, *_: warn([str(message)])
     app()
