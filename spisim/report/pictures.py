@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from reconstruction import Capture
 from reconstruction.files import write_atomically
 
+MIN_PLAIN = 1e-4
+"""Smaller numbers take an exponent, and much of a narrow scale."""
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -51,8 +54,12 @@ class Scale:
 
     @property
     def ticks(self) -> Iterator[tuple[float, float]]:
-        """Round numbers on the scale, and where they lie in per cent."""
-        for value in MaxNLocator(5).tick_values(self.low, self.high):
+        """Round numbers on the scale, and where they lie in per cent.
+
+        Of tiny numbers, which are long, the two ends alone.
+        """
+        places = 5 if max(abs(self.low), abs(self.high)) >= MIN_PLAIN else 1
+        for value in MaxNLocator(places).tick_values(self.low, self.high):
             if self.low <= value <= self.high:
                 yield value, 100 * float(self.position(value))
 
