@@ -128,10 +128,10 @@ def _ranges(readings: Readings) -> Floats:
 def load(samples: DataSet) -> tuple[Readings, Floats]:
     """Readings and true depth maps."""
     arrays = samples.arrays("buckets", "spot_range_m", "true_depth_m")
-    true_m = arrays["true_depth_m"]
+    true_m = arrays["true_depth_m"][:, 0]
     results = [reconstruct(sample.capture) for sample in samples]
     depth_m = _stacked([result.depth_m for result in results], true_m)
-    nearest_m = _stacked([result.depth_nearest_m for result in results], true_m)
+    nearest_m = _stacked([result.depths.get("nearest") for result in results], true_m)
     return Readings(
         arrays["buckets"][:, 0], arrays["spot_range_m"][:, 0], depth_m, nearest_m
     ), true_m
