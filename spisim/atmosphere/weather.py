@@ -39,18 +39,6 @@ class Falling(Weather):
     model: Literal["medium", "drops"] = "medium"
     wind_m_s: Vector = (0.0, 0.0, 0.0)
 
-    def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
-        """The medium, or the drops; see `Weather.made`."""
-        return self.drops(wavelength_nm) if self.model == "drops" else self.medium(wavelength_nm)
-
-    @abstractmethod
-    def medium(self, wavelength_nm: float) -> Atmosphere:
-        """The mean over very many drops."""
-
-    @abstractmethod
-    def drops(self, wavelength_nm: float) -> Precipitation:
-        """Single drops or flakes."""
-
     @model_validator(mode="after")
     def _fields_of_its_model(self) -> Falling:
         others = self.of_medium if self.model == "drops" else self.of_drops

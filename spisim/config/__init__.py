@@ -23,23 +23,23 @@ from spisim.config.reading import (
     read_mapping,
     read_text,
 )
-from spisim.config.registered import Named, OneOf
+from spisim.config.registered import named, one_of
 from spisim.config.shipped import shipped
 
 __all__ = [
     "Count",
     "Fraction",
     "Name",
-    "Named",
     "NonNegative",
     "Number",
-    "OneOf",
     "Positive",
     "Section",
     "Vector",
     "check_fields",
     "find_named",
+    "named",
     "not_a_truth_value",
+    "one_of",
     "parse_model",
     "read_mapping",
     "read_text",

@@ -9,34 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Union
 
-from pydantic import Discriminator, GetCoreSchemaHandler
-from pydantic_core import CoreSchema
-
-from spisim.config.fields import Section
+from pydantic import Discriminator, GetPydanticSchema
 
 
-class OneOf:
+def one_of(sections: Mapping[str, Any], field: str) -> GetPydanticSchema:
     """Marks a field as one of several sections, told apart by the value of one of their fields."""
 
-    def __init__(self, sections: Mapping[str, type[Section]], field: str) -> None:
-        self._sections = sections
-        self._field = field
+    def union() -> Any:
+        return Union[tuple(sections.values())]  # noqa: UP007 - of as many as there are
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        one: Any = Union[tuple(self._sections.values())]  # noqa: UP007 - of as many as there are
-        return handler.generate_schema(Annotated[one, Discriminator(self._field)])
+    return GetPydanticSchema(
+        lambda _, handler: handler.generate_schema(Annotated[union(), Discriminator(field)])
+    )
 
 
-class Named:
+def named(sections: Mapping[str, Any], name: str) -> GetPydanticSchema:
     """Marks a field as the section of this name."""
-
-    def __init__(self, sections: Mapping[str, type[Section]], name: str) -> None:
-        self._sections = sections
-        self._name = name
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return handler.generate_schema(self._sections[self._name])
+    return GetPydanticSchema(lambda _, handler: handler.generate_schema(sections[name]))

@@ -12,7 +12,7 @@ from scipy.constants import elementary_charge
 
 from reconstruction.errors import InputError
 from spisim.config import NonNegative, Number, Positive, Section, Vector
-from spisim.instrument.sensor import PositiveFraction, Random, Readings
+from spisim.instrument.sensor import Each, PositiveFraction, Random, Readings
 from spisim.instrument.sensors import AnySensor
 
 Floats = NDArray[np.float64]
@@ -127,15 +127,9 @@ class Detector(Section):
         half_angle = math.radians(self.field_of_view_deg) / 2
         return self.sensor.effective_area_m2 / math.sin(half_angle) ** 2
 
-    def read(
-        self,
-        electrons: Floats,
-        time_s: float | Floats,
-        rng: Random,
-        taken_off: Floats | float = 0.0,
-    ) -> Readings:
+    def read(self, electrons: Floats, time_s: Each, rng: Random, taken_off: Each = 0.0) -> Readings:
         """Readings of mean primary electrons (frames, ...); see `Sensor.read`."""
-        return self.sensor.read(electrons, self, time_s, rng, taken_off)
+        return self.sensor.read(self, electrons, time_s, rng, taken_off)
 
     def dark_electrons(self, time_s: float) -> float:
         """Mean dark count of a window."""

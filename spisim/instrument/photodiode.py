@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.constants import c, elementary_charge, h
 
 from spisim.instrument.sensor import (
+    Each,
     Floats,
     Random,
     Readings,
@@ -47,7 +48,6 @@ class Photodiode(Sensor):
         return self.model_copy(update={"responsivity_a_per_w": old * (new_nm / old_nm)})
 
     def too_efficient(self, shortest_nm: float) -> str:
-        """What to say of more than one electron per photon, with the field that has it."""
         limit = elementary_charge * shortest_nm * 1e-9 / (h * c)
         return (
             f"responsivity_a_per_w {self.responsivity_a_per_w} is more than one electron per "
@@ -64,11 +64,11 @@ class Photodiode(Sensor):
 
     def read(
         self,
-        electrons: Floats,
         detector: Detector,
-        time_s: float | Floats,
+        electrons: Floats,
+        time_s: Each,
         rng: Random,
-        taken_off: Floats | float = 0.0,
+        taken_off: Each = 0.0,
     ) -> Readings:
         """One recording: the amplifier adds Gaussian charge, the converter rounds and clips.
 
@@ -117,7 +117,6 @@ class Photodiode(Sensor):
         return []
 
     def stamping(self, tof: DirectTof) -> Threshold:
-        """Crossings of a threshold."""
         return Threshold(tof)
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Random = np.random.Generator | None
+Each = float | Floats
 PositiveFraction = Annotated[Number, Field(gt=0, le=1)]
 
 FWHM_PER_SIGMA = 2 * math.sqrt(2 * math.log(2))
@@ -123,11 +124,11 @@ class Sensor(Section, ABC):
     @abstractmethod
     def read(
         self,
-        electrons: Floats,
         detector: Detector,
-        time_s: float | Floats,
+        electrons: Floats,
+        time_s: Each,
         rng: Random,
-        taken_off: Floats | float = 0.0,
+        taken_off: Each = 0.0,
     ) -> Readings:
         """One recording of mean primary electrons (frames, ...) in windows of `time_s`.
 

@@ -118,6 +118,14 @@ def check_charge(method: str, detector: TofDetector) -> None:
         )
 
 
+def overflow(tof: Tof, steady_per_s: float, echo_per_s: float) -> list[str]:
+    """Sentences about charge of one reading, the steady light's and the echo's, that overflows."""
+    detector, time_s = tof.detector, tof.reading.steady_s
+    background = steady_per_s * time_s
+    whole = background + echo_per_s * time_s
+    return detector.sensor.warnings("tof.detector", detector, time_s, background, whole)
+
+
 def check_pulse(field: str, pulse_s: float, bin_width_m: float) -> None:
     """Raise InputError, naming the field, for a pulse shorter than a few bins."""
     shortest = BINS_PER_PULSE * bin_width_m / c

@@ -16,12 +16,12 @@ from spisim.atmosphere.weather import Weather
 from spisim.config import (
     Fraction,
     Name,
-    Named,
     NonNegative,
     Number,
     Positive,
     Section,
     Vector,
+    named,
 )
 
 
@@ -213,7 +213,7 @@ class AmbientDescription(Section):
 
 
 _SECTIONS: dict[str, Any] = {
-    name: (Annotated[Weather, Named(WEATHER, name)] | None, None) for name in WEATHER
+    name: (Annotated[Weather, named(WEATHER, name)] | None, None) for name in WEATHER
 }
 #: What fills all of the air: a section for each kind of weather.
 Air: Any = create_model(

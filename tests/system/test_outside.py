@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from reconstruction import InputError, read_capture
+from spisim.instrument import load_instrument
 from spisim.instrument.load import PRESETS
 
 OUTSIDE = Path(__file__).parents[1] / "outside"
@@ -66,9 +67,13 @@ def capture(folder):
 
 def run(folder, *arguments):
     """A command of an installation that has the other package too."""
+    return python(folder, "-m", "spisim", *arguments)
+
+
+def python(folder, *arguments):
     paths = [str(OUTSIDE), *filter(None, [os.environ.get("PYTHONPATH")])]
     done = subprocess.run(
-        [sys.executable, "-m", "spisim", *arguments],
+        [sys.executable, *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
         capture_output=True,
@@ -86,6 +91,12 @@ def test_schemas_and_lists_know_it(folder):
     assert "csv" in run(folder, "dataset", "export", "--formats")
 
 
+def test_its_modules_may_be_imported_first(folder):
+    imports = "import elsewhere.detector, elsewhere.tof, elsewhere.weather"
+    load = "from spisim import load_instrument; print(load_instrument('elsewhere.yaml').tof.method)"
+    assert "stopwatch" in python(folder, "-c", f"{imports}; {load}")
+
+
 def test_it_is_simulated_reconstructed_and_evaluated(folder, capture):
     methods = ("--image", "smoothed,pursuit:haar", "--depth", "flat,nearest")
     run(folder, "reconstruct", "c.h5", "-o", "result", *methods)
@@ -99,6 +110,11 @@ def test_it_is_simulated_reconstructed_and_evaluated(folder, capture):
     errors = [abs(spot["error_m"]) for spot in metrics["spots"]["stopwatch"]]
     assert max(errors) < 0.1
     assert "stopwatch" in run(folder, "budget", "elsewhere.yaml", "--json")
+
+
+def test_without_the_package_its_detector_is_told_by_name(folder):
+    with pytest.raises(InputError, match=r"detector\.sensor: type 'cooled' is unknown: .*pin"):
+        load_instrument(folder / "elsewhere.yaml")
 
 
 def test_without_the_package_its_readings_are_told_by_name(capture):

@@ -104,8 +104,8 @@ def test_everything_at_once_is_one_atmosphere(load: Load) -> None:
     assert air.summary() == expected.summary()
     assert [part.kind for part in air.parts] == [
         "heavy-radiation",
-        "glycol",
         "rain, 12 mm/h",
+        "glycol",
         "dry snow, 1 mm/h",
     ]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from spisim.atmosphere import precipitation
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
@@ -16,20 +18,13 @@ class Rain(Falling):
     kind: str = "marshall-palmer"
     diffraction: Diffraction = "remove"
 
-    def medium(self, wavelength_nm: float) -> Atmosphere:
-        """The mean over very many drops."""
-        return rain(
-            self.rate_mm_per_h,
-            self.kind,
-            wavelength_nm=wavelength_nm,
-            diffraction=self.diffraction,
-        )
-
-    def drops(self, wavelength_nm: float) -> Precipitation:
-        """Single drops."""
-        return precipitation.rain(
-            self.rate_mm_per_h, self.kind, wavelength_nm=wavelength_nm, wind_m_s=self.wind_m_s
-        )
+    def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
+        """The mean over very many drops, or single ones; see `Weather.made`."""
+        rate, kind = self.rate_mm_per_h, self.kind
+        if self.model == "drops":
+            wind = self.wind_m_s
+            return precipitation.rain(rate, kind, wavelength_nm=wavelength_nm, wind_m_s=wind)
+        return rain(rate, kind, wavelength_nm=wavelength_nm, diffraction=self.diffraction)
 
 
 WEATHER = Rain

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
@@ -25,23 +26,14 @@ class Snow(Falling):
     flake_density_kg_m3: Positive = FLAKE_KG_PER_M3
     fall_speed_m_s: Positive = FLAKE_SPEED_M_S
 
-    def medium(self, wavelength_nm: float) -> Atmosphere:
-        """The mean over very many flakes."""
-        return snow(
-            self.rate_mm_per_h,
-            self.kind,
-            wavelength_nm=wavelength_nm,
-            albedo=self.albedo,
-            g=self.g,
-        )
-
-    def drops(self, wavelength_nm: float) -> Precipitation:
-        """Single flakes."""
+    def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
+        """The mean over very many flakes, or single ones; see `Weather.made`."""
+        rate, nm = self.rate_mm_per_h, wavelength_nm
+        if self.model == "medium":
+            return snow(rate, self.kind, wavelength_nm=nm, albedo=self.albedo, g=self.g)
         names = self.model_fields_set & {"albedo", "g", "flake_density_kg_m3", "fall_speed_m_s"}
         assumed = {name: getattr(self, name) for name in names}
-        return precipitation.snow(
-            self.rate_mm_per_h, wavelength_nm=wavelength_nm, wind_m_s=self.wind_m_s, **assumed
-        )
+        return precipitation.snow(rate, wavelength_nm=nm, wind_m_s=self.wind_m_s, **assumed)
 
 
 WEATHER = Snow

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, TypeAlias
 
 from reconstruction.registry import Registry
-from spisim.config import OneOf
+from spisim.config import one_of
 from spisim.instrument.sensor import Sensor
 
 SENSORS: Registry[type[Sensor]] = Registry(
@@ -13,4 +13,4 @@ SENSORS: Registry[type[Sensor]] = Registry(
 )
 
 #: Any of them, as a field of a file.
-AnySensor: TypeAlias = Annotated[Sensor, OneOf(SENSORS, "type")]
+AnySensor: TypeAlias = Annotated[Sensor, one_of(SENSORS, "type")]

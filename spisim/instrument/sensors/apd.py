@@ -26,13 +26,11 @@ class Apd(Photodiode):
 
     @property
     def excess_noise_factor(self) -> float:
-        """Variance of the charge per primary electron, in primary electrons squared."""
         k, gain = self.ionisation_ratio, self.gain
         return k * gain + (1 - k) * (2 - 1 / gain)
 
     @property
     def dark_rate_hz(self) -> float:
-        """Primary dark electrons per second."""
         return self.dark_current_na * 1e-9 / (elementary_charge * self.gain)
 
 

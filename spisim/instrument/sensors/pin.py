@@ -18,17 +18,14 @@ class Pin(Photodiode):
 
     @property
     def gain(self) -> float:
-        """Electrons per primary electron."""
         return 1.0
 
     @property
     def excess_noise_factor(self) -> float:
-        """Variance of the charge per primary electron, in primary electrons squared."""
         return 1.0
 
     @property
     def dark_rate_hz(self) -> float:
-        """Primary dark electrons per second."""
         return self.dark_current_na * 1e-9 / elementary_charge
 
 

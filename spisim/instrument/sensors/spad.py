@@ -12,6 +12,7 @@ from scipy.constants import c, h
 from spisim.config import NonNegative, Number
 from spisim.instrument.sensor import (
     FWHM_PER_SIGMA,
+    Each,
     Floats,
     Random,
     Readings,
@@ -49,7 +50,6 @@ class Spad(Sensor):
 
     @property
     def gain(self) -> float:
-        """A counter has none."""
         return 1.0
 
     @property
@@ -73,23 +73,21 @@ class Spad(Sensor):
         return spectral_value(self.detection_efficiency, at) * at * 1e-9 / (h * c)
 
     def at_band(self, band_nm: tuple[float, float], old_nm: float, new_nm: float) -> Self:
-        """For light of another band, as efficient as at `old_nm` but where a table covers it."""
         if covers(self.detection_efficiency, band_nm):
             return self
         old = float(spectral_value(self.detection_efficiency, old_nm))
         return self.model_copy(update={"detection_efficiency": old})
 
     def too_efficient(self, shortest_nm: float) -> str:
-        """What to say of more than one electron per photon, with the field that has it."""
         return "detection_efficiency is more than 1"
 
     def read(
         self,
-        electrons: Floats,
         detector: Detector,
-        time_s: float | Floats,
+        electrons: Floats,
+        time_s: Each,
         rng: Random,
-        taken_off: Floats | float = 0.0,
+        taken_off: Each = 0.0,
     ) -> Readings:
         """Counts of all diodes of the detector, which share the light; see `Sensor.read`.
 
@@ -112,7 +110,7 @@ class Spad(Sensor):
             dead_time_s=self.dead_time_per_primary_s / diodes,
         )
 
-    def expected_counts(self, primaries: Floats, time_s: float | Floats) -> Floats:
+    def expected_counts(self, primaries: Floats, time_s: Each) -> Floats:
         """Mean counts of so many detections as there would be without dead time.
 
         m = N / (1 + N τ / T), non-paralysable, after-pulses included.
@@ -121,7 +119,7 @@ class Spad(Sensor):
         return np.asarray(primaries / (1 + blind) / (1 - self.afterpulse_probability))
 
     def draw_counts(
-        self, primaries: Floats, time_s: float | Floats, rng: np.random.Generator
+        self, primaries: Floats, time_s: Each, rng: np.random.Generator
     ) -> NDArray[np.int32]:
         """Draw counts (frames, ...) for mean detections `primaries`.
 
@@ -139,9 +137,7 @@ class Spad(Sensor):
         counts[many] = np.rint(rng.normal(expected[many], deviation))
         return counts.astype(np.int32)
 
-    def _events(
-        self, primaries: Floats, time_s: float | Floats, rng: np.random.Generator
-    ) -> Floats:
+    def _events(self, primaries: Floats, time_s: Each, rng: np.random.Generator) -> Floats:
         """Counts, one detection of all readings after the other."""
         counts = np.zeros(primaries.shape)
         times = np.zeros(primaries.shape)

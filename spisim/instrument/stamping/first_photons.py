@@ -12,7 +12,7 @@ from scipy.constants import c
 from scipy.interpolate import CubicSpline
 
 from reconstruction.errors import InputError
-from spisim.instrument.stamping.pulses import smoothed
+from spisim.instrument.stamping import smoothed
 from spisim.instrument.tof import Reading
 
 if TYPE_CHECKING:
@@ -41,7 +41,6 @@ class FirstPhotons:
 
     @property
     def response_sigma_s(self) -> float:
-        """Standard deviation of light and time stamp together."""
         return math.hypot(self.tof.pulse_sigma_s, self.jitter_sigma_s)
 
     @property

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
 from reconstruction.errors import InputError
-from spisim.instrument.stamping.pulses import smoothed
+from spisim.instrument.stamping import smoothed
 from spisim.instrument.tof import Reading
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, TypeAlias
 
 from reconstruction.registry import Registry
-from spisim.config import OneOf
+from spisim.config import one_of
 from spisim.instrument.tof import Tof
 
 TOFS: Registry[Any] = Registry(  # of classes; a protocol's are no type[Tof]
@@ -13,4 +13,4 @@ TOFS: Registry[Any] = Registry(  # of classes; a protocol's are no type[Tof]
 )
 
 #: Any of them, as a field of a file.
-AnyTof: TypeAlias = Annotated[Tof, OneOf(TOFS, "method")]
+AnyTof: TypeAlias = Annotated[Tof, one_of(TOFS, "method")]

@@ -16,7 +16,7 @@ from reconstruction.ranging import unambiguous_path_m
 from spisim.config import Count, Section
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.detector import TofDetector
-from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge
+from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, overflow
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +39,6 @@ class CwTof(Section):
 
     @property
     def frame_time_s(self) -> float:
-        """Time that a frame takes, all frequencies and taps."""
         turns = 4 if self.modulation.taps.arrangement == "in-turn" else 1
         spots = 4 if self.detector.shared else 1
         periods = sum(1 / frequency for frequency in self.modulation.frequencies_hz)
@@ -61,11 +60,8 @@ class CwTof(Section):
         return Reading("tap", time_s, time_s, periods_s * self.modulation.taps.noise_share)
 
     def check_bins(self, bin_width_m: float) -> None:
-        """Raise InputError where path lengths in such bins do not resolve its light."""
-        frequency, highest = (
-            max(self.modulation.frequencies_hz),
-            c / (BINS_PER_PERIOD * bin_width_m),
-        )
+        frequency = max(self.modulation.frequencies_hz)
+        highest = c / (BINS_PER_PERIOD * bin_width_m)
         if frequency > highest:
             raise InputError(
                 f"tof.modulation.frequencies_hz {frequency:g}: a period is shorter than "
@@ -133,11 +129,7 @@ class CwTof(Section):
 
     def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
         """Sentences about taps that overflow: with the echo in phase, they take twice its mean."""
-        time_s = self.reading.steady_s
-        background = steady_per_s * time_s
-        whole = background + 2 * echo_per_s * time_s
-        sensor = self.detector.sensor
-        return sensor.warnings("tof.detector", self.detector, time_s, background, whole)
+        return overflow(self, steady_per_s, 2 * echo_per_s)
 
     @property
     def _response(self) -> Callable[[Any], Any]:

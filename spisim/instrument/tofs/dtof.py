@@ -64,16 +64,13 @@ class DirectTof(Section):
 
     @property
     def frame_time_s(self) -> float:
-        """Time that a frame takes."""
         return self.pulses / self.repetition_rate_hz * (4 if self.detector.shared else 1)
 
     @property
     def reading(self) -> Reading:
-        """What leaves one time stamp, or all of an echo."""
         return self.stamping.reading
 
     def check_bins(self, bin_width_m: float) -> None:
-        """Raise InputError where path lengths in such bins do not resolve its light."""
         check_pulse("pulse_fwhm_s", self.pulse_fwhm_s, bin_width_m)
 
     def record(
@@ -120,16 +117,13 @@ class DirectTof(Section):
         )
 
     def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
-        """As the stamps scatter; see `Tof.path_sigma_m`."""
         return c * self.stamping.sigma_s(path_m, echo_per_s, steady_per_s)
 
     def emission(self, power_w: float) -> Emission:
-        """What one beam of this power sends, taken as always in use."""
         energy = power_w * self.pulse_sigma_s * math.sqrt(2 * math.pi)
         return Emission(energy * self.repetition_rate_hz, energy, self.pulse_fwhm_s)
 
     def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
-        """Sentences about what steady light does to the stamps."""
         return self.stamping.warnings(steady_per_s)
 
     @model_validator(mode="after")

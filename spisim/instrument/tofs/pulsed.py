@@ -15,7 +15,7 @@ from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.errors import InputError
 from spisim.config import Count, NonNegative, Positive, Section
 from spisim.instrument.detector import TofDetector
-from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, check_pulse
+from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, check_pulse, overflow
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,6 @@ class PulsedTof(Section):
 
     @property
     def frame_time_s(self) -> float:
-        """Time that a frame takes."""
         return self.pulses / self.repetition_rate_hz * (4 if self.detector.shared else 1)
 
     @property
@@ -59,7 +58,6 @@ class PulsedTof(Section):
         return Reading("window", time_s, time_s, time_s)
 
     def check_bins(self, bin_width_m: float) -> None:
-        """Raise InputError where path lengths in such bins do not resolve its light."""
         check_pulse("pulse_width_s", self.pulse_width_s, bin_width_m)
 
     def record(
@@ -124,17 +122,12 @@ class PulsedTof(Section):
         return np.asarray(longest_path * np.sqrt(shot + spread))
 
     def emission(self, power_w: float) -> Emission:
-        """What one beam of this power sends, taken as always in use."""
         energy = power_w * self.pulse_width_s
         return Emission(energy * self.repetition_rate_hz, energy, self.pulse_width_s)
 
     def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
         """Sentences about windows that overflow."""
-        time_s = self.reading.steady_s
-        background = steady_per_s * time_s
-        whole = background + echo_per_s * time_s
-        sensor = self.detector.sensor
-        return sensor.warnings("tof.detector", self.detector, time_s, background, whole)
+        return overflow(self, steady_per_s, echo_per_s)
 
     @model_validator(mode="after")
     def _fits(self) -> PulsedTof:
