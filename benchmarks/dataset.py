@@ -7,8 +7,6 @@ patterns and four spots, fog of 50 m visibility, 1 % transport error of the read
 `--markdown` pastes the tables into docs/datasets.md.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

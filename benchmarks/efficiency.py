@@ -1,7 +1,5 @@
 """Error² × time of Monte Carlo methods that estimate the same readings."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ trimesh finds the triangle with Embree (package embreex) or with an R-tree (rtre
 point on it in double precision.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ lengths take turns, so that a busy machine slows all alike. `--markdown` pastes 
 docs/reconstruction.md.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import tracemalloc

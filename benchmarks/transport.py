@@ -6,8 +6,6 @@ The scene is a closed room with a box and a ball; the instrument is the paper's,
 that sees 12° around its axis. `--markdown` pastes the tables into docs/transport.md.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import resource
 import sys

@@ -8,8 +8,6 @@ power. What is promised is checked before a wall in sunlight, where closed forms
 pastes the tables into docs/weather.md.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path

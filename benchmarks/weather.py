@@ -8,8 +8,6 @@ from 100 baselines on. `--markdown` pastes the tables into docs/weather.md and d
 docs/images/weather-bias.png.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The plots of the page on weather: `python tools/weather_plots.py FOLDER`."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

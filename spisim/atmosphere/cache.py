@@ -1,7 +1,5 @@
 """Mie results of the user's own size distributions, kept between runs."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -6,8 +6,6 @@ that, and so is the field of any detector here: diffracted light is not lost. Wh
 disc that a drop shows, Q = 1; its light is absorbed, or scattered into wide angles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Protocol

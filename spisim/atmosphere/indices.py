@@ -1,7 +1,5 @@
 """Refractive indices of water and ice."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Mie results: shipped for the named kinds, computed and kept for all other particles."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache

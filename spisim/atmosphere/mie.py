@@ -6,8 +6,6 @@ products (C. F. Bohren & D. R. Huffman, Absorption and Scattering of Light by Sm
 light.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 

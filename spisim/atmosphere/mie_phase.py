@@ -1,7 +1,5 @@
 """Mie results as phase functions that the transport takes."""
 
-from __future__ import annotations
-
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np

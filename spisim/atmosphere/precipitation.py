@@ -5,8 +5,6 @@ drone's instrument even rain of 100 mm/h takes less than a tenth of the light: w
 single drop that crosses a beam while a frame is recorded.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

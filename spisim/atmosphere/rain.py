@@ -4,8 +4,6 @@ Within the range of a drone rain is a matter of single drops that cross the beam
 their mean extinction and their mean echo, and none of their flicker.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A drop takes twice its cross section out of a beam (C. F. Bohren & D. R. Huffman
 once by meeting the light, once by diffracting it into a cone of 1.22 λ/D, 1.9 mrad for 1 mm.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise

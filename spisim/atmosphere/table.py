@@ -1,7 +1,5 @@
 """Phase functions measured or computed elsewhere, as two columns of numbers."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 IEC 60825-1:2014 for the lasers, whose limits are in `laser_limits`, IEC 62471:2006 for the array.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal

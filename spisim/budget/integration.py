@@ -1,7 +1,5 @@
 """The paper's search for the integration time (its section 2, steps 1 to 5)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal
 

@@ -17,8 +17,6 @@ laser's spot lies outside of its photodiode's field, or nearer than many diamete
 spots and lenses are taken as points.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

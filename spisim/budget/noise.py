@@ -6,8 +6,6 @@ Breaks for single-photon diodes near saturation, whose dead time makes counts mo
 Poisson's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The budget as one picture: the image above, the ranges below."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -4,8 +4,6 @@ Only the scatter of readings is counted: neither the bias of light that came ano
 of wave forms which are not what the method assumes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Files that configuration files refer to: pictures and tables of numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What one exposure has of others: AC coupling, and patterns that settle slowly."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

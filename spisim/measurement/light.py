@@ -1,7 +1,5 @@
 """Mean photo-electrons of every bucket reading: the light budget, before any noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The four spots: path lengths of the lasers' light, and all that falls onto their detectors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

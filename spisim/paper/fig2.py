@@ -1,7 +1,5 @@
 """Figure 2: how far away a target may be before the noise floor swallows it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Figure 3: how far ranging reaches with a standard deviation below 1 cm."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

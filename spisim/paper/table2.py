@@ -1,7 +1,5 @@
 """Table 2: how long an image takes, measured on this machine with `reconstruction`."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Descriptions to scenes: meshes placed, materials found, media made."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections import Counter

@@ -1,7 +1,5 @@
 """Whether a scene is one to fly in: room around the drone, and something to see and to range."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Whether anything flies into the instrument."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from reconstruction.errors import InputError

@@ -1,7 +1,5 @@
 """Poses as 4 x 4 matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Exact geometry questions to a scene: what lies along a ray, what encloses a point."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

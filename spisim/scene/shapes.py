@@ -1,7 +1,5 @@
 """Meshes of objects, from files and from simple shapes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ Every surface is lit and seen from both sides, so an unclosed mesh still renders
 inside: glass has no thickness there, and nobody can tell whether the drone is in it.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How much of daylight, given in lux, falls into a band of the near infrared."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

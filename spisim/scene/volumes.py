@@ -1,7 +1,5 @@
 """Boxes of fog and smoke."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from itertools import combinations

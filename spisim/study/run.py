@@ -1,7 +1,5 @@
 """A study from its plan to its tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Means and their confidence intervals, by resampling what is independent."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """All the light that an instrument receives from a scene."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

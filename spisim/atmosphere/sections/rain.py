@@ -1,7 +1,5 @@
 """Rain in scene files."""
 
-from __future__ import annotations
-
 from spisim.atmosphere import precipitation
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation

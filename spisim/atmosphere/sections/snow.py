@@ -1,7 +1,5 @@
 """Snow in scene files."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

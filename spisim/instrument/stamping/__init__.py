@@ -1,7 +1,5 @@
 """Ways in which detectors stamp the times of single arrivals, at most one in each cycle."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

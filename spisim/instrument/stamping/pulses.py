@@ -1,7 +1,5 @@
 """Echoes to pulses that are not infinitely short."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

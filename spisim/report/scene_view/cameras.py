@@ -1,7 +1,5 @@
 """Rays of the pictures: what the drone sees, and sections through the scene beside it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The picture: the view from the drone, the plan and the side, with fields and spots drawn in."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

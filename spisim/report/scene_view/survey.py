@@ -1,7 +1,5 @@
 """What there is in a scene, and how far away."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

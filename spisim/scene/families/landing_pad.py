@@ -1,7 +1,5 @@
 """A landing pad from above: H, fiducial marker, lights, cable, tools, stones or snow around."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

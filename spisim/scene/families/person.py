@@ -1,7 +1,5 @@
 """A person who raises an arm: a marshaller, someone lost, someone who wants the drone to go."""
 
-from __future__ import annotations
-
 import numpy as np
 from trimesh.geometry import align_vectors
 

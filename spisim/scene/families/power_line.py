@@ -1,7 +1,5 @@
 """An overhead power line: pole or pylon, insulators, sagging conductors, a wooded slope behind."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

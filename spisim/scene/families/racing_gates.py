@@ -1,7 +1,5 @@
 """A racing course for drones: square, round and arched gates, flags, a net behind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A shelf of shiny tins, glass jars, bottles and boxes: light that comes back by other ways."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A collapsed building: tilted slabs, bent reinforcement, dangling cables, and someone in it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A stairwell: two flights about a narrow well, landing, railing of thin bars, clutter."""
 
-from __future__ import annotations
-
 import numpy as np
 from trimesh.creation import torus
 

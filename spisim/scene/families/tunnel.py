@@ -1,7 +1,5 @@
 """A service tunnel: round or horseshoe, with pipes, cable trays, lamps, a valve and niches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

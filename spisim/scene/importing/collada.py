@@ -4,8 +4,6 @@ trimesh's loader is not used: it applies neither `unit` nor `up_axis`, and drops
 materials.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re

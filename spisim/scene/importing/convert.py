@@ -1,7 +1,5 @@
 """From a foreign file to a scene file, and what there is to say about it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A place for the drone in an imported scene: in the open, looking at the bulk of it."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

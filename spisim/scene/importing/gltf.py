@@ -4,8 +4,6 @@ trimesh's own scene graph is not used: it drops what hangs below a camera, and l
 file has nodes in a circle. What trimesh would read as zeros is refused here.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import struct

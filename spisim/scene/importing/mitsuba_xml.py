@@ -3,8 +3,6 @@
 https://mitsuba.readthedocs.io/en/stable/src/key_topics/scene_format.html
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

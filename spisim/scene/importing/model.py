@@ -1,7 +1,5 @@
 """What the readers of foreign formats hand over: parts in a common world, and what was odd."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field

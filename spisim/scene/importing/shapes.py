@@ -1,7 +1,5 @@
 """Simple shapes of foreign files, as the ones of a scene file, or as meshes where they differ."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

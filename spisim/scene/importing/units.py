@@ -1,7 +1,5 @@
 """From a file's unit and axes to metres with z up."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

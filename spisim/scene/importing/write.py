@@ -1,7 +1,5 @@
 """Parts as the objects of a scene file, and their meshes."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterable, Sequence

@@ -5,8 +5,6 @@ standard deviation s meets the share P(χ'² < a²/s²) of it, χ'² being the n
 squares with centre ρ²/s².
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

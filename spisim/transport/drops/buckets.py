@@ -1,7 +1,5 @@
 """What falling drops change about the bucket readings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ part of a lens, and get many. Those of the disc lie on Vogel's spiral and are pa
 lens and aperture of Richtmyer's sequence, the multiples of √2 and √3.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

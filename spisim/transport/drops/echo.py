@@ -1,7 +1,5 @@
 """Light that a drop sends back into a detector, once scattered."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Drops together with everything they stand between: instrument, surfaces, fog."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ other's weakness (`walk`). Light that is scattered once only needs no walk: it i
 projector's rays (`direct`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import partial

@@ -1,7 +1,5 @@
 """How long to go on: a number of paths, or an error to reach."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 About 1.77 m tall and facing -x; `Side` holds the joints of the right (-1) or left (1) half.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Things without edges: stones, lumps, clipped bushes; lengths in metres."""
 
-from __future__ import annotations
-
 import numpy as np
 from trimesh.creation import icosahedron, icosphere
 from trimesh.transformations import random_rotation_matrix

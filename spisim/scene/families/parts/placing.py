@@ -3,8 +3,6 @@
 Angles are those of a drone that looks along x: to the left and up are positive.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

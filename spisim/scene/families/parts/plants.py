@@ -3,8 +3,6 @@
 Wood is a list of `Limb`s, from which `wood` makes round tubes; leaves are small sheets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Ropes, cables and nets: things too thin for the eye of a drone; lengths in metres."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Solids that props are put together from, as triangles; lengths in metres."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
