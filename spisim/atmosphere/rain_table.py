@@ -8,16 +8,13 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.atmosphere.indices import refractive_index
 from spisim.atmosphere.mie import scatter
-
-Floats: TypeAlias = NDArray[np.float64]
 
 PATH = Path(__file__).with_name("rain.npz")
 WAVELENGTHS_NM = (550, 850, 905, 940, 1460, 1550)

@@ -8,15 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import c, elementary_charge, h
 
-from spisim.instrument.sensor import (
-    Floats,
-    Random,
-    Readings,
-    Sensor,
-    Spectral,
-    covers,
-    spectral_value,
-)
+from reconstruction.arrays import Floats
+from spisim.instrument.sensor import Random, Readings, Sensor, Spectral, covers, spectral_value
 from spisim.instrument.stamping.threshold import Threshold
 
 if TYPE_CHECKING:

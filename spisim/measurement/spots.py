@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, SpotLight
 from spisim.transport import LightSequence
 from spisim.transport.drops import FallingDrops, on_spots
-
-Floats = NDArray[np.float64]
 
 
 def spot_light(

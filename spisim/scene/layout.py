@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.scene.bsdf import (
     Conductor,
     Dielectric,
@@ -17,7 +18,7 @@ from spisim.scene.bsdf import (
     ThinPane,
 )
 from spisim.scene.materials import Material
-from spisim.scene.model import Floats, Scene
+from spisim.scene.model import Scene
 from spisim.scene.rays import enclosing_object, first_hits, hits
 
 #: Free space around the drone, its own size and a bit.

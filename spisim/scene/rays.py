@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spisim.scene.model import Floats, Scene
+from reconstruction.arrays import Floats
+from spisim.scene.model import Scene
 
 
 def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:

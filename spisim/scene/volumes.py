@@ -6,7 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from spisim.scene.model import Floats, Volume
+from reconstruction.arrays import Floats
+from spisim.scene.model import Volume
 from spisim.scene.warning import SceneWarning
 
 #: Boxes that overlap by less, relative to their size, only touch.

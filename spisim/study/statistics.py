@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-Floats = NDArray[np.float64]
+from reconstruction.arrays import Floats
 
 RESAMPLES = 20_000
 LEVEL = 0.95

@@ -2,12 +2,8 @@
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from reconstruction.arrays import Floats
 from spisim.instrument.tof import Reading
-
-Floats = NDArray[np.float64]
 
 
 class Stamping(Protocol):

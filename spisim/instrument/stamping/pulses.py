@@ -3,11 +3,10 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import c
 from scipy.ndimage import gaussian_filter1d
 
-Floats = NDArray[np.float64]
+from reconstruction.arrays import Floats
 
 
 def smoothed(path_m: Floats, rate: Floats, sigma_s: float) -> tuple[Floats, Floats]:

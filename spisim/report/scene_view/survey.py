@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, needs
 from spisim.scene import Scene
 from spisim.scene.layout import clearance_m, layout_problem
 from spisim.transport import RayCaster
 
-from .cameras import Floats, perspective_rays
+from .cameras import perspective_rays
 
 #: Rays across the projector's field, each way.
 RAYS = 128

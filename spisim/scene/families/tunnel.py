@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 from trimesh.creation import icosphere, torus
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts.draft import Draft, Family, Placed
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.props import add_worker, drum, tyre
 from spisim.scene.families.parts.shapes import (
-    Floats,
     Mesh,
     block,
     grid_mesh,

@@ -9,8 +9,8 @@ import trimesh
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.importing.model import Floats
 from spisim.scene.pose import look_at
 from spisim.scene.rays import first_hits, winding_number
 

@@ -16,12 +16,12 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from trimesh.exchange.gltf import load_glb, load_gltf
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import MAX_FILE_BYTES, Folders, read_bytes
 from spisim.scene.importing.model import (
     MAX_TRIANGLES,
     Content,
-    Floats,
     Part,
     Surface,
     readable,

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chndtr
 
+from reconstruction.arrays import Floats
 from spisim.transport.drops.echo import echo
 from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
-
-Floats = NDArray[np.float64]
 
 #: Standard deviations of a beam beyond which nothing of it is left.
 REACH = 6.0

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.transport.views import DetectorView, ProjectorView
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 #: Points per side of a pixel that a drop covers, and per pixel over which a lens smears its shadow.

@@ -3,13 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.atmosphere.drop_optics import Scatterer
 from spisim.transport.drops.discs import length
 from spisim.transport.views import DetectorView
-
-Floats = NDArray[np.float64]
 
 
 class Echo(NamedTuple):

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from trimesh.creation import icosphere
 
-from spisim.scene.families.parts.shapes import Floats, Mesh, Point, lathe, limb, moved, union
+from reconstruction.arrays import Floats
+from spisim.scene.families.parts.shapes import Mesh, Point, lathe, limb, moved, union
 
 UPPER_ARM_M, FOREARM_M, HAND_M = 0.28, 0.24, 0.09
 THIGH_M, SHIN_M = 0.38, 0.4

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spisim.scene.families.parts.shapes import Floats, Mesh, grid_mesh
+from reconstruction.arrays import Floats
+from spisim.scene.families.parts.shapes import Mesh, grid_mesh
 
 Range = tuple[float, float]
 #: How much deeper than the slope demands a foot goes: the ground's triangles cut its curves.

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spisim.scene.families.parts.shapes import Floats, Mesh, tube, union
+from reconstruction.arrays import Floats
+from spisim.scene.families.parts.shapes import Mesh, tube, union
 
 #: Thinnest twig.
 TWIG_RADIUS_M = 0.0015

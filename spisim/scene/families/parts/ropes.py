@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from spisim.scene.families.parts.shapes import Floats, Mesh, Point, tube, union
+from reconstruction.arrays import Floats
+from spisim.scene.families.parts.shapes import Mesh, Point, tube, union
 
 
 def hanging(start: Point, end: Point, sag: float, points: int = 13) -> Floats:

@@ -8,7 +8,8 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 from trimesh.creation import box, capsule, cylinder, revolve
 
-Floats: TypeAlias = NDArray[np.float64]
+from reconstruction.arrays import Floats
+
 Point: TypeAlias = Sequence[float] | Floats
 Mesh: TypeAlias = trimesh.Trimesh
 
