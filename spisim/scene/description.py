@@ -13,16 +13,7 @@ from spisim.atmosphere.sections import WEATHER
 from spisim.atmosphere.sections.fog import Fog
 from spisim.atmosphere.structure import Structure
 from spisim.atmosphere.weather import Weather
-from spisim.config import (
-    Fraction,
-    Name,
-    Named,
-    NonNegative,
-    Number,
-    Positive,
-    Section,
-    Vector,
-)
+from spisim.config import Fraction, Name, Named, NonNegative, Number, Positive, Section, Vector
 
 
 class DroneDescription(Section):
