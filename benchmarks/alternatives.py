@@ -10,6 +10,7 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
+from reconstruction.arrays import Floats
 from spisim.transport.backend import activate  # before Mitsuba: it chooses LLVM
 
 # isort: split
@@ -22,7 +23,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.tally import Contribution, ImageTally, PhasorTally
 from spisim.transport.engine.walk import lanes
 from spisim.transport.reference import MAX_DEPTH, Renderer
-from spisim.transport.views import BeamView, DetectorView, Floats, ProjectorView
+from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
 #: Pixels across the table of the detector's angular response.
 RESPONSE_PIXELS = 256

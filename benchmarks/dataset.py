@@ -7,8 +7,6 @@ patterns and four spots, fog of 50 m visibility, 1 % transport error of the read
 `--markdown` pastes the tables into docs/datasets.md.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time
@@ -16,13 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from options import benchmark_options
+from options import benchmark_options, finish
 
 from spisim.dataset.plan import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
-from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "datasets.md"
 PLAN = """
@@ -96,11 +94,7 @@ def main() -> int:
         Check("efficiency of two workers", efficiency(alone, together), 0.85, at_least=True),
         Check("growth of a worker's memory, %", growth_percent(alone, amounts.settled), 5),
     ]
-    tables = [table, checks_table(checks)]
-    report(around, tables, checks, as_json=options.json)
-    if options.markdown:
-        paste(DOCS, "benchmark", around, tables)
-    return 0 if all(check.holds for check in checks) else 1
+    return finish(options, DOCS, "benchmark", around, [table], checks)
 
 
 def measure(planned: PlannedSet, samples: int, workers: int) -> Pace:

@@ -1,7 +1,5 @@
 """Error² × time of Monte Carlo methods that estimate the same readings."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from reconstruction.arrays import Floats
+
 #: Mean or median.
 Average = Callable[[Floats], Any]
 

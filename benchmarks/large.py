@@ -1,7 +1,5 @@
 """Scenes of a million triangles, and what one costs in a process of its own."""
 
-from __future__ import annotations
-
 import multiprocessing
 import resource
 import sys

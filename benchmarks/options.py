@@ -1,9 +1,11 @@
 """Command line of the benchmarks."""
 
-from __future__ import annotations
-
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+from spisim.paper.checks import Check, Table, checks_table, paste, report
 
 
 def benchmark_options(doc: str | None, quick: str, page: Path) -> argparse.Namespace:
@@ -17,3 +19,19 @@ def benchmark_options(doc: str | None, quick: str, page: Path) -> argparse.Names
     parser.add_argument("--json", action="store_true", help="end with one JSON object")
     parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{page.name}")
     return parser.parse_args()
+
+
+def finish(
+    options: argparse.Namespace,
+    page: Path,
+    mark: str,
+    around: dict[str, Any],
+    tables: Sequence[Table],
+    checks: Sequence[Check],
+) -> int:
+    """Print, paste at a mark of the page if asked; 0 where every promise is kept, else 1."""
+    tables = [*tables, checks_table(checks)]
+    report(around, tables, checks, as_json=options.json)
+    if options.markdown:
+        paste(page, mark, around, tables)
+    return 0 if all(check.holds for check in checks) else 1

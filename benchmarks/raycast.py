@@ -4,8 +4,6 @@ trimesh finds the triangle with Embree (package embreex) or with an R-tree (rtre
 point on it in double precision.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,11 +11,10 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport import ground_truth
-
-Floats = NDArray[np.float64]
 
 #: Every so many-th row and column of pixels: an R-tree takes milliseconds for a ray.
 STRIDE = 1 if trimesh.ray.has_embree else 8

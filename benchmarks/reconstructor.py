@@ -8,8 +8,6 @@ lengths take turns, so that a busy machine slows all alike. `--markdown` pastes 
 docs/reconstruction.md.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import tracemalloc
@@ -20,13 +18,13 @@ from pathlib import Path
 from time import thread_time
 
 import numpy as np
-from options import benchmark_options
+from options import benchmark_options, finish
 
 import spisim
 from reconstruction import Reconstructor, open_capture, reconstruct, write_capture
 from reconstruction.capture import Capture, CaptureFile, Truth
 from reconstruction.capture.readings.cw import CwSpots
-from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
 FRAMES = (1, 1_000, 10_000)
@@ -48,11 +46,7 @@ def main() -> int:
         ]
         tables, checks = flat(files, calls)
         tables.append(ways(files[1], calls))
-    tables.append(checks_table(checks))
-    report(around, tables, checks, as_json=options.json)
-    if options.markdown:
-        paste(DOCS, "benchmark", around, tables)
-    return 0 if all(check.holds for check in checks) else 1
+    return finish(options, DOCS, "benchmark", around, tables, checks)
 
 
 def recording(one: Capture, frames: int, folder: Path) -> Path:

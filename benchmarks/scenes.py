@@ -6,8 +6,6 @@
 docs/scenes.md.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -15,11 +13,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from large import in_a_process, write_scenes
-from options import benchmark_options
+from options import benchmark_options, finish
 from raycast import compare
 
 import spisim
-from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import list_scenes
 
 DOCS = Path(__file__).parents[1] / "docs" / "scenes.md"
@@ -37,11 +35,7 @@ def main() -> int:
     sections = (large(), truths(names[:: max(1, len(names) // 3)] if options.quick else names))
     tables = [table for table, _ in sections]
     checks = [check for _, promises in sections for check in promises]
-    tables.append(checks_table(checks))
-    report(around, tables, checks, as_json=options.json)
-    if options.markdown:
-        paste(DOCS, "benchmark", around, tables)
-    return 0 if all(check.holds for check in checks) else 1
+    return finish(options, DOCS, "benchmark", around, tables, checks)
 
 
 def large() -> Section:

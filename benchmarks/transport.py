@@ -6,8 +6,6 @@ The scene is a closed room with a box and a ball; the instrument is the paper's,
 that sees 12° around its axis. `--markdown` pastes the tables into docs/transport.md.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import resource
 import sys
@@ -21,14 +19,15 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from alternatives import DualVolpath, TransientSpots
-from efficiency import Floats, Method, Series, measure, ratio, z_score
-from options import benchmark_options
+from efficiency import Method, Series, measure, ratio, z_score
+from options import benchmark_options, finish
 from scipy.constants import c
 
 import spisim
+from reconstruction.arrays import Floats
 from reconstruction.operators import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR, Atmosphere, fog
-from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport import solve
 from spisim.transport.engine.estimator import spot_histogram, transport_image
@@ -95,11 +94,7 @@ def main() -> int:
         tables.append(table)
         checks.extend(promises)
         print(f"{section.__name__}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
-    tables = [*tables[1:], tables[0], checks_table(checks)]
-    report(around, tables, checks, as_json=options.json)
-    if options.markdown:
-        paste(DOCS, "benchmark", around, tables)
-    return 0 if all(check.holds for check in checks) else 1
+    return finish(options, DOCS, "benchmark", around, [*tables[1:], tables[0]], checks)
 
 
 def patterns(amounts: Amounts) -> Section:

@@ -8,8 +8,6 @@ power. What is promised is checked before a wall in sunlight, where closed forms
 pastes the tables into docs/weather.md.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,10 +15,10 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
-from options import benchmark_options
+from options import benchmark_options, finish
 
 from reconstruction import evaluate, reconstruct
+from reconstruction.arrays import Floats
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import CLEAR, fog
 from spisim.budget import Target, class_1_power_w, range_sigma_m
@@ -28,7 +26,7 @@ from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.instrument import Instrument, load_instrument
 from spisim.measurement import record, spot_light
 from spisim.measurement.light import background_electrons
-from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, in_band_irradiance, load_scene
 from spisim.transport import LightSequence, Outputs, Transport, ground_truth, solve, trace
 
@@ -44,8 +42,6 @@ WEATHERS: dict[str, dict[str, Any]] = {
 WALL_M, REFLECTANCE, SUN_KLX = 2.0, 0.5, 100.0
 HAZE_M = 50.0  # visibility before the wall, for a fall of the light that is easily told
 REFERENCE_NM = 1550
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -85,11 +81,7 @@ def main() -> int:
         for weather, changes in weathers.items()
     ]
     checks = [*media_checks(), *light_checks(instruments), sigma_check(instruments, frames)]
-    tables.append(checks_table(checks))
-    report(around, tables, checks, as_json=options.json)
-    if options.markdown:
-        paste(DOCS / "weather.md", "wavelengths", around, tables)
-    return 0 if all(check.holds for check in checks) else 1
+    return finish(options, DOCS / "weather.md", "wavelengths", around, tables, checks)
 
 
 def at_class_1(instrument: Instrument) -> Instrument:

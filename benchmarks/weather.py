@@ -8,8 +8,6 @@ from 100 baselines on. `--markdown` pastes the tables into docs/weather.md and d
 docs/images/weather-bias.png.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,11 +17,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from options import benchmark_options
+from options import benchmark_options, finish
 from scipy.constants import c
 
 from spisim.atmosphere import Atmosphere, Tabulated, fog
-from spisim.paper.checks import Check, Table, checks_table, paste, report, surroundings
+from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.engine.estimator import spot_histogram
 from spisim.transport.engine.sampling import Paths
@@ -51,8 +49,6 @@ BINS = PathLengthBins(4001, 0.02)
 REPETITIONS = 10
 MULTIPLES = {"single scattering": 1, "all orders": MAX_VERTICES}
 
-Floats = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Spot:
@@ -73,12 +69,10 @@ def main() -> int:
         for visibility_m in visibilities_m
         for range_m in RANGES_M
     }
-    tables = [bias_table(spots), checks_table(checks := promises(spots))]
-    report(around, tables, checks, as_json=options.json)
     if options.markdown:
-        paste(DOCS / "weather.md", "benchmark", around, tables)
         draw(spots, DOCS / "images" / "weather-bias.png")
-    return 0 if all(check.holds for check in checks) else 1
+    page, tables = DOCS / "weather.md", [bias_table(spots)]
+    return finish(options, page, "benchmark", around, tables, promises(spots))
 
 
 Measured = dict[tuple[str, str], tuple[Spot, ...]]  # (phase function, orders): per overlap

@@ -23,6 +23,7 @@ from sklearn.model_selection import GridSearchCV
 
 import spisim.dataset
 from reconstruction import reconstruct
+from reconstruction.arrays import Floats
 from reconstruction.evaluation import depth_metrics
 from spisim.dataset import DataSet
 
@@ -31,7 +32,6 @@ COMPONENTS = 40
 RANGES_WEIGHT = 0.3  # of each against the components, which have a variance of 1 in all
 FALLBACK_M = 5.0  # where no spot has a range
 
-Floats = NDArray[np.float64]
 Errors = dict[str, float | None]
 
 

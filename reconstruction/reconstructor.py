@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Floats
 from .capture import Frames, Recording, Setup
 from .depth import DEPTH_METHODS, Context, View, depth_method, lacks, range_over_depth
 from .errors import InputError
@@ -79,8 +80,8 @@ class Reconstructor:
     def _frame(
         self,
         frame: Frames,
-        signal: NDArray[np.float64],
-        variance: NDArray[np.float64],
+        signal: Floats,
+        variance: Floats,
         usable: NDArray[np.bool_],
     ) -> Result:
         timings: dict[str, float] = {}
@@ -121,9 +122,7 @@ class Reconstructor:
             patterns=readings.decoder.index.size,
         )
 
-    def _image(
-        self, name: str, readings: UsableReadings, coefficients: Coefficients
-    ) -> NDArray[np.float64]:
+    def _image(self, name: str, readings: UsableReadings, coefficients: Coefficients) -> Floats:
         image = _checked(f"image method {name!r}", readings.solver(name)(coefficients), self._shape)
         if not np.isfinite(image).all():
             raise InputError(f"image method {name!r} gave values that are not finite")
@@ -203,7 +202,7 @@ def _fitting(names: Iterable[str], compiled: Callable[[str], Any]) -> list[str]:
     return found
 
 
-def _checked(who: str, values: Any, shape: tuple[int, int]) -> NDArray[np.float64]:
+def _checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
     """What another's code returned; InputError unless it is an array of real numbers so shaped."""
     array = np.asarray(values)
     if array.shape != shape or array.dtype.kind not in "iuf":
@@ -221,7 +220,7 @@ def _checked_ranges(name: str, ranges: Any) -> Ranges:
     return ranges
 
 
-def _single(arrays: Mapping[str, NDArray[np.float64]]) -> dict[str, Image]:
+def _single(arrays: Mapping[str, Floats]) -> dict[str, Image]:
     return {name: array.astype(np.float32) for name, array in arrays.items()}
 
 

@@ -1,7 +1,5 @@
 """The whole chain: scene and instrument become light, counts and a capture."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Make the shipped Mie results again: `python tools/scattering_tables.py`, in some minutes."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

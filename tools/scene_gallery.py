@@ -6,8 +6,6 @@ Draws a thumbnail of every shipped scene, and of some draws of every family, int
 (by default of this checkout) and writes the tables between the marks of DOCS/scenes.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import sys

@@ -1,7 +1,5 @@
 """The plots of the page on weather: `python tools/weather_plots.py FOLDER`."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path
@@ -11,14 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.optimize import brentq
 
-from spisim.atmosphere import (
-    KINDS,
-    all_extinctions,
-    extinction_at_550nm,
-    fog,
-    rain,
-    snow,
-)
+from spisim.atmosphere import KINDS, all_extinctions, extinction_at_550nm, fog, rain, snow
 from spisim.atmosphere.lookup import look_up
 from spisim.atmosphere.mie import particle_optics
 from spisim.atmosphere.typical import typical_weather

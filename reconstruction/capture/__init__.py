@@ -3,17 +3,7 @@
 from .buckets import Buckets, Unit
 from .charge import Charge, check_taps
 from .file import CaptureFile, open_capture, read_capture, write_capture
-from .model import (
-    PARTS,
-    Capture,
-    Frames,
-    FrameTruth,
-    Optics,
-    Provenance,
-    Recording,
-    Setup,
-    Truth,
-)
+from .model import PARTS, Capture, Frames, FrameTruth, Optics, Provenance, Recording, Setup, Truth
 from .pattern_taps import PatternTaps
 from .readings import READINGS
 from .selection import first_patterns

@@ -6,12 +6,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from .schema import Stored
 
 Unit = Literal["electron", "count"]
 Readings = Annotated[NDArray[Any], Stored("count", ("frames", "exposures"), "int32 or float64")]
-Reals = NDArray[np.float64]
-
 MAX_LOAD = 1 - 1e-6
 """Share of the exposure for which a counting detector may be blind: beyond, it tells nothing."""
 
@@ -46,7 +45,7 @@ class Buckets:
         return "electron" if np.isfinite(self.electrons_per_count) else "count"
 
     @property
-    def signal(self) -> Reals:
+    def signal(self) -> Floats:
         """Light of each exposure (frames, M): electrons, or counts where their scale is unknown.
 
         What a counting detector missed while it was blind is put back: of N arrivals in the time T
@@ -56,7 +55,7 @@ class Buckets:
         return np.asarray(self._detected / (1 - np.minimum(self._load, MAX_LOAD)))
 
     @property
-    def variance(self) -> Reals:
+    def variance(self) -> Floats:
         """Variance of ``signal`` (frames, M) from light and electronics; nan where unknown.
 
         Renewal theory: var(m) = N / (1 + N tau / T)^3 (as for ``signal``), carried to N by
@@ -76,12 +75,12 @@ class Buckets:
         return np.asarray(~self.saturated & (self._load < MAX_LOAD))
 
     @property
-    def _detected(self) -> Reals:
+    def _detected(self) -> Floats:
         scale = self.electrons_per_count if self.unit == "electron" else 1.0
         return np.asarray((self.counts - self.offset_counts) * scale)
 
     @property
-    def _load(self) -> Reals:
+    def _load(self) -> Floats:
         """Share of the exposure for which the detector was blind (frames, M)."""
         if self.dead_time_s == 0:
             return np.zeros(self.counts.shape)

@@ -6,10 +6,9 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import InputError
 from .schema import Stored
-
-Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,27 +24,27 @@ class Charge:
 
     electrons_per_count: Annotated[float, Stored("electron/count", sign="positive")]
     offset_counts: Annotated[float, Stored("count")]
-    noise_electrons: Annotated[float | Reals, Stored("electron", sign="not negative", nan=True)]
+    noise_electrons: Annotated[float | Floats, Stored("electron", sign="not negative", nan=True)]
     excess_noise_factor: Annotated[float, Stored("1", sign="positive")]
 
-    def electrons(self, counts: NDArray[Any]) -> Reals:
+    def electrons(self, counts: NDArray[Any]) -> Floats:
         """Primary photo-electrons that counts stand for."""
         return np.asarray((counts - self.offset_counts) * self.electrons_per_count)
 
-    def variance(self, electrons: Reals) -> Reals:
+    def variance(self, electrons: Floats) -> Floats:
         """Variance of readings of so many electrons, without the electronics' where unknown."""
         electronics = np.nan_to_num(self.noise_electrons) ** 2
         # A dead tap is no perfect tap.
         return np.asarray(self.excess_noise_factor * np.maximum(electrons, 1) + electronics)
 
 
-def taps_summary(frequencies_hz: Reals) -> str:
+def taps_summary(frequencies_hz: Floats) -> str:
     """Taps of these frequencies in a few words."""
     different = ", ".join(f"{frequency_hz / 1e6:g}" for frequency_hz in np.unique(frequencies_hz))
     return f"continuous wave, {frequencies_hz.size} taps, {different} MHz"
 
 
-def check_taps(group: str, frequencies_hz: Reals, phases_rad: Reals) -> None:
+def check_taps(group: str, frequencies_hz: Floats, phases_rad: Floats) -> None:
     """Raise InputError unless each frequency has taps of three phases or more."""
     for frequency_hz in np.unique(frequencies_hz):
         phases = phases_rad[frequencies_hz == frequency_hz]

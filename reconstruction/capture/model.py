@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import InputError
 from ..operators import PatternPlan
 from .buckets import Buckets
@@ -22,8 +23,6 @@ from .schema import FRAMES, Stored, between, check_shape, stored_fields
 from .spots import Spots
 
 Image = NDArray[np.float32]
-Reals = NDArray[np.float64]
-
 
 SOURCES = ("simulation", "hardware")
 
@@ -50,7 +49,7 @@ class FrameTruth:
     range_m: Image
     depth_m: Image
     reflectance: Image
-    spot_range_m: Reals
+    spot_range_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +69,7 @@ class Truth:
     range_m: Annotated[Image, Stored("m", ("truths", "height", "width"), "float32", nan=True)]
     depth_m: Annotated[Image, Stored("m", ("truths", "height", "width"), "float32", nan=True)]
     reflectance: Annotated[Image, Stored("1", ("truths", "height", "width"), "float32", nan=True)]
-    spot_range_m: Annotated[Reals, Stored("m", ("truths", 4), nan=True)]
+    spot_range_m: Annotated[Floats, Stored("m", ("truths", 4), nan=True)]
 
     @classmethod
     def of(cls, frames: Sequence[FrameTruth], *, still: bool = False) -> Self:

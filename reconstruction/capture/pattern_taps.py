@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats, Mask
 from .charge import Charge, check_taps, taps_summary
 from .schema import Stored
-
-Reals = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +21,10 @@ class PatternTaps(Charge):
         NDArray[Any], Stored("count", ("frames", "exposures", "pattern taps"), "int32 or float64")
     ]
     saturated: Annotated[Mask, Stored("1", ("frames", "exposures", "pattern taps"), "bool")]
-    tap_frequencies_hz: Annotated[Reals, Stored("Hz", ("pattern taps",), sign="positive")]
-    tap_phases_rad: Annotated[Reals, Stored("rad", ("pattern taps",))]
-    phase_offsets_rad: Annotated[Reals, Stored("rad", ("pattern taps",))]
-    detector_position_m: Annotated[Reals, Stored("m", (3,))]
+    tap_frequencies_hz: Annotated[Floats, Stored("Hz", ("pattern taps",), sign="positive")]
+    tap_phases_rad: Annotated[Floats, Stored("rad", ("pattern taps",))]
+    phase_offsets_rad: Annotated[Floats, Stored("rad", ("pattern taps",))]
+    detector_position_m: Annotated[Floats, Stored("m", (3,))]
 
     @property
     def summary(self) -> str:

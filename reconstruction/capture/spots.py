@@ -10,10 +10,9 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import InputError
 from .schema import Stored
-
-Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +21,8 @@ class Spots:
 
     method: ClassVar[str]
 
-    directions: Annotated[Reals, Stored("1", (4, 3))]
-    detector_positions_m: Annotated[Reals, Stored("m", (4, 3))]
+    directions: Annotated[Floats, Stored("1", (4, 3))]
+    detector_positions_m: Annotated[Floats, Stored("m", (4, 3))]
 
     @property
     def readings(self) -> NDArray[Any]:

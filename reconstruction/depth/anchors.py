@@ -1,9 +1,8 @@
 """Where spots are in an image."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from ..arrays import Floats
 
 
 def squared_distances(shape: tuple[int, ...], anchors: Floats) -> Floats:

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..capture import Frames, Setup
 from ..image import Imaging
 from ..ranging import Ranges
@@ -27,7 +27,7 @@ class Context:
 class View:
     """What is known of one frame: ``image`` (H, W), the spots' ranges if any, and the readings."""
 
-    image: NDArray[np.float64]
+    image: Floats
     ranges: Ranges | None
     frame: Frames
 

@@ -1,9 +1,8 @@
 """Point clouds as binary PLY."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from ..arrays import Floats
 
 
 def point_cloud_ply(points_m: Floats, image: Floats) -> bytes:

@@ -1,11 +1,9 @@
 """Where virtual pixels look: the projector's pinhole model."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..capture import Optics
-
-Floats = NDArray[np.float64]
 
 
 def pixel_rays(optics: Optics, shape: tuple[int, int]) -> Floats:

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..operators import Decoder, RowOperator
 from .prior import Prior
 from .shared_errors import without_shared_errors
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..operators import MeasurementOperator
 from .dictionary import Dictionary
-
-Floats = NDArray[np.float64]
 
 
 class Prior:

@@ -6,14 +6,7 @@ from .decoder import Decoder, decoder_for, signed_coefficients
 from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS
-from .plan import (
-    POLARITIES,
-    PatternPlan,
-    expose,
-    illumination,
-    make_plan,
-    mean_illumination,
-)
+from .plan import POLARITIES, PatternPlan, expose, illumination, make_plan, mean_illumination
 
 __all__ = [
     "BASES",

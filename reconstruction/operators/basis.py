@@ -7,9 +7,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..errors import InputError
-
-Floats = NDArray[np.float64]
 
 MAX_PIXELS = 2**24
 """Beyond so many a shape is a mistake, and its arrays fill any memory."""

@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from ..arrays import Floats, Mask
 from ..errors import InputError
 from .operator import MatrixOperator, MeasurementOperator, RowOperator
 from .plan import PatternPlan
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 RANK = 1e-6
 """Directions that patterns excite by less than this share of the strongest are not measured."""

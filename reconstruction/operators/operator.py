@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from ..arrays import Floats
 from .basis import Basis
-
-Floats = NDArray[np.float64]
 
 
 class MeasurementOperator(LinearOperator):

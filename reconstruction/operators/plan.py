@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arrays import Floats
 from ..errors import InputError, nearest
 from .bases import BASES
 from .bases.hadamard import Hadamard
@@ -13,8 +14,6 @@ from .basis import Basis
 from .orders import ORDERS
 
 POLARITIES = ("differential", "single-ended", "signed")
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +157,7 @@ def illumination(plan: PatternPlan, k: int) -> NDArray[np.float32]:
     return (row if polarity == 0 else (1 + polarity * row) / 2).astype(np.float32)
 
 
-def mean_illumination(plan: PatternPlan) -> NDArray[np.float64]:
+def mean_illumination(plan: PatternPlan) -> Floats:
     """Mean of all displayed patterns, (H, W)."""
     weight = np.where(plan.polarity == 0, 1.0, plan.polarity / 2)
     shown, position = np.unique(plan.index, return_inverse=True)

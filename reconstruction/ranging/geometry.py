@@ -1,9 +1,8 @@
 """From the length of a path to the range on a ray."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from ..arrays import Floats
 
 
 def range_from_path(

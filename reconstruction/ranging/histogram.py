@@ -10,11 +10,10 @@ parameters theta is sum_i n_i / (exp(lambda_i) - 1) (d lambda_i / d theta)^2.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
-Floats = NDArray[np.float64]
+from ..arrays import Floats
 
 BLOCKS = 16
 """Parts of a histogram whose median is the first guess of its background."""

@@ -6,11 +6,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats, Mask
 from ..capture import Spots
 from .geometry import range_from_path
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Status = Literal["ok", "saturated", "no signal", "too close", "ambiguous"]
 
 MIN_SIGNAL = 3.0

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import c
 
+from ..arrays import Floats
 from .ranges import MIN_SIGNAL
-
-Floats = NDArray[np.float64]
 
 PHASE_ERROR_RAD = 0.05
 """Systematic error that a phase may have beside its noise: harmonics, echoes of fog."""

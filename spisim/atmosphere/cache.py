@@ -1,7 +1,5 @@
 """Mie results of the user's own size distributions, kept between runs."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os
@@ -12,12 +10,12 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from reconstruction.files import write_atomically
 
-Arrays: TypeAlias = Mapping[str, NDArray[np.float64]]
+Arrays: TypeAlias = Mapping[str, Floats]
 
 
 def cache_folder() -> Path:

@@ -6,8 +6,6 @@ that, and so is the field of any detector here: diffracted light is not lost. Wh
 disc that a drop shows, Q = 1; its light is absorbed, or scattered into wide angles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
@@ -15,11 +13,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.atmosphere.phase import Phase, henyey_greenstein
 from spisim.atmosphere.rain_table import EDGES_MM, rain_table, solid_angle_weights
-
-Floats = NDArray[np.float64]
 
 #: Diffraction of the smallest drops reaches so far.
 FORWARD_DEG = 8.0

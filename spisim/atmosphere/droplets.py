@@ -14,13 +14,11 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincinv, ndtri
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.atmosphere.indices import refractive_index
-
-Floats: TypeAlias = NDArray[np.float64]
 
 #: Shares of the geometric cross section that are left out below and above the radii integrated.
 #: Small particles scatter as r⁶, hence the long tail.

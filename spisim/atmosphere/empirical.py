@@ -6,8 +6,6 @@ H. Sizun & F. de Fornel, Opt. Eng. 43, 319 (2004); M. Ijaz et al., J. Lightwave 
 (2013), measured in a chamber.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from types import MappingProxyType

@@ -8,8 +8,6 @@ With droplets as large as those of fog 1550 nm sees no further than the eye: the
 14 % higher. Only where particles are smaller than the wavelength, in haze and smoke, is there less.
 """
 
-from __future__ import annotations
-
 import math
 
 from reconstruction.errors import InputError, nearest

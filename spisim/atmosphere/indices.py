@@ -1,21 +1,19 @@
 """Refractive indices of water and ice."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 
 COLUMNS = {"water": 1, "ice": 3}  # where n stands; k is next to it
 
 
 @cache
-def _table() -> NDArray[np.float64]:
+def _table() -> Floats:
     text = Path(__file__).with_name("indices.yaml").read_text(encoding="utf-8")
     return np.asarray(yaml.safe_load(text)["rows"], float)
 

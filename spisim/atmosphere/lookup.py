@@ -1,15 +1,13 @@
 """Mie results: shipped for the named kinds, computed and kept for all other particles."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.atmosphere.cache import kept
 from spisim.atmosphere.droplets import KINDS, Particles
 from spisim.atmosphere.indices import check_wavelength
@@ -34,7 +32,7 @@ def look_up(particles: Particles, wavelength_nm: float) -> Optics:
             return shipped()[name, int(wavelength_nm)]
     key = f"{VERSION} {particles!r} {wavelength_nm!r}"
 
-    def make() -> dict[str, NDArray[np.float64]]:
+    def make() -> dict[str, Floats]:
         optics = particle_optics(particles, wavelength_nm)
         return {field.name: np.asarray(getattr(optics, field.name)) for field in fields(optics)}
 
@@ -53,7 +51,7 @@ def shipped() -> dict[tuple[str, int], Optics]:
     }
 
 
-def _optics(arrays: Mapping[str, NDArray[np.float64]], where: tuple[int, ...] = ()) -> Optics:
+def _optics(arrays: Mapping[str, Floats], where: tuple[int, ...] = ()) -> Optics:
     return Optics(
         extinction_m2=float(arrays["extinction_m2"][where]),
         albedo=float(arrays["albedo"][where]),

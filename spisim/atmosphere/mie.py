@@ -6,18 +6,14 @@ products (C. F. Bohren & D. R. Huffman, Absorption and Scattering of Light by Sm
 light.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Complex, Floats
 from spisim.atmosphere.droplets import Particles
-
-Floats: TypeAlias = NDArray[np.float64]
-Complex: TypeAlias = NDArray[np.complex128]
 
 #: Radii that a distribution is integrated over. Twice as many change extinction and asymmetry by
 #: less than 1e-3 and scattering straight back by less than 2 % for every named kind.

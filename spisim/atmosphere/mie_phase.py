@@ -1,14 +1,13 @@
 """Mie results as phase functions that the transport takes."""
 
-from __future__ import annotations
-
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from scipy.optimize import brentq
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
-from spisim.atmosphere.mie import Floats, Optics
+from spisim.atmosphere.mie import Optics
 from spisim.atmosphere.phase import Blend, HenyeyGreenstein, Phase, henyey_greenstein
 from spisim.atmosphere.table import tabulate
 

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-
-Floats = NDArray[np.float64]
 
 #: A table whose asymmetry is further than this from the declared one is too coarse.
 G_TOLERANCE = 0.002

@@ -5,17 +5,16 @@ drone's instrument even rain of 100 mm/h takes less than a tenth of the light: w
 single drop that crosses a beam while a frame is recorded.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import gammainc
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.atmosphere.drop_optics import Scatterer, flakes, water_drops
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
@@ -26,7 +25,6 @@ from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.snow import MELTWATER_KG_PER_M3, flake_albedo, melted_sizes
 from spisim.atmosphere.visibility import visibility
 
-Floats = NDArray[np.float64]
 Vector3 = tuple[float, float, float]
 
 #: Of flakes, assumed and within what is measured.

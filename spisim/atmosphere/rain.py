@@ -4,8 +4,6 @@ Within the range of a drone rain is a matter of single drops that cross the beam
 their mean extinction and their mean echo, and none of their flicker.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,11 +13,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy.special import gammainc
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.phase import Tabulated
-from spisim.atmosphere.rain_table import EDGES_MM, Floats, RainTable, rain_table
+from spisim.atmosphere.rain_table import EDGES_MM, RainTable, rain_table
 from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.table import NODES, tabulate
 from spisim.atmosphere.visibility import VISUAL_NM, visibility

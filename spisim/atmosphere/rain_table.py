@@ -4,22 +4,17 @@ A drop takes twice its cross section out of a beam (C. F. Bohren & D. R. Huffman
 once by meeting the light, once by diffracting it into a cone of 1.22 λ/D, 1.9 mrad for 1 mm.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.atmosphere.indices import refractive_index
 from spisim.atmosphere.mie import scatter
-
-Floats: TypeAlias = NDArray[np.float64]
 
 PATH = Path(__file__).with_name("rain.npz")
 WAVELENGTHS_NM = (550, 850, 905, 940, 1460, 1550)

@@ -1,7 +1,5 @@
 """How hard it may rain and snow."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 

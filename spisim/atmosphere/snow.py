@@ -1,7 +1,5 @@
 """Snow as a medium, from measured attenuation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -1,14 +1,13 @@
 """Phase functions measured or computed elsewhere, as two columns of numbers."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.atmosphere.phase import G_TOLERANCE, Floats, Tabulated
+from spisim.atmosphere.phase import G_TOLERANCE, Tabulated
 
 #: Nodes of the resampled table. The forward lobe of large droplets needs them: with 1001, heavy
 #: advection fog would get g = 0.950 instead of 0.868.

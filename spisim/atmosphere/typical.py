@@ -1,7 +1,5 @@
 """Weather of many kinds at one wavelength, to compare wavelengths by."""
 
-from __future__ import annotations
-
 from spisim.atmosphere.fog import fog
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.rain import rain

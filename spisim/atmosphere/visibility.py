@@ -1,7 +1,5 @@
 """Visibility: a property of the eye's wavelengths, which fixes the extinction at 550 nm."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -4,24 +4,13 @@ For a flat Lambertian target across the optical axis that fills the field. `spis
 `spisim.measurement` answer the same questions for any scene; where both apply, they agree.
 """
 
-from spisim.budget.eye_safety import (
-    LaserSafety,
-    RiskGroup,
-    array_risk_group,
-    class_1_power_w,
-    laser_safety,
-)
+from spisim.budget.eye_safety import array_risk_group, class_1_power_w, laser_safety
 from spisim.budget.findings import background_warnings, budget_warnings, instrument_warnings
-from spisim.budget.link import BucketLink, SpotLink, Target, bucket_link, spot_link
-from spisim.budget.noise import NoiseBudget, bucket_noise, spot_noise
+from spisim.budget.link import Target, bucket_link, spot_link
+from spisim.budget.noise import bucket_noise, spot_noise
 from spisim.budget.ranging import longest_range_m, range_sigma_m
 
 __all__ = [
-    "BucketLink",
-    "LaserSafety",
-    "NoiseBudget",
-    "RiskGroup",
-    "SpotLink",
     "Target",
     "array_risk_group",
     "background_warnings",

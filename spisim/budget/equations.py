@@ -11,12 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.constants import c, elementary_charge
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, Photodiode
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

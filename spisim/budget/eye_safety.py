@@ -3,15 +3,13 @@
 IEC 60825-1:2014 for the lasers, whose limits are in `laser_limits`, IEC 62471:2006 for the array.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.budget.laser_limits import (
     POWER_3B_W,
     RETINA_UP_TO_NM,
@@ -198,7 +196,7 @@ def _beams_together(instrument: Instrument) -> int:
     """The most beams that one limiting aperture may take in."""
     lasers = instrument.lasers
     directions = lasers.directions
-    places: NDArray[np.float64] = MEASURED_AT_M * directions / directions[:, 2:]
+    places: Floats = MEASURED_AT_M * directions / directions[:, 2:]
     apart = np.linalg.norm(places[:, None] - places, axis=-1)
     width = 4e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
     aperture_m = PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M

@@ -1,7 +1,5 @@
 """What a user should know before building an instrument."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from spisim.budget.eye_safety import safety_warnings

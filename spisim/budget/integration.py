@@ -1,17 +1,14 @@
 """The paper's search for the integration time (its section 2, steps 1 to 5)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.budget.equations import Flood, eq2
-
-Floats = NDArray[np.float64]
 
 #: What equals the noise floor where the measurement ends: the signal, which is physical, or all of
 #: Eq. (1), in which daylight counts as signal, as the paper's step 4 has it.

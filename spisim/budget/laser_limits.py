@@ -7,8 +7,6 @@ to 10 s and 1000 W/m² for longer, through an aperture of 1 mm up to 0.35 s, 1.5
 10 s and 3.5 mm for longer.
 """
 
-from __future__ import annotations
-
 from reconstruction.errors import InputError
 
 #: The wavelengths that the limits here are for.

@@ -17,17 +17,13 @@ laser's spot lies outside of its photodiode's field, or nearer than many diamete
 spots and lenses are taken as points.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.operators import mean_illumination
 from spisim.instrument import Detector, Instrument
-
-Floats = NDArray[np.float64]
 
 #: Directions at which the field of a ranging detector is probed for the projector's light. Pixels
 #: have edges, and with a lens taken as a point, so many find it to 0.2 %.

@@ -6,19 +6,15 @@ Breaks for single-photon diodes near saturation, whose dead time makes counts mo
 Poisson's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.budget.link import BucketLink, SpotLink
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.demodulation import TAPS
-
-Floats = NDArray[np.float64]
 
 #: Sources of noise, in the order of tables and pictures: shot noise first, electronics last.
 SOURCES = ("signal", "daylight", "patterns", "dark current", "amplifier", "ADC")

@@ -1,7 +1,5 @@
 """The budget as one picture: the image above, the ranges below."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,14 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.budget.link import Target, bucket_link, spot_link
 from spisim.budget.noise import SOURCES, NoiseBudget, bucket_noise, spot_noise
 from spisim.budget.ranging import last_below, longest_range_m, range_sigma_m
 from spisim.instrument import Instrument
-
-Floats = NDArray[np.float64]
 
 NEAREST_M, FARTHEST_M = 0.5, 30.0
 REFLECTANCES: Mapping[float, str] = {0.2: "#1f5f8b", 0.5: "#d1762c", 0.8: "#3f8f4f"}

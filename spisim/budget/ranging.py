@@ -4,15 +4,11 @@ Only the scatter of readings is counted: neither the bias of light that came ano
 of wave forms which are not what the method assumes.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.budget.link import Target, spot_link
 from spisim.instrument import Instrument
-
-Floats = NDArray[np.float64]
 
 NEAREST_M, FARTHEST_M, STEPS = 0.05, 100.0, 400
 

@@ -1,7 +1,5 @@
 """What a wavelength means for an instrument beside the weather: sunlight, eyes, water and ice."""
 
-from __future__ import annotations
-
 from reconstruction.errors import InputError, nearest
 from spisim.atmosphere import refractive_index
 from spisim.budget.laser_limits import accessible_energy_j

@@ -22,13 +22,7 @@ def command(
     progress: Bar = None,
 ) -> None:
     """Simulate the paper's instrument in a foggy warehouse, reconstruct, compare with truth."""
-    from reconstruction import (
-        capture_warnings,
-        evaluate,
-        reconstruct,
-        write_capture,
-        write_outputs,
-    )
+    from reconstruction import capture_warnings, evaluate, reconstruct, write_capture, write_outputs
     from reconstruction.files import require_folder
     from spisim.instrument import load_instrument
     from spisim.measurement import simulation_warnings

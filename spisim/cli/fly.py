@@ -7,22 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from . import options as opt
 from .console import messages, print_json, progress_bar, warn
 from .inputs import instrument_with, scene_with
-from .options import (
-    Bar,
-    Clear,
-    Drops,
-    Fog,
-    InstrumentOption,
-    Json,
-    Rain,
-    SceneArgument,
-    Seed,
-    Spp,
-    Visibility,
-    real_option,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,30 +25,30 @@ OUTPUTS = ("flight.gif", "flight.png", "flight.csv")
 
 
 def command(
-    scene: SceneArgument,
+    scene: opt.SceneArgument,
     path: Annotated[
         str, typer.Option("--path", metavar="FILE", help="Poses or way-points: CSV or TUM.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A folder.")],
-    instrument: InstrumentOption = "paper",
+    instrument: opt.InstrumentOption = "paper",
     frame: Annotated[
         str, typer.Option(help="What quaternions of the path turn: body or optical.")
     ] = "body",
     rate: Annotated[
-        float, real_option("Captures a second.", least=0.01, most=1e4, metavar="HZ")
+        float, opt.real_option("Captures a second.", least=0.01, most=1e4, metavar="HZ")
     ] = 2.0,
     speed: Annotated[
-        float, real_option("Fly the path X times as fast.", least=0.01, most=100)
+        float, opt.real_option("Fly the path X times as fast.", least=0.01, most=100)
     ] = 1.0,
-    visibility: Visibility = None,
-    fog: Fog = None,
-    rain: Rain = None,
-    drops: Drops = False,
-    clear: Clear = False,
-    seed: Seed = 0,
-    spp: Spp = 256,
-    json: Json = False,
-    progress: Bar = None,
+    visibility: opt.Visibility = None,
+    fog: opt.Fog = None,
+    rain: opt.Rain = None,
+    drops: opt.Drops = False,
+    clear: opt.Clear = False,
+    seed: opt.Seed = 0,
+    spp: opt.Spp = 256,
+    json: opt.Json = False,
+    progress: opt.Bar = None,
 ) -> None:
     """Fly a path: one capture per instant, with the drone's motion, then image and depth of each.
 

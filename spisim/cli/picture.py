@@ -6,21 +6,9 @@ from typing import Annotated
 
 import typer
 
+from . import options as opt
 from .console import messages, print_json
 from .inputs import instrument_with, scene_with
-from .options import (
-    Clear,
-    Fog,
-    InstrumentOption,
-    Json,
-    Rain,
-    SceneArgument,
-    Seed,
-    Visibility,
-    Wavelength,
-    number_option,
-    real_option,
-)
 from .outputs import beside
 
 EXAMPLE = "spisim picture warehouse -o warehouse.exr --fov 50 --clear"
@@ -34,27 +22,27 @@ class Place(Enum):
 
 
 def command(
-    scene: SceneArgument,
+    scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
-    instrument: InstrumentOption = "paper",
-    wavelength: Wavelength = None,
-    visibility: Visibility = None,
-    fog: Fog = None,
-    rain: Rain = None,
-    clear: Clear = False,
+    instrument: opt.InstrumentOption = "paper",
+    wavelength: opt.Wavelength = None,
+    visibility: opt.Visibility = None,
+    fog: opt.Fog = None,
+    rain: opt.Rain = None,
+    clear: opt.Clear = False,
     place: Annotated[Place, typer.Option("--from", help="Where the camera is.")] = Place.PROJECTOR,
-    width: Annotated[int, number_option(1, 8192, "Pixels across.")] = 512,
-    height: Annotated[int, number_option(1, 8192, "Pixels down.")] = 512,
+    width: Annotated[int, opt.number_option(1, 8192, "Pixels across.")] = 512,
+    height: Annotated[int, opt.number_option(1, 8192, "Pixels down.")] = 512,
     fov: Annotated[
         float | None,
-        real_option("Full angle across; the projector's.", least=0.1, most=170, metavar="DEG"),
+        opt.real_option("Full angle across; the projector's.", least=0.1, most=170, metavar="DEG"),
     ] = None,
     pattern: Annotated[
-        int | None, number_option(0, 2**31, "Exposure whose pattern is lit; all on without.")
+        int | None, opt.number_option(0, 2**31, "Exposure whose pattern is lit; all on without.")
     ] = None,
-    spp: Annotated[int, number_option(1, 2**20, "Light paths per pixel.")] = 64,
-    seed: Seed = 0,
-    json: Json = False,
+    spp: Annotated[int, opt.number_option(1, 2**20, "Light paths per pixel.")] = 64,
+    seed: opt.Seed = 0,
+    json: opt.Json = False,
 ) -> None:
     """Render radiance, W m⁻² sr⁻¹ in the filter's band: projector, sun and sky, through the fog.
 

@@ -6,52 +6,37 @@ from typing import Annotated
 
 import typer
 
+from . import options as opt
 from .console import messages, print_json, progress_bar, timed, warn
 from .inputs import instrument_with, scene_with
-from .options import (
-    Bar,
-    Clear,
-    Drops,
-    Fog,
-    InstrumentOption,
-    Json,
-    Rain,
-    SceneArgument,
-    Seed,
-    Spp,
-    TransportError,
-    Visibility,
-    Wavelength,
-    number_option,
-)
 from .outputs import beside
 
 EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
 
 
 def command(
-    scene: SceneArgument,
+    scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAPTURE", help="HDF5 file.")],
-    instrument: InstrumentOption = "paper",
-    wavelength: Wavelength = None,
-    visibility: Visibility = None,
-    fog: Fog = None,
-    rain: Rain = None,
-    drops: Drops = False,
-    clear: Clear = False,
-    patterns: Annotated[int | None, number_option(1, 2**31, "Patterns per frame.")] = None,
+    instrument: opt.InstrumentOption = "paper",
+    wavelength: opt.Wavelength = None,
+    visibility: opt.Visibility = None,
+    fog: opt.Fog = None,
+    rain: opt.Rain = None,
+    drops: opt.Drops = False,
+    clear: opt.Clear = False,
+    patterns: Annotated[int | None, opt.number_option(1, 2**31, "Patterns per frame.")] = None,
     order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None,
     polarity: Annotated[str | None, typer.Option(help="differential or single-ended.")] = None,
-    seed: Seed = 0,
-    spp: Spp = 256,
-    transport_error: TransportError = None,
-    frames: Annotated[int, number_option(1, 10_000, "Frames, one after the other.")] = 1,
+    seed: opt.Seed = 0,
+    spp: opt.Spp = 256,
+    transport_error: opt.TransportError = None,
+    frames: Annotated[int, opt.number_option(1, 10_000, "Frames, one after the other.")] = 1,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False,
     report: Annotated[
         bool, typer.Option("--report", help="Reconstruct too, into a page beside the capture.")
     ] = False,
-    json: Json = False,
-    progress: Bar = None,
+    json: opt.Json = False,
+    progress: opt.Bar = None,
 ) -> None:
     """Simulate a capture of a scene, with the truth that evaluation needs.
 

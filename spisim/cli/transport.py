@@ -5,43 +5,31 @@ from typing import Annotated
 
 import typer
 
+from . import options as opt
 from .console import messages, print_json, progress_bar
 from .inputs import instrument_with, scene_with
-from .options import (
-    Bar,
-    Clear,
-    Fog,
-    InstrumentOption,
-    Json,
-    Rain,
-    SceneArgument,
-    Seed,
-    Spp,
-    TransportError,
-    Visibility,
-    Wavelength,
-    real_option,
-)
 from .outputs import beside
 
 EXAMPLE = "spisim transport warehouse -o warehouse.exr --transport-error 0.002 --frequency 15e6"
 
 
 def command(
-    scene: SceneArgument,
+    scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
-    instrument: InstrumentOption = "paper",
-    wavelength: Wavelength = None,
-    visibility: Visibility = None,
-    fog: Fog = None,
-    rain: Rain = None,
-    clear: Clear = False,
-    seed: Seed = 0,
-    spp: Spp = 256,
-    transport_error: TransportError = None,
+    instrument: opt.InstrumentOption = "paper",
+    wavelength: opt.Wavelength = None,
+    visibility: opt.Visibility = None,
+    fog: opt.Fog = None,
+    rain: opt.Rain = None,
+    clear: opt.Clear = False,
+    seed: opt.Seed = 0,
+    spp: opt.Spp = 256,
+    transport_error: opt.TransportError = None,
     frequency: Annotated[
         list[float] | None,
-        real_option("Add the phasor image at this frequency.", least=0, most=1e12, metavar="HZ"),
+        opt.real_option(
+            "Add the phasor image at this frequency.", least=0, most=1e12, metavar="HZ"
+        ),
     ] = None,
     orders: Annotated[
         bool,
@@ -52,15 +40,15 @@ def command(
     ] = False,
     cube: Annotated[
         float | None,
-        real_option(
+        opt.real_option(
             "Add every pixel's light over path length to the .npz, in bins of M metres.",
             least=0.01,
             most=10,
             metavar="M",
         ),
     ] = None,
-    json: Json = False,
-    progress: Bar = None,
+    json: opt.Json = False,
+    progress: opt.Bar = None,
 ) -> None:
     """Trace the light only: transport image and truth as channels of an OpenEXR file.
 

@@ -16,13 +16,7 @@ from spisim.config.fields import (
     not_a_truth_value,
 )
 from spisim.config.messages import reason
-from spisim.config.reading import (
-    check_fields,
-    find_named,
-    parse_model,
-    read_mapping,
-    read_text,
-)
+from spisim.config.reading import check_fields, find_named, parse_model, read_mapping, read_text
 from spisim.config.registered import named, one_of
 from spisim.config.shipped import shipped
 

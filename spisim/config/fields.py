@@ -1,7 +1,5 @@
 """Fields that configuration files are made of, and the base of their sections."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any
 

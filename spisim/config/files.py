@@ -1,13 +1,12 @@
 """Files that configuration files refer to: pictures and tables of numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 
 
@@ -81,7 +80,7 @@ def read_density(path: Path) -> NDArray[np.float32]:
     return density.astype(np.float32)
 
 
-def read_columns(path: Path) -> NDArray[np.float64]:
+def read_columns(path: Path) -> Floats:
     """Table of numbers (rows, columns), from a CSV file, with or without a header, or an NPY file.
 
     Raises InputError for a file that is missing, damaged or holds something else.

@@ -1,7 +1,5 @@
 """What is wrong with a configuration file, in words that say what to change."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

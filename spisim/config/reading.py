@@ -1,7 +1,5 @@
 """YAML text checked against models."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar

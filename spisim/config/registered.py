@@ -4,8 +4,6 @@ Sections are loaded when the first file is read, so that a package that register
 module of the field.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, Union
 

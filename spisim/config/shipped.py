@@ -1,7 +1,5 @@
 """Files that come with the package: scenes, studies, examples."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from reconstruction.errors import InputError

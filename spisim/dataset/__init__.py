@@ -7,20 +7,8 @@ train, validation, test = near.split()
 
 from spisim.dataset.exports import EXPORTS
 from spisim.dataset.exports.webdataset import write_shards
-from spisim.dataset.fields import FIELDS
-from spisim.dataset.reader import DataSet, StoredSample
+from spisim.dataset.reader import DataSet
 from spisim.dataset.reader import open_data_set as open  # noqa: A004 - as gzip.open
-from spisim.dataset.split import Split
-from spisim.dataset.verify import Finding, verify
+from spisim.dataset.verify import verify
 
-__all__ = [
-    "EXPORTS",
-    "FIELDS",
-    "DataSet",
-    "Finding",
-    "Split",
-    "StoredSample",
-    "open",
-    "verify",
-    "write_shards",
-]
+__all__ = ["EXPORTS", "DataSet", "open", "verify", "write_shards"]

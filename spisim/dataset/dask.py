@@ -1,7 +1,5 @@
 """Samples made by the workers of a Dask cluster, which share the data set's folder."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Arrays that a capture holds, under the names by which data sets hand them out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

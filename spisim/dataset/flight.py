@@ -1,7 +1,5 @@
 """Captures along a flight: one for each instant, kept where they are there already."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Only the process that runs the data set writes it; anyone may read it meanwhile.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import sqlite3

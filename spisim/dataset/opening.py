@@ -1,7 +1,5 @@
 """The folder of a data set made ready for a run: new, or as an earlier run left it."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import json

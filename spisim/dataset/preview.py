@@ -1,7 +1,5 @@
 """What a plan would make: its samples, checked, and what they would cost."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What a manifest holds: its tables, their version, and what a row of them is."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping

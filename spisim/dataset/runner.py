@@ -1,7 +1,5 @@
 """Run a data set: make what is missing, note how it went, wait where there is no space."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

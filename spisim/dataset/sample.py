@@ -1,7 +1,5 @@
 """One sample of a plan: simulated, written, and told how it went."""
 
-from __future__ import annotations
-
 import errno
 import resource
 import sys

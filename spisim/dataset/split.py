@@ -1,7 +1,5 @@
 """Parts of a data set that share no scene."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from typing import Generic, NamedTuple, TypeVar

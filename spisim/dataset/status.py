@@ -1,7 +1,5 @@
 """How far a data set is, while it is made or afterwards."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

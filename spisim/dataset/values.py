@@ -1,7 +1,5 @@
 """Values that a plan leaves open, and what each sample makes of them."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any

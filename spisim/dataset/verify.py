@@ -1,7 +1,5 @@
 """Whether the files of a data set are those that its manifest tells of."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

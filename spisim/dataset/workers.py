@@ -3,8 +3,6 @@
 A process that dies costs its sample only. The others go on, and a fresh one takes its place.
 """
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import multiprocessing

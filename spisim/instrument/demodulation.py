@@ -18,12 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from reconstruction.arrays import Complex, Floats
 from reconstruction.errors import InputError
 from spisim.config import Positive, Section
 from spisim.instrument.sensor import PositiveFraction
-
-Floats = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 #: Harmonics of a square wave that are followed; what is left off is 1/n² of the first.
 HARMONICS = 399

@@ -10,12 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 from scipy.constants import elementary_charge
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.config import NonNegative, Number, Positive, Section, Vector
 from spisim.instrument.sensor import Each, PositiveFraction, Random, Readings
 from spisim.instrument.sensors import AnySensor
-
-Floats = NDArray[np.float64]
 
 #: No lens is faster: the sine of its cone would exceed 1.
 SMALLEST_F_NUMBER = 0.5
@@ -194,7 +193,7 @@ class TofDetector(Detector):
         return len(self.positions_m) == 1
 
     @property
-    def spot_positions_m(self) -> NDArray[np.float64]:
+    def spot_positions_m(self) -> Floats:
         """Position (4, 3) of each spot's photodiode."""
         return np.asarray(np.broadcast_to(self.positions_m, (4, 3)), dtype=np.float64)
 

@@ -1,7 +1,5 @@
 """Instrument files and shipped presets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from spisim.config import find_named, parse_model, read_text

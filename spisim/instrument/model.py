@@ -8,12 +8,13 @@ import numpy as np
 import yaml
 from pydantic import Field, model_validator
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from reconstruction.operators import PatternPlan
 from spisim.config import Number, Positive, Section, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
-from spisim.instrument.parts import Filter, Floats, Lasers, Plan, Projector
+from spisim.instrument.parts import Filter, Lasers, Plan, Projector
 from spisim.instrument.sensor import quantum_efficiency
 from spisim.instrument.tofs import AnyTof
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance

@@ -1,7 +1,5 @@
 """What an instrument needs of a scene."""
 
-from __future__ import annotations
-
 import math
 
 from spisim.instrument.model import Instrument

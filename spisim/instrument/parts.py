@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 from scipy.special import erf
 
+from reconstruction.arrays import Floats
 from reconstruction.capture import read_capture
 from reconstruction.errors import InputError
 from reconstruction.operators import BASES, Basis, PatternPlan, make_plan
@@ -24,7 +24,6 @@ from spisim.config.files import check_is_there, read_npy
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.sensor import FWHM_PER_SIGMA, PositiveFraction
 
-Floats = NDArray[np.float64]
 Angle = Annotated[Number, Field(gt=-90, lt=90)]
 Band = tuple[float, float]
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import c, elementary_charge, h
 
+from reconstruction.arrays import Floats
 from spisim.instrument.sensor import (
     Each,
-    Floats,
     Random,
     Readings,
     Sensor,

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 from scipy.constants import c, h
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.config import Number, Positive, Section
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from spisim.instrument.stamping import Stamping
     from spisim.instrument.tofs.dtof import DirectTof
 
-Floats = NDArray[np.float64]
 Random = np.random.Generator | None
 Each = float | Floats
 PositiveFraction = Annotated[Number, Field(gt=0, le=1)]

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import c
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 
 if TYPE_CHECKING:
     from reconstruction.capture import Spots
     from spisim.instrument.detector import TofDetector
-
-Floats = NDArray[np.float64]
 
 #: Bins of the light's path lengths that resolve a pulse.
 BINS_PER_PULSE = 4

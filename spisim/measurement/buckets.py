@@ -1,7 +1,5 @@
 """The bucket readings: one of each exposure, or one of each tap."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from reconstruction.capture import Buckets, PatternTaps

@@ -1,7 +1,5 @@
 """Put a simulated recording together, in the format that a rig writes too."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any

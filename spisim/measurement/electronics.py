@@ -1,16 +1,12 @@
 """What one exposure has of others: AC coupling, and patterns that settle slowly."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Amplifier
-
-Floats = NDArray[np.float64]
 
 
 def slow_part(electrons: Floats, amplifier: Amplifier, period_s: float) -> Floats:

@@ -1,7 +1,5 @@
 """What about an instrument in a scene its user should know, besides what the capture tells."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from spisim.budget import background_warnings, instrument_warnings

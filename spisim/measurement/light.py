@@ -1,14 +1,13 @@
 """Mean photo-electrons of every bucket reading: the light budget, before any noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.constants import c
 
+from reconstruction.arrays import Floats
 from reconstruction.operators import expose
 from spisim.instrument import Instrument, Modulation
 from spisim.instrument.demodulation import PICTURE_HARMONICS
@@ -17,8 +16,6 @@ from spisim.measurement.electronics import carried_over, slow_part, with_carry_o
 from spisim.transport import LightSequence, Transport
 from spisim.transport.drops import FallingDrops, on_buckets
 from spisim.transport.sequence import Interpolation
-
-Floats = NDArray[np.float64]
 
 #: Phases at which the windows of taps are tabulated for light of any path length.
 PHASES = 721

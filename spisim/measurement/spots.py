@@ -1,18 +1,14 @@
 """The four spots: path lengths of the lasers' light, and all that falls onto their detectors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, SpotLight
 from spisim.transport import LightSequence
 from spisim.transport.drops import FallingDrops, on_spots
-
-Floats = NDArray[np.float64]
 
 
 def spot_light(

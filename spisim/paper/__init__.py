@@ -18,4 +18,6 @@ RESULTS: Mapping[str, Callable[[], Result]] = MappingProxyType(
     {"fig2": figure_2, "table2": table_2, "fig3": figure_3}
 )
 
-__all__ = ["RESULTS", "Result"]
+__all__ = [
+    "RESULTS",
+]

@@ -3,8 +3,6 @@
 Benchmarks and `spisim paper` end in the same way.
 """
 
-from __future__ import annotations
-
 import datetime
 import json
 import os

@@ -1,16 +1,14 @@
 """Figure 2: how far away a target may be before the noise floor swallows it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from reconstruction.arrays import Floats
 from spisim.budget.equations import Flood, eq2
 from spisim.budget.integration import (
     Criterion,
@@ -21,8 +19,6 @@ from spisim.budget.integration import (
 from spisim.instrument import load_instrument
 from spisim.paper.checks import Check, Table
 from spisim.paper.result import COLOURS, REFLECTANCES, Result, percent
-
-Floats = NDArray[np.float64]
 
 #: The distances that the paper's figure is labelled with, by reflectance.
 PAPER_M: Mapping[float, float] = dict(zip(REFLECTANCES, (2.8, 5.0, 8.0), strict=True))

@@ -1,22 +1,18 @@
 """Figure 3: how far ranging reaches with a standard deviation below 1 cm."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.constants import c
 
+from reconstruction.arrays import Floats
 from spisim.budget.equations import Flood, range_sigma_eq3_m
 from spisim.budget.ranging import last_below
 from spisim.instrument import Photodiode, load_instrument
 from spisim.paper.checks import Check, Table
 from spisim.paper.result import COLOURS, REFLECTANCES, Result, percent
-
-Floats = NDArray[np.float64]
 
 LIMIT_M = 0.01
 D_MAX_M = 10.0

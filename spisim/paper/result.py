@@ -1,7 +1,5 @@
 """What each of the paper's results becomes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,21 +1,17 @@
 """Table 2: how long an image takes, measured on this machine with `reconstruction`."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from reconstruction.arrays import Floats
 from reconstruction.image import IMAGE_METHODS, Coefficients
 from reconstruction.operators import decoder_for, expose, make_plan
 from spisim.paper.checks import Table
 from spisim.paper.result import Result, percent
-
-Floats = NDArray[np.float64]
 
 PATTERN_RATE_HZ = 15e3
 REPETITIONS = 30

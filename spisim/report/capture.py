@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result, capture_warnings
+from reconstruction.arrays import Floats
 from reconstruction.capture import Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.evaluation import method_title
@@ -186,10 +187,10 @@ def _facts(capture: Capture) -> dict[str, str]:
     return facts
 
 
-def _path_lengths(spots: Spots, range_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _path_lengths(spots: Spots, range_m: Floats) -> Floats:
     """From the laser's exit to the spot and on to its detector (4,)."""
     points = range_m[:, None] * spots.directions
-    back: NDArray[np.float64] = np.linalg.norm(points - spots.detector_positions_m, axis=1)
+    back: Floats = np.linalg.norm(points - spots.detector_positions_m, axis=1)
     return range_m + back
 
 

@@ -1,7 +1,5 @@
 """A page on which a data set is seen at a glance: images, depth maps, what was drawn, errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction import Capture
+from reconstruction.arrays import Floats
 from reconstruction.files import write_atomically
 
 MIN_PLAIN = 1e-4
@@ -30,7 +31,7 @@ class Scale:
     unit: str
     exponent: float = 1.0
 
-    def position(self, values: ArrayLike) -> NDArray[np.float64]:
+    def position(self, values: ArrayLike) -> Floats:
         """Where values lie on the scale, from 0 to 1; what is not finite at 0."""
         span = (self.high - self.low) or 1.0
         share = np.nan_to_num((np.asarray(values, float) - self.low) / span)

@@ -4,14 +4,12 @@ from typing import Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.constants import c
 
+from reconstruction.arrays import Floats
 from reconstruction.capture.readings.dtof import HistogramSpots
 
 from .style import SPOT_COLOURS
-
-Floats = NDArray[np.float64]
 
 DECADES = 6  # of light shown below the highest value
 

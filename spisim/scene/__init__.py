@@ -1,6 +1,6 @@
 """What is out there: geometry, materials, media, daylight, the drone, and how it all moves."""
 
-from spisim.scene.catalogue import Entry, catalogue
+from spisim.scene.catalogue import catalogue
 from spisim.scene.load import draw_scene, list_scenes, load_scene, make_scene, scenes_folder
 from spisim.scene.materials import Material, find_material, material_table
 from spisim.scene.model import Ambient, Scene, SceneObject, Volume
@@ -15,7 +15,6 @@ from spisim.scene.warning import SceneWarning
 
 __all__ = [
     "Ambient",
-    "Entry",
     "Material",
     "Scene",
     "SceneObject",

@@ -1,7 +1,5 @@
 """Descriptions to scenes: meshes placed, materials found, media made."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections import Counter
@@ -13,8 +11,8 @@ from types import MappingProxyType
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.atmosphere import Atmosphere, combine
 from spisim.atmosphere.precipitation import Precipitation
@@ -148,7 +146,7 @@ def _problems_at(source: Path | str, field: str) -> Iterator[None]:
         raise InputError(f"{source}: {field}: {error}") from None
 
 
-def _drone_pose(described: DroneDescription) -> NDArray[np.float64]:
+def _drone_pose(described: DroneDescription) -> Floats:
     looking = look_at(described.position_m, described.look_at_m, described.up)
     offset = pose_matrix(described.turn_deg, described.offset_m)
     return np.asarray(looking @ OPTICAL_FROM_BODY @ offset @ OPTICAL_FROM_BODY.T)

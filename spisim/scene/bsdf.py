@@ -6,8 +6,6 @@ part of a metal's. The reflectance of these models at normal incidence, where it
 refraction, is `fresnel_reflectance`; elsewhere it is None and the material's own number counts.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields

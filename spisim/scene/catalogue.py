@@ -1,7 +1,5 @@
 """What the shipped scenes say of themselves, without loading them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -13,16 +13,7 @@ from spisim.atmosphere.sections import WEATHER
 from spisim.atmosphere.sections.fog import Fog
 from spisim.atmosphere.structure import Structure
 from spisim.atmosphere.weather import Weather
-from spisim.config import (
-    Fraction,
-    Name,
-    NonNegative,
-    Number,
-    Positive,
-    Section,
-    Vector,
-    named,
-)
+from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector, named
 
 
 class DroneDescription(Section):

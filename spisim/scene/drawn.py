@@ -1,7 +1,5 @@
 """Scenes of a family: drawn until a drone can fly in them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whether a scene is one to fly in: room around the drone, and something to see and to range."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.scene.bsdf import (
     Conductor,
     Dielectric,
@@ -19,7 +18,7 @@ from spisim.scene.bsdf import (
     ThinPane,
 )
 from spisim.scene.materials import Material
-from spisim.scene.model import Floats, Scene
+from spisim.scene.model import Scene
 from spisim.scene.rays import enclosing_object, first_hits, hits
 
 #: Free space around the drone, its own size and a bit.

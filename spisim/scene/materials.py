@@ -1,7 +1,5 @@
 """Materials: how much a surface reflects, by wavelength, each with the source of its values."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache

@@ -9,13 +9,13 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.structure import Structure
 from spisim.scene.materials import Material
 from spisim.scene.pose import moved_pose
 
-Floats: TypeAlias = NDArray[np.float64]
 Vector3: TypeAlias = tuple[float, float, float]
 
 STILL: Vector3 = (0.0, 0.0, 0.0)

@@ -1,7 +1,5 @@
 """A scene at a moment of a flight."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,11 +1,10 @@
 """Whether anything flies into the instrument."""
 
-from __future__ import annotations
-
 import numpy as np
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.model import Floats, Scene, SceneObject
+from spisim.scene.model import Scene, SceneObject
 from spisim.scene.rays import first_hits
 
 #: A curved path is followed in straight steps of at most this turn.

@@ -1,15 +1,14 @@
 """Poses as 4 x 4 matrices."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 
 
-def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> NDArray[np.float64]:
+def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> Floats:
     """(4, 4) matrix that rotates by [roll, pitch, yaw] about the fixed x, y, z axes, then moves."""
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_euler(
@@ -21,7 +20,7 @@ def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> NDArray[np.flo
 
 def moved_pose(
     pivot_m: ArrayLike, velocity_m_s: ArrayLike, angular_velocity_rad_s: ArrayLike, time_s: float
-) -> NDArray[np.float64]:
+) -> Floats:
     """(4, 4) matrix of a rigid motion after `time_s`.
 
     Turns about axes through `pivot_m`, which moves along; all in world axes.
@@ -33,7 +32,7 @@ def moved_pose(
     return matrix
 
 
-def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:
+def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike) -> Floats:
     """(4, 4) world-from-optical pose at `position_m` that looks at `target_m`.
 
     Optical frame: x right, y down, z forward. `up` need not be normal to the line of sight.
@@ -53,6 +52,6 @@ def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike) -> NDArra
     return matrix
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(vector: Floats) -> Floats:
     length = np.linalg.norm(vector)
     return vector / length if length > 0 else vector

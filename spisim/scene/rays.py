@@ -1,11 +1,10 @@
 """Exact geometry questions to a scene: what lies along a ray, what encloses a point."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spisim.scene.model import Floats, Scene
+from reconstruction.arrays import Floats
+from spisim.scene.model import Scene
 
 
 def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:

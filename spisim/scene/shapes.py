@@ -1,13 +1,11 @@
 """Meshes of objects, from files and from simple shapes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.config.files import check_is_there
 from spisim.scene.description import (
@@ -76,7 +74,7 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     return mesh
 
 
-def texture_coordinates(mesh: trimesh.Trimesh) -> NDArray[np.float64] | None:
+def texture_coordinates(mesh: trimesh.Trimesh) -> Floats | None:
     """Texture coordinates (vertices, 2), u to the right and v up, or None where it lacks them."""
     uv = getattr(mesh.visual, "uv", None)
     if uv is None or len(uv) != len(mesh.vertices) or not np.isfinite(uv).all():

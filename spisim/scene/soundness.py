@@ -4,14 +4,13 @@ Every surface is lit and seen from both sides, so an unclosed mesh still renders
 inside: glass has no thickness there, and nobody can tell whether the drone is in it.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.scene.model import Scene
 from spisim.scene.rays import winding_number
 from spisim.scene.warning import SceneWarning
@@ -84,7 +83,7 @@ def fault(mesh: trimesh.Trimesh) -> str | None:
     return INVERTED if volume < -1e-9 * area**1.5 else None
 
 
-def _volume_and_area(triangles: NDArray[np.float64]) -> tuple[float, float]:
+def _volume_and_area(triangles: Floats) -> tuple[float, float]:
     """Volume that closed triangles (t, 3, 3) enclose, negative if they face in, and their area."""
     corner = triangles[:, 0] - triangles[0, 0]  # near the origin, which keeps digits
     across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -1,20 +1,18 @@
 """How much of daylight, given in lux, falls into a band of the near infrared."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 
 
 @cache
-def daylight_spectrum() -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def daylight_spectrum() -> tuple[Floats, Floats, float]:
     """Wavelengths (nm), irradiance (W m⁻² nm⁻¹) and the illuminance (klx) that belongs to it."""
     table = yaml.safe_load(Path(__file__).with_name("sun.yaml").read_text(encoding="utf-8"))
     irradiance = np.asarray(table["irradiance_w_per_m2_nm"], float)

@@ -11,10 +11,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.config import find_named, shipped
 from spisim.scene.description import Moment
-from spisim.scene.model import Floats, Scene, Vector3
+from spisim.scene.model import Scene, Vector3
 from spisim.scene.motion import MAX_TURN_RAD, meeting_time
 from spisim.scene.pose import look_at
 from spisim.scene.rays import enclosing_object

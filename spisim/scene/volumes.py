@@ -1,14 +1,13 @@
 """Boxes of fog and smoke."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 
-from spisim.scene.model import Floats, Volume
+from reconstruction.arrays import Floats
+from spisim.scene.model import Volume
 from spisim.scene.warning import SceneWarning
 
 #: Boxes that overlap by less, relative to their size, only touch.

@@ -1,7 +1,5 @@
 """How much darker a rough surface is when it is soaked."""
 
-from __future__ import annotations
-
 import math
 
 from spisim.atmosphere import refractive_index

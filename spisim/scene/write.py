@@ -1,7 +1,5 @@
 """Scene files and their meshes, all there or none of it."""
 
-from __future__ import annotations
-
 import secrets
 import shutil
 import warnings

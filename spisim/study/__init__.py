@@ -1,8 +1,7 @@
 """Studies: a data set swept over some parameters, reconstructed, evaluated, compared, and shown."""
 
 from spisim.study.metrics import QUANTITIES
-from spisim.study.plan import Study, StudyPlan, load_study
-from spisim.study.results import Results
+from spisim.study.plan import load_study
 from spisim.study.run import run_study
 
-__all__ = ["QUANTITIES", "Results", "Study", "StudyPlan", "load_study", "run_study"]
+__all__ = ["QUANTITIES", "load_study", "run_study"]

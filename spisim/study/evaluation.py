@@ -1,7 +1,5 @@
 """Metrics of every capture of a study, found once and kept."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Mapping

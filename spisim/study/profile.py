@@ -1,7 +1,5 @@
 """Depth maps against the truth: what is estimated where the true depth is so much."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

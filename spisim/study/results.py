@@ -1,7 +1,5 @@
 """The tables of a study: one row per sample, per combination, and per comparison."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

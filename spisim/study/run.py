@@ -1,7 +1,5 @@
 """A study from its plan to its tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,13 +16,7 @@ from spisim.dataset.workers import Executor, Make
 from spisim.study.evaluation import evaluate_all
 from spisim.study.metrics import unusual_methods
 from spisim.study.plan import PlannedStudy
-from spisim.study.results import (
-    Results,
-    differences_csv,
-    results_csv,
-    results_of,
-    summary_csv,
-)
+from spisim.study.results import Results, differences_csv, results_csv, results_of, summary_csv
 from spisim.transport.backend import activate
 
 STUDY = "study.yaml"

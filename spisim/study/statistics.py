@@ -1,16 +1,13 @@
 """Means and their confidence intervals, by resampling what is independent."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-Floats = NDArray[np.float64]
+from reconstruction.arrays import Floats
 
 RESAMPLES = 20_000
 LEVEL = 0.95

@@ -11,9 +11,9 @@ with suppress(InputError):
 
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import TransportWarning
-from spisim.transport.engine.tally import ORDERS, PathLengthBins
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
-from spisim.transport.raycaster import RayCaster, Surfaces
+from spisim.transport.raycaster import RayCaster
 from spisim.transport.sequence import LightSequence, trace
 from spisim.transport.solve import MAX_PATH_M, Transport, solve
 from spisim.transport.truth import GroundTruth, ground_truth
@@ -21,13 +21,11 @@ from spisim.transport.truth import GroundTruth, ground_truth
 __all__ = [
     "CAMERA_OFFSET_M",
     "MAX_PATH_M",
-    "ORDERS",
     "GroundTruth",
     "LightSequence",
     "Outputs",
     "PathLengthBins",
     "RayCaster",
-    "Surfaces",
     "Transport",
     "TransportWarning",
     "camera_view",

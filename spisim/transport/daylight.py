@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
@@ -21,7 +22,7 @@ from spisim.transport.engine.sampling import Paths, repeat
 from spisim.transport.engine.tally import Contribution, ImageTally, Sums, Tallies
 from spisim.transport.engine.walk import Sink, Sky, Walk
 from spisim.transport.engine.weights import alone
-from spisim.transport.views import DetectorView, Floats, ProjectorView
+from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import World
 
 

@@ -1,7 +1,5 @@
 """Light and truth as files: OpenEXR images and NumPy histograms."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path

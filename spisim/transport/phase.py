@@ -1,7 +1,5 @@
 """Phase functions as Mitsuba plugins."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Phase, Tabulated

@@ -1,7 +1,5 @@
 """What a camera at the instrument's wavelength would see."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

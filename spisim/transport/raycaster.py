@@ -11,11 +11,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.meshes import object_ids, shapes
-from spisim.transport.views import Floats
 
 #: Whole surfaces, or panes, that a line of sight goes through at most.
 MAX_PANES = 8

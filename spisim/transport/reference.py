@@ -14,13 +14,14 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.ends import Detectors
 from spisim.transport.meshes import shapes
 from spisim.transport.phase import phase_dict
-from spisim.transport.views import DetectorView, Floats, ProjectorView
+from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball, see_through
 
 #: Deep enough that what is cut off cannot be measured; roulette ends paths long before.

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene, check_clear_of_sensor
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.solve import Transport, solve
-
-Floats = NDArray[np.float64]
 
 #: Solutions per frame of a scene that moves; between them the light is interpolated linearly.
 KEYS_PER_FRAME = 2

@@ -1,7 +1,5 @@
 """All the light that an instrument receives from a scene."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.operators import expose, mean_illumination
 from reconstruction.ranging import MAX_PATH_M
 from spisim.instrument import Instrument
@@ -20,7 +19,7 @@ from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.views import Floats, InstrumentView
+from spisim.transport.views import InstrumentView
 from spisim.transport.world import World, build_world
 
 #: Optical path per histogram bin. Paths beyond MAX_PATH_M, which no range is looked for beyond, are

@@ -9,12 +9,13 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.meshes import object_ids
-from spisim.transport.views import Floats, InstrumentView
+from spisim.transport.views import InstrumentView
 from spisim.transport.world import surfaces
 
 #: Rays per side of a virtual pixel, from which its coverage is counted.

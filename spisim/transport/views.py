@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 
 if TYPE_CHECKING:
     from spisim.instrument import Instrument
     from spisim.scene import Scene
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

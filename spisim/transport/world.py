@@ -8,8 +8,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
@@ -29,7 +29,7 @@ class World:
 
     geometry: Geometry
     media: Media
-    centre_m: NDArray[np.float64]  # of a ball around everything, which the fog fills
+    centre_m: Floats  # of a ball around everything, which the fog fills
     radius_m: float
 
     def first_surface(self, ray: Any) -> tuple[Any, Any]:
@@ -55,7 +55,7 @@ def surfaces(scene: Scene) -> Any:
     return mi.load_dict({"type": "scene", **shapes(scene.objects)})
 
 
-def _media(scene: Scene, centre: NDArray[np.float64], radius_m: float) -> Media:
+def _media(scene: Scene, centre: Floats, radius_m: float) -> Media:
     """Fog everywhere, and the volumes besides."""
     parts: list[Homogeneous | Grid] = []
     if scene.atmosphere.extinction_per_m > 0:
@@ -88,7 +88,7 @@ def see_through(scene: Scene) -> bool:
     return any(is_null_transmitting(thing.material) for thing in scene.objects)
 
 
-def fog_ball(scene: Scene) -> tuple[NDArray[np.float64], float]:
+def fog_ball(scene: Scene) -> tuple[Floats, float]:
     """Centre (3,) and radius of a ball around every surface and the instrument, in metres."""
     corners = [thing.mesh.bounds for thing in scene.objects] + [scene.drone_pose[None, :3, 3]]
     points = np.concatenate(corners)

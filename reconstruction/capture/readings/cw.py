@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Floats, Mask
 from ..charge import Charge, check_taps, taps_summary
 from ..schema import Stored
 from ..spots import Spots
-
-Reals = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +26,11 @@ class CwSpots(Charge, Spots):
     taps: Annotated[NDArray[Any], Stored("count", ("frames", 4, "taps"), "int32 or float64")]
     saturated: Annotated[Mask, Stored("1", ("frames", 4, "taps"), "bool")]
     noise_electrons: Annotated[
-        float | Reals, Stored("electron", ("taps",), sign="not negative", nan=True)
+        float | Floats, Stored("electron", ("taps",), sign="not negative", nan=True)
     ]
-    tap_frequencies_hz: Annotated[Reals, Stored("Hz", ("taps",), sign="positive")]
-    tap_phases_rad: Annotated[Reals, Stored("rad", ("taps",))]
-    phase_offsets_rad: Annotated[Reals, Stored("rad", ("taps",))]
+    tap_frequencies_hz: Annotated[Floats, Stored("Hz", ("taps",), sign="positive")]
+    tap_phases_rad: Annotated[Floats, Stored("rad", ("taps",))]
+    phase_offsets_rad: Annotated[Floats, Stored("rad", ("taps",))]
     periods: Annotated[int, Stored("1", dtype="int64", sign="positive")]
 
     @property

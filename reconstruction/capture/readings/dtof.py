@@ -6,12 +6,10 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Mask
 from ...errors import InputError
 from ..schema import Stored
 from ..spots import Spots
-
-Reals = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

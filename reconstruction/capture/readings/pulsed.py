@@ -3,16 +3,13 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Floats, Mask
 from ...errors import InputError
 from ..charge import Charge
 from ..schema import Stored
 from ..spots import Spots
-
-Reals = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +25,7 @@ class PulsedSpots(Charge, Spots):
 
     taps: Annotated[NDArray[Any], Stored("count", ("frames", 4, 3), "int32 or float64")]
     saturated: Annotated[Mask, Stored("1", ("frames", 4, 3), "bool")]
-    window_starts_s: Annotated[Reals, Stored("s", (3,))]
+    window_starts_s: Annotated[Floats, Stored("s", (3,))]
     pulse_width_s: Annotated[float, Stored("s", sign="positive")]
     pulses: Annotated[int, Stored("1", dtype="int64", sign="positive")]
     delay_offset_s: Annotated[float, Stored("s")]

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from ...arrays import Floats
 from ...capture import PatternTaps
 from ...image import Coefficients, Imaging, UsableReadings
 from ...ranging import MIN_SIGNAL, path_from_phases, range_from_path
 from ...ranging.methods.cw import quadrature_weights
 from ..method import Context, DepthSolver, Need, View
 from ..rays import pixel_rays
-
-Floats = NDArray[np.float64]
 
 
 class Dense:

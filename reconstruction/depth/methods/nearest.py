@@ -1,13 +1,11 @@
 """The baseline: each pixel takes the range of the nearest spot that has one."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Floats
 from ..anchors import squared_distances
 from ..method import Context, DepthSolver, Need, View
 from ..rays import pixel_of, range_over_depth
-
-Floats = NDArray[np.float64]
 
 
 class Nearest:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, idctn
 
-from ..dictionary import Floats
+from ...arrays import Floats
 
 
 class Dct:

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
 from ..dictionary import Dictionary
 from ..omp import batch_omp
 from ..prior import Prior, fit_variance
-
-Floats = NDArray[np.float64]
 
 ATOMS = 1024
 """Size of the dictionary: the atoms of greatest expected energy in the measurement."""

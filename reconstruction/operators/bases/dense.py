@@ -7,8 +7,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...arrays import Floats
 from ...errors import InputError
-from ..basis import Basis, Floats
+from ..basis import Basis
 
 
 class Dense(Basis):

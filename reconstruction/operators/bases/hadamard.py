@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Floats
 from ...errors import InputError
-from ..basis import Basis, Floats
+from ..basis import Basis
 from ..hadamard import fwht, power_of_two
 
 

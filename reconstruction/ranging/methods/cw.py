@@ -5,15 +5,13 @@ optical path from the laser over the spot to the detector.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...arrays import Floats
 from ...capture import Spots
 from ...capture.readings.cw import CwSpots
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
 from ..unwrap import path_from_phases, unambiguous_path_m
-
-Floats = NDArray[np.float64]
 
 
 class Cw:

@@ -1,7 +1,6 @@
 """Direct time of flight: histogram of arrivals -> delay -> path length."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import c
 from scipy.special import ndtr, ndtri
 
@@ -10,8 +9,6 @@ from ...capture.readings.dtof import HistogramSpots
 from ..histogram import find_pulses
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
-
-Floats = NDArray[np.float64]
 
 NO_PILE_UP = 10_000
 """Cycles per cycle where each can have one arrival only without hiding another."""

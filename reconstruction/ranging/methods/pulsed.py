@@ -7,15 +7,13 @@ structure", IEEE Sensors J. 7, 1578 (2007)). Rounded edges of the pulse bend thi
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import c
 
+from ...arrays import Floats
 from ...capture import Spots
 from ...capture.readings.pulsed import PulsedSpots
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
-
-Floats = NDArray[np.float64]
 
 
 class Pulsed:

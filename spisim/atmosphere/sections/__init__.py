@@ -1,7 +1,5 @@
 """Kinds of weather, one module each, named like their section of a scene file."""
 
-from __future__ import annotations
-
 from reconstruction.registry import Registry
 from spisim.atmosphere.weather import Weather
 

@@ -1,7 +1,5 @@
 """Rain in scene files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from spisim.atmosphere import precipitation

@@ -1,7 +1,5 @@
 """Smoke in scene files."""
 
-from __future__ import annotations
-
 from spisim.atmosphere.sections.fog import Fog
 
 

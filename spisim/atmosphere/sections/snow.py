@@ -1,7 +1,5 @@
 """Snow in scene files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Sensors, one module each, named like their `type`; other packages add theirs."""
 
-from __future__ import annotations
-
 from typing import Annotated, TypeAlias
 
 from reconstruction.registry import Registry

@@ -1,7 +1,5 @@
 """Avalanche photodiodes."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

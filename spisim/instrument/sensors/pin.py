@@ -1,7 +1,5 @@
 """PIN photodiodes."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from scipy.constants import elementary_charge

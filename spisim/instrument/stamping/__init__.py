@@ -1,18 +1,14 @@
 """Ways in which detectors stamp the times of single arrivals, at most one in each cycle."""
 
-from __future__ import annotations
-
 import math
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import c
 from scipy.ndimage import gaussian_filter1d
 
+from reconstruction.arrays import Floats
 from spisim.instrument.tof import Reading
-
-Floats = NDArray[np.float64]
 
 
 class Stamping(Protocol):

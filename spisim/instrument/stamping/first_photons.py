@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import c
 from scipy.interpolate import CubicSpline
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.instrument.stamping import smoothed
 from spisim.instrument.tof import Reading
 
 if TYPE_CHECKING:
     from spisim.instrument.tofs.dtof import DirectTof
-
-Floats = NDArray[np.float64]
 
 #: Iterations for the after-pulses, which shrink by their probability every time.
 ROUNDS = 20

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import c, elementary_charge
 from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.instrument.stamping import smoothed
 from spisim.instrument.tof import Reading
@@ -19,8 +19,6 @@ from spisim.instrument.tof import Reading
 if TYPE_CHECKING:
     from spisim.instrument.detector import Amplifier
     from spisim.instrument.tofs.dtof import DirectTof
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

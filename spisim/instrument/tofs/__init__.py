@@ -1,7 +1,5 @@
 """Methods of ranging, one module each, named like their `method`; other packages add theirs."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, TypeAlias
 
 from reconstruction.registry import Registry

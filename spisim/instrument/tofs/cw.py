@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import model_validator
 from scipy.constants import c
 
+from reconstruction.arrays import Floats
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.errors import InputError
 from reconstruction.ranging import unambiguous_path_m
@@ -17,8 +17,6 @@ from spisim.config import Count, Section
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, overflow
-
-Floats = NDArray[np.float64]
 
 #: A bin shares light between its neighbours, which damps a modulation of so many bins by 1 %.
 BINS_PER_PERIOD = 20

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.constants import c
 
+from reconstruction.arrays import Floats
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.errors import InputError
 from spisim.config import Count, Number, Positive, Section
@@ -17,8 +18,6 @@ from spisim.instrument.detector import TofDetector
 from spisim.instrument.sensor import FWHM_PER_SIGMA
 from spisim.instrument.stamping import Stamping
 from spisim.instrument.tof import Emission, Reading, SpotLight, check_pulse
-
-Floats = NDArray[np.float64]
 
 #: Where more cycles than this end with a photon, too few are left to tell late light from early.
 MOST_OF_CYCLES = 0.99

@@ -6,18 +6,16 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import model_validator
 from scipy.constants import c
 from scipy.signal import lfilter
 
+from reconstruction.arrays import Floats
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.errors import InputError
 from spisim.config import Count, NonNegative, Positive, Section
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, check_pulse, overflow
-
-Floats = NDArray[np.float64]
 
 #: Points of a pulse's wave form per window.
 WAVE_POINTS = 2000

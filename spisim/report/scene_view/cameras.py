@@ -1,15 +1,12 @@
 """Rays of the pictures: what the drone sees, and sections through the scene beside it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.transport import RayCaster
 
-Floats = NDArray[np.float64]
 Rays = tuple[Floats, Floats]  # origins and unit directions (n, 3), row by row
 
 #: A section is cut at most so far from the drone, and halfway to what is there.

@@ -1,7 +1,5 @@
 """The picture: the view from the drone, the plan and the side, with fields and spots drawn in."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,13 +11,14 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from reconstruction.arrays import Floats
 from reconstruction.files import write_atomically
 from spisim.instrument import Instrument
 from spisim.report.style import file_of, plot_style
 from spisim.scene import Scene
 from spisim.transport import RayCaster
 
-from .cameras import Floats, Section, cut_m, heading, perspective_rays
+from .cameras import Section, cut_m, heading, perspective_rays
 from .survey import Spot, Survey
 
 SPOT_COLOURS = ("#4aa3f0", "#ff9a3c", "#37c48a", "#c58bff")

@@ -1,18 +1,17 @@
 """What there is in a scene, and how far away."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
+from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, needs
 from spisim.scene import Scene
 from spisim.scene.layout import clearance_m, layout_problem
 from spisim.transport import RayCaster
 
-from .cameras import Floats, perspective_rays
+from .cameras import perspective_rays
 
 #: Rays across the projector's field, each way.
 RAYS = 128

@@ -1,7 +1,5 @@
 """A study as plots, and as one HTML page that needs no other file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

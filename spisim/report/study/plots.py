@@ -1,7 +1,5 @@
 """Plots of a study: one for each quantity, with error bars."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """The plot of estimated against true depth, for all scenes of a study together."""
 
-from __future__ import annotations
-
 from matplotlib.figure import Figure
 
 from reconstruction.evaluation import method_title

@@ -1,7 +1,5 @@
 """A trail through a forest: trunks, twigs across the way, undergrowth, a bank behind."""
 
-from __future__ import annotations
-
 import numpy as np
 from trimesh.creation import icosphere
 

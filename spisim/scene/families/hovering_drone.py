@@ -1,7 +1,5 @@
 """Another drone, hovering ahead: thin arms, thinner rotors, a load on a rope."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,11 +1,10 @@
 """A landing pad from above: H, fiducial marker, lights, cable, tools, stones or snow around."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts import props
 from spisim.scene.families.parts.daylight import outdoors
 from spisim.scene.families.parts.draft import Draft, Family
@@ -13,17 +12,7 @@ from spisim.scene.families.parts.natural import blob, scattered_rocks
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.plants import tuft
 from spisim.scene.families.parts.ropes import hanging, lying
-from spisim.scene.families.parts.shapes import (
-    Floats,
-    Mesh,
-    alike,
-    block,
-    lathe,
-    moved,
-    rod,
-    tube,
-    union,
-)
+from spisim.scene.families.parts.shapes import Mesh, alike, block, lathe, moved, rod, tube, union
 
 PAD_HEIGHT_M = 0.06
 #: Of painted and glued things, so that they stand out from the pad and leave it closed.

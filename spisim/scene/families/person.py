@@ -1,10 +1,9 @@
 """A person who raises an arm: a marshaller, someone lost, someone who wants the drone to go."""
 
-from __future__ import annotations
-
 import numpy as np
 from trimesh.geometry import align_vectors
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts import figure, props
 from spisim.scene.families.parts.backdrops import BACKDROPS, add_backdrop
 from spisim.scene.families.parts.daylight import outdoors
@@ -12,7 +11,7 @@ from spisim.scene.families.parts.draft import Draft, Family
 from spisim.scene.families.parts.figure import Arm, Leg, Side
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.ropes import hanging
-from spisim.scene.families.parts.shapes import Floats, Mesh, lathe, rod, tube, union
+from spisim.scene.families.parts.shapes import Mesh, lathe, rod, tube, union
 
 #: Of the figure before it is scaled.
 FIGURE_M = 1.77

@@ -1,29 +1,18 @@
 """An overhead power line: pole or pylon, insulators, sagging conductors, a wooded slope behind."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts.daylight import outdoors
 from spisim.scene.families.parts.draft import Draft, Family, Placed, Point
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.placing import Ground, aside, rolling
 from spisim.scene.families.parts.plants import FLARE, leaves, tree, wood
 from spisim.scene.families.parts.ropes import hanging
-from spisim.scene.families.parts.shapes import (
-    Floats,
-    Mesh,
-    block,
-    lathe,
-    limb,
-    moved,
-    rod,
-    tube,
-    union,
-)
+from spisim.scene.families.parts.shapes import Mesh, block, lathe, limb, moved, rod, tube, union
 
 #: Height of the cross-arm, and how far the support goes on above it.
 ARM_M, PEAK_M = 9.0, 0.9

@@ -1,28 +1,18 @@
 """A racing course for drones: square, round and arched gates, flags, a net behind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 from trimesh.creation import torus
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts.daylight import outdoors
 from spisim.scene.families.parts.draft import Draft, Family, Placed
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.placing import aside, rolling
 from spisim.scene.families.parts.props import cone
 from spisim.scene.families.parts.ropes import hanging
-from spisim.scene.families.parts.shapes import (
-    Floats,
-    Mesh,
-    block,
-    grid_mesh,
-    lathe,
-    rod,
-    tube,
-    union,
-)
+from spisim.scene.families.parts.shapes import Mesh, block, grid_mesh, lathe, rod, tube, union
 
 KINDS = ("square", "round", "arch")
 #: From the net to the backdrop.

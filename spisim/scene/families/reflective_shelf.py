@@ -1,16 +1,15 @@
 """A shelf of shiny tins, glass jars, bottles and boxes: light that comes back by other ways."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from trimesh.transformations import rotation_matrix
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts.draft import Draft, Family
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.scene.families.parts.shapes import Floats, Mesh, alike, block, lathe, rod, union
+from spisim.scene.families.parts.shapes import Mesh, alike, block, lathe, rod, union
 
 #: The metal of `aluminium-brushed`, whose roughness is here a parameter.
 ALUMINIUM = {

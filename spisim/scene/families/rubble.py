@@ -1,13 +1,12 @@
 """A collapsed building: tilted slabs, bent reinforcement, dangling cables, and someone in it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from trimesh.creation import box
 from trimesh.transformations import euler_matrix
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts import figure
 from spisim.scene.families.parts.daylight import outdoors
 from spisim.scene.families.parts.draft import Draft, Family
@@ -15,16 +14,7 @@ from spisim.scene.families.parts.figure import Arm, Leg
 from spisim.scene.families.parts.natural import scattered_rocks
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.ropes import hanging
-from spisim.scene.families.parts.shapes import (
-    Floats,
-    Mesh,
-    alike,
-    block,
-    grid_mesh,
-    limb,
-    tube,
-    union,
-)
+from spisim.scene.families.parts.shapes import Mesh, alike, block, grid_mesh, limb, tube, union
 
 BRICK_M = (0.215, 0.102, 0.065)
 

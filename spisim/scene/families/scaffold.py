@@ -1,7 +1,5 @@
 """A construction scaffold before a wall: tubes, couplers, planks, nets, and a bucket on a rope."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

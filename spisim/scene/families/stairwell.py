@@ -1,24 +1,13 @@
 """A stairwell: two flights about a narrow well, landing, railing of thin bars, clutter."""
 
-from __future__ import annotations
-
 import numpy as np
 from trimesh.creation import torus
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts.draft import Draft, Family, Placed
 from spisim.scene.families.parts.parameters import Parameters, drawn, one_of
 from spisim.scene.families.parts.props import add_worker, bucket, ladder, open_carton
-from spisim.scene.families.parts.shapes import (
-    Floats,
-    Mesh,
-    block,
-    lathe,
-    limb,
-    prism,
-    rod,
-    tube,
-    union,
-)
+from spisim.scene.families.parts.shapes import Mesh, block, lathe, limb, prism, rod, tube, union
 
 #: Free floor before the first step, depth of the landing, and gap between the flights.
 LOBBY_M, LANDING_M, WELL_M = 3.6, 1.7, 0.25

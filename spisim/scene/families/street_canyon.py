@@ -1,7 +1,5 @@
 """A street between houses: windows, doors, a parked car, a lamp post, a cable over the street."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from spisim.scene.families.parts.daylight import outdoors

@@ -1,7 +1,5 @@
 """Bare calibration targets: one known surface square to the line of sight, and nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

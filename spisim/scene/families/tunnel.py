@@ -1,17 +1,15 @@
 """A service tunnel: round or horseshoe, with pipes, cable trays, lamps, a valve and niches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 from trimesh.creation import icosphere, torus
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts.draft import Draft, Family, Placed
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.props import add_worker, drum, tyre
 from spisim.scene.families.parts.shapes import (
-    Floats,
     Mesh,
     block,
     grid_mesh,

@@ -1,7 +1,5 @@
 """A warehouse aisle: racks with goods on both sides, things in the way, an end wall."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -4,8 +4,6 @@ trimesh's loader is not used: it applies neither `unit` nor `up_axis`, and drops
 materials.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re
@@ -15,9 +13,10 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import Folders, read_bytes
-from spisim.scene.importing.model import Axis, Content, Floats, Part, Surface, readable
+from spisim.scene.importing.model import Axis, Content, Part, Surface, readable
 from spisim.scene.importing.xml import parse_xml
 from spisim.scene.shapes import check_mesh
 

@@ -1,7 +1,5 @@
 """From a foreign file to a scene file, and what there is to say about it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import drone as drones
 from spisim.scene.importing.drone import DronePose
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.materials import Match, check_map, match, read_map
 from spisim.scene.importing.meshes import READERS
-from spisim.scene.importing.model import Content, Floats, Reader, check_triangles
+from spisim.scene.importing.model import Content, Reader, check_triangles
 from spisim.scene.importing.sdf import read_sdf
 from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres

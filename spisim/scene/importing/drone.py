@@ -1,7 +1,5 @@
 """A place for the drone in an imported scene: in the open, looking at the bulk of it."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -11,8 +9,8 @@ import trimesh
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.importing.model import Floats
 from spisim.scene.pose import look_at
 from spisim.scene.rays import first_hits, winding_number
 

@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
-from spisim.scene.importing.model import Floats
 from spisim.scene.importing.xml import numbers
 from spisim.scene.pose import pose_matrix
 

@@ -4,8 +4,6 @@ trimesh's own scene graph is not used: it drops what hangs below a camera, and l
 file has nodes in a circle. What trimesh would read as zeros is refused here.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import struct
@@ -18,12 +16,12 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from trimesh.exchange.gltf import load_glb, load_gltf
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import MAX_FILE_BYTES, Folders, read_bytes
 from spisim.scene.importing.model import (
     MAX_TRIANGLES,
     Content,
-    Floats,
     Part,
     Surface,
     readable,

@@ -1,7 +1,5 @@
 """Which material of spisim a surface of a foreign file is, by name, by a word, or by colour."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Mesh files: which reader for which suffix; OBJ, STL and PLY through trimesh."""
 
-from __future__ import annotations
-
 import io
 import re
 import struct

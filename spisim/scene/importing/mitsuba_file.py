@@ -17,9 +17,9 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.scene.importing.files import Folders, read_bytes
-from spisim.scene.importing.model import Floats
 from spisim.scene.importing.xml import numbers, parse_xml
 
 MAX_INCLUDE_DEPTH = 15  # as Mitsuba's own

@@ -3,8 +3,6 @@
 https://mitsuba.readthedocs.io/en/stable/src/key_topics/scene_format.html
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -12,20 +10,13 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import shapes
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.meshes import read_obj, read_ply
 from spisim.scene.importing.mitsuba_file import Node, Parse, read_elements
-from spisim.scene.importing.model import (
-    Content,
-    Floats,
-    Part,
-    Shape,
-    Surface,
-    check_triangles,
-    translation,
-)
+from spisim.scene.importing.model import Content, Part, Shape, Surface, check_triangles, translation
 
 MESHES = {"obj": read_obj, "ply": read_ply}
 #: What Mitsuba calls metals, as words.

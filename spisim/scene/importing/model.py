@@ -1,7 +1,5 @@
 """What the readers of foreign formats hand over: parts in a common world, and what was odd."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -10,13 +8,13 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim.scene.importing.files import Folders
 
-Floats: TypeAlias = NDArray[np.float64]
 Axis = Literal["x", "y", "z"]
 Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
 

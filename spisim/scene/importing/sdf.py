@@ -12,10 +12,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import Folders, read_bytes
 from spisim.scene.importing.frames import Frames, read_pose
-from spisim.scene.importing.model import Content, Floats, Part
+from spisim.scene.importing.model import Content, Part
 from spisim.scene.importing.sdf_visual import Visuals
 from spisim.scene.importing.xml import parse_xml
 

@@ -1,7 +1,5 @@
 """What one `<visual>` of SDFormat shows: its geometry and what it says of its material."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree.ElementTree import Element

@@ -1,7 +1,5 @@
 """Simple shapes of foreign files, as the ones of a scene file, or as meshes where they differ."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +7,10 @@ import numpy as np
 import trimesh
 from pydantic import ValidationError
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
-from spisim.scene.importing.model import Floats, Shape
+from spisim.scene.importing.model import Shape
 from spisim.scene.shapes import CYLINDER_SECTIONS, SPHERE_SUBDIVISIONS, make_mesh
 
 #: How far edges may be from right angles: what single precision leaves.

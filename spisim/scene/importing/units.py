@@ -1,16 +1,15 @@
 """From a file's unit and axes to metres with z up."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
 import numpy as np
 import trimesh
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
-from spisim.scene.importing.model import Axis, Content, Floats, Part, Shape, scaling
+from spisim.scene.importing.model import Axis, Content, Part, Shape, scaling
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 

@@ -1,7 +1,5 @@
 """Parts as the objects of a scene file, and their meshes."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterable, Sequence
@@ -12,9 +10,10 @@ import trimesh
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
+from reconstruction.arrays import Floats
 from spisim.scene.importing.drone import DronePose
 from spisim.scene.importing.materials import Match
-from spisim.scene.importing.model import Floats, Part, Shape
+from spisim.scene.importing.model import Part, Shape
 from spisim.scene.importing.shapes import as_mesh, stretched
 from spisim.scene.pose import pose_matrix
 

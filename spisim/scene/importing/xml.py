@@ -1,7 +1,5 @@
 """XML without document types: no entities to expand, no files to fetch."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError

@@ -5,17 +5,9 @@ change of what the light transport found without it: drops hide light on its way
 back, and scatter some of it into the detectors, once.
 """
 
-from spisim.transport.drops.beams import SpotChange, on_spots
+from spisim.transport.drops.beams import on_spots
 from spisim.transport.drops.buckets import on_buckets
 from spisim.transport.drops.falling import FallingDrops, falling_drops
-from spisim.transport.drops.field import DropField, drop_field
+from spisim.transport.drops.field import drop_field
 
-__all__ = [
-    "DropField",
-    "FallingDrops",
-    "SpotChange",
-    "drop_field",
-    "falling_drops",
-    "on_buckets",
-    "on_spots",
-]
+__all__ = ["FallingDrops", "drop_field", "falling_drops", "on_buckets", "on_spots"]

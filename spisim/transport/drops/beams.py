@@ -5,8 +5,6 @@ standard deviation s meets the share P(χ'² < a²/s²) of it, χ'² being the n
 squares with centre ρ²/s².
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -14,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chndtr
 
+from reconstruction.arrays import Floats
 from spisim.transport.drops.echo import echo
 from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
-
-Floats = NDArray[np.float64]
 
 #: Standard deviations of a beam beyond which nothing of it is left.
 REACH = 6.0

@@ -1,12 +1,10 @@
 """What falling drops change about the bucket readings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.operators import illumination
 from spisim.transport.drops.discs import (
     Shares,
@@ -19,8 +17,6 @@ from spisim.transport.drops.echo import echo
 from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
 from spisim.transport.sequence import Interpolation
-
-Floats = NDArray[np.float64]
 
 
 def on_buckets(

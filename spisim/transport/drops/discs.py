@@ -5,16 +5,14 @@ part of a lens, and get many. Those of the disc lie on Vogel's spiral and are pa
 lens and aperture of Richtmyer's sequence, the multiples of √2 and √3.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.transport.views import DetectorView, ProjectorView
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 #: Points per side of a pixel that a drop covers, and per pixel over which a lens smears its shadow.

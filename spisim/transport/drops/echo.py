@@ -1,17 +1,13 @@
 """Light that a drop sends back into a detector, once scattered."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.atmosphere.drop_optics import Scatterer
 from spisim.transport.drops.discs import length
 from spisim.transport.views import DetectorView
-
-Floats = NDArray[np.float64]
 
 
 class Echo(NamedTuple):

@@ -1,21 +1,17 @@
 """Drops together with everything they stand between: instrument, surfaces, fog."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.drops.field import DropField, drop_field
 from spisim.transport.truth import GroundTruth
 from spisim.transport.views import InstrumentView
-
-Floats = NDArray[np.float64]
 
 #: Depth of what is never hit.
 FAR_AWAY_M = 1e6

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.instrument import Instrument
 from spisim.scene import Scene
-
-Floats = NDArray[np.float64]
 
 #: Poses of the drone over a recording for which the box of drops has to hold the field.
 POSES = 9

@@ -7,8 +7,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 
 #: Contributions are summed as integers, in units of 2^-48 /m² of detector area. Integer addition
@@ -32,7 +32,7 @@ class Accumulator:
         quanta = mi.Int64(dr.round(mi.Float64(value) * (1.0 / QUANTUM_PER_M2)))
         dr.scatter_reduce(dr.ReduceOp.Add, self._sums, quanta, cell, active)
 
-    def read(self) -> NDArray[np.float64]:
+    def read(self) -> Floats:
         """Evaluate everything added so far; shape (cells,), 1/m²."""
         return np.asarray(self._sums.numpy(), dtype=np.float64) * QUANTUM_PER_M2
 

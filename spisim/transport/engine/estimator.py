@@ -7,8 +7,6 @@ other's weakness (`walk`). Light that is scattered once only needs no walk: it i
 projector's rays (`direct`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import partial
@@ -21,20 +19,9 @@ from spisim.transport.engine.ends import Detectors, JointDetectors, Projector
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat
-from spisim.transport.engine.tally import (
-    HistogramTally,
-    OrderTally,
-    PathLengthBins,
-    Sums,
-    Tallies,
-)
+from spisim.transport.engine.tally import HistogramTally, OrderTally, PathLengthBins, Sums, Tallies
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
-from spisim.transport.engine.weights import (
-    alone,
-    balanced,
-    second_on,
-    second_on_or_behind_glass,
-)
+from spisim.transport.engine.weights import alone, balanced, second_on, second_on_or_behind_glass
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 from spisim.transport.world import World
 

@@ -1,7 +1,5 @@
 """What a pass of the light transport keeps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """How long to go on: a number of paths, or an error to reach."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from reconstruction.arrays import Floats
 from spisim.transport.engine.tally import Sums
-from spisim.transport.views import Floats
 
 #: Independent repetitions from which a standard error is taken, at least.
 MIN_LAUNCHES = 8

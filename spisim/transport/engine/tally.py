@@ -11,9 +11,9 @@ import mitsuba as mi
 import numpy as np
 from scipy.constants import c
 
+from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.transport.engine.accumulator import Accumulator, Check
-from spisim.transport.views import Floats
 
 #: Parts that the light can be split into, by how often it was scattered in fog.
 ORDERS = ("unscattered", "single", "multiple")

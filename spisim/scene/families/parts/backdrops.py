@@ -1,7 +1,5 @@
 """What closes a scene outdoors at the far end, so that every beam ends somewhere."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A scene while it is being built: the sections of a scene file, and the meshes it refers to."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -3,8 +3,6 @@
 A front lies in the plane y = 0 and is seen from negative y; it stands on z = 0. Lengths in metres.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,15 +3,14 @@
 About 1.77 m tall and facing -x; `Side` holds the joints of the right (-1) or left (1) half.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from trimesh.creation import icosphere
 
-from spisim.scene.families.parts.shapes import Floats, Mesh, Point, lathe, limb, moved, union
+from reconstruction.arrays import Floats
+from spisim.scene.families.parts.shapes import Mesh, Point, lathe, limb, moved, union
 
 UPPER_ARM_M, FOREARM_M, HAND_M = 0.28, 0.24, 0.09
 THIGH_M, SHIN_M = 0.38, 0.4

@@ -1,13 +1,12 @@
 """Things without edges: stones, lumps, clipped bushes; lengths in metres."""
 
-from __future__ import annotations
-
 import numpy as np
 from trimesh.creation import icosahedron, icosphere
 from trimesh.transformations import random_rotation_matrix
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts.plants import blades
-from spisim.scene.families.parts.shapes import Floats, Mesh, Point, alike
+from spisim.scene.families.parts.shapes import Mesh, Point, alike
 
 
 def scattered_rocks(rng: np.random.Generator, places: Floats, sizes: Floats) -> Mesh:

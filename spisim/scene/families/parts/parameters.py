@@ -1,7 +1,5 @@
 """Parameters of a family of scenes: each has the range that it is drawn from."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, TypeVar
 

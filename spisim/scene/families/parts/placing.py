@@ -3,14 +3,13 @@
 Angles are those of a drone that looks along x: to the left and up are positive.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spisim.scene.families.parts.shapes import Floats, Mesh, grid_mesh
+from reconstruction.arrays import Floats
+from spisim.scene.families.parts.shapes import Mesh, grid_mesh
 
 Range = tuple[float, float]
 #: How much deeper than the slope demands a foot goes: the ground's triangles cut its curves.

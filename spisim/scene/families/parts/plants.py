@@ -3,15 +3,14 @@
 Wood is a list of `Limb`s, from which `wood` makes round tubes; leaves are small sheets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spisim.scene.families.parts.shapes import Floats, Mesh, tube, union
+from reconstruction.arrays import Floats
+from spisim.scene.families.parts.shapes import Mesh, tube, union
 
 #: Thinnest twig.
 TWIG_RADIUS_M = 0.0015

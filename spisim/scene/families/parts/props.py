@@ -4,8 +4,6 @@ Every object stands on z = 0, centred on the z axis unless said otherwise, in me
 from whoever looks at its front. Parts may overlap: only their outer surface is ever seen.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from trimesh.creation import cylinder, icosphere, torus
 from trimesh.transformations import rotation_matrix

@@ -1,12 +1,11 @@
 """Ropes, cables and nets: things too thin for the eye of a drone; lengths in metres."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
-from spisim.scene.families.parts.shapes import Floats, Mesh, Point, tube, union
+from reconstruction.arrays import Floats
+from spisim.scene.families.parts.shapes import Mesh, Point, tube, union
 
 
 def hanging(start: Point, end: Point, sag: float, points: int = 13) -> Floats:

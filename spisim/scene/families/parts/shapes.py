@@ -1,7 +1,5 @@
 """Solids that props are put together from, as triangles; lengths in metres."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
@@ -10,7 +8,8 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 from trimesh.creation import box, capsule, cylinder, revolve
 
-Floats: TypeAlias = NDArray[np.float64]
+from reconstruction.arrays import Floats
+
 Point: TypeAlias = Sequence[float] | Floats
 Mesh: TypeAlias = trimesh.Trimesh
 

@@ -1,7 +1,5 @@
 """Parked vehicles: they stand on z = 0 along x, front towards +x; lengths in metres."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
