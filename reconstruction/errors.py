@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 #: Names that are all told of.
-MOST_NAMES = 24
+MAX_NAMES = 24
 
 
 class InputError(ValueError):
@@ -35,10 +35,10 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
     Of many names only those that are a little like it are told.
     """
     names = list(allowed)
-    if len(names) <= MOST_NAMES:
+    if len(names) <= MAX_NAMES:
         known = f"allowed: {', '.join(names)}"
     else:
-        like = get_close_matches(name, names, n=MOST_NAMES // 2, cutoff=0.5) or names[:3]
+        like = get_close_matches(name, names, n=MAX_NAMES // 2, cutoff=0.5) or names[:3]
         known = f"allowed: {', '.join(like)} and {len(names) - len(like)} others"
     close = get_close_matches(name, names, n=1)
     return f"did you mean {close[0]!r}? {known}" if close else known

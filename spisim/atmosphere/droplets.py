@@ -24,7 +24,7 @@ from spisim.atmosphere.indices import refractive_index
 #: Small particles scatter as r⁶, hence the long tail.
 CUT_BELOW, CUT_ABOVE = 1e-6, 1e-9
 #: Larger than this is drizzle, and the size distribution has no business here.
-LARGEST_RADIUS_UM = 300.0
+MAX_RADIUS_UM = 300.0
 WATER_G_PER_CM3 = 0.997  # at 25 °C
 
 
@@ -35,10 +35,10 @@ def _check(name: str, value: float, low: float, high: float) -> None:
 
 def _check_tail(sizes: GammaSizes | LogNormalSizes) -> None:
     largest = sizes.radius_range_um()[1]
-    if not largest <= LARGEST_RADIUS_UM:
+    if not largest <= MAX_RADIUS_UM:
         raise InputError(
             f"droplet sizes reach a radius of {largest:.3g} µm before their cross section "
-            f"converges; allowed: up to {LARGEST_RADIUS_UM:g} µm"
+            f"converges; allowed: up to {MAX_RADIUS_UM:g} µm"
         )
 
 

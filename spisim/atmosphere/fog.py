@@ -18,12 +18,12 @@ from spisim.atmosphere.mie_phase import phase_function
 from spisim.atmosphere.visibility import VISUAL_NM, extinction_at_550nm, visibility
 
 #: Natural fog has up to about 0.5 g/m³, clouds with rain 1 and more.
-MOST_WATER_G_PER_M3 = 1.0
+MAX_WATER_G_PER_M3 = 1.0
 #: Fogs of small droplets, which hold little water for their extinction.
 LIGHTER_FOGS = ("heavy-radiation", "moderate-radiation")
 #: With a coagulation coefficient of 1e-9 cm³/s so many halve within three minutes (W. C. Hinds,
 #: Aerosol Technology, 1999, chapter 12).
-MOST_PARTICLES_PER_CM3 = 1e7
+MAX_PARTICLES_PER_CM3 = 1e7
 #: Visibility and water content that are both given may miss each other by rounding.
 AGREEMENT = 0.05
 
@@ -130,21 +130,21 @@ def _doubts(
     water_g_per_m3: float,
     number_per_cm3: float,
 ) -> tuple[str, ...]:
-    if water_g_per_m3 > MOST_WATER_G_PER_M3:
+    if water_g_per_m3 > MAX_WATER_G_PER_M3:
         others = {kind: _water_g_per_m3(FOGS[kind], extinction_550_per_m) for kind in LIGHTER_FOGS}
         natural = [
             f"{kind} holds {water:.2g}"
             for kind, water in others.items()
-            if water <= MOST_WATER_G_PER_M3
+            if water <= MAX_WATER_G_PER_M3
         ]
         instead = f"; at the same visibility {' and '.join(natural)}" if natural else ""
         return (
             f"{name} with {visibility_m:g} m of visibility holds {water_g_per_m3:.3g} g/m³ of "
-            f"water; natural fog holds up to {MOST_WATER_G_PER_M3:g}{instead}",
+            f"water; natural fog holds up to {MAX_WATER_G_PER_M3:g}{instead}",
         )
-    if number_per_cm3 > MOST_PARTICLES_PER_CM3:
+    if number_per_cm3 > MAX_PARTICLES_PER_CM3:
         return (
             f"{name} with {visibility_m:g} m of visibility holds {number_per_cm3:.2g} particles "
-            f"per cm³; more than {MOST_PARTICLES_PER_CM3:.0e} coagulate within minutes",
+            f"per cm³; more than {MAX_PARTICLES_PER_CM3:.0e} coagulate within minutes",
         )
     return ()

@@ -17,7 +17,7 @@ PHASES: tuple[PhaseName, ...] = get_args(PhaseName)
 #: Where the double Henyey-Greenstein function has the mean of Mie theory.
 BACK_DEG = 175.0
 #: No lobe is narrower than this mean cosine.
-NARROWEST = 0.999
+MIN_WIDTH = 0.999
 
 
 def phase_function(optics: Optics, form: str, name: str) -> Phase:
@@ -59,13 +59,13 @@ def double_henyey_greenstein(optics: Optics, name: str) -> Blend:
         return float(lobes(backward).density(cos) @ weights - wanted)
 
     # The forward lobe grows narrower as the backward lobe moves towards it.
-    nearest_lobe = g - spread / (NARROWEST - g)
+    nearest_lobe = g - spread / (MIN_WIDTH - g)
     if (
-        not (spread > 0 and nearest_lobe > -NARROWEST)
-        or excess(-NARROWEST) * excess(nearest_lobe) > 0
+        not (spread > 0 and nearest_lobe > -MIN_WIDTH)
+        or excess(-MIN_WIDTH) * excess(nearest_lobe) > 0
     ):
         raise InputError(f"phase 'double-hg' does not fit {name}: take 'mie'")
-    return lobes(float(brentq(excess, -NARROWEST, nearest_lobe)))
+    return lobes(float(brentq(excess, -MIN_WIDTH, nearest_lobe)))
 
 
 def legendre_2(optics: Optics) -> float:

@@ -27,7 +27,7 @@ from spisim.config import NonNegative, Number, Positive, Section, Vector
 WAVES = 1024
 #: Cells in the shortest length that a field shows, and the most in one box.
 CELLS_PER_LENGTH = 4
-MOST_CELLS = 2**22
+MAX_CELLS = 2**22
 
 
 class Layer(Section):
@@ -146,11 +146,11 @@ class Structure(Section):
         edges = np.linalg.norm(to_world[:3, :3], axis=0)
         cell_m = min(lengths, default=edges.max()) / CELLS_PER_LENGTH
         nx, ny, nz = (int(count) for count in np.maximum(np.ceil(edges / cell_m), 1))
-        if nx * ny * nz > MOST_CELLS:
+        if nx * ny * nz > MAX_CELLS:
             raise InputError(
                 f"structure: a length of {min(lengths):g} m in a box of "
                 f"{' x '.join(f'{edge:g}' for edge in edges)} m needs {nx * ny * nz} cells; at "
-                f"most {MOST_CELLS}: make correlation_length_m, edge_m or width_m longer"
+                f"most {MAX_CELLS}: make correlation_length_m, edge_m or width_m longer"
             )
         return nz, ny, nx
 

@@ -4,8 +4,8 @@ For a flat Lambertian target across the optical axis that fills the field. `spis
 `spisim.measurement` answer the same questions for any scene; where both apply, they agree.
 """
 
+from spisim.budget.diagnostics import background_warnings, budget_warnings, instrument_warnings
 from spisim.budget.eye_safety import array_risk_group, class_1_power_w, laser_safety
-from spisim.budget.findings import background_warnings, budget_warnings, instrument_warnings
 from spisim.budget.link import Target, bucket_link, spot_link
 from spisim.budget.noise import bucket_noise, spot_noise
 from spisim.budget.ranging import longest_range_m, range_sigma_m

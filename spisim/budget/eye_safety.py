@@ -40,7 +40,7 @@ ARRAY_AT_M = 0.2
 GROUP_LIMITS_W_PER_M2 = (100.0, 18000 * 100**-0.75, 18000 * 10**-0.75)
 #: Infrared light that nobody looks away from must not exceed this radiance, W m⁻² sr⁻¹ over the
 #: angle of the source, at any time (section 4.3.6); the eye's movements smear smaller sources.
-RETINA_W_PER_M2_SR, SMALLEST_RAD, LARGEST_RAD = 6000.0, 0.011, 0.1
+RETINA_W_PER_M2_SR, MIN_ANGLE_RAD, MAX_ANGLE_RAD = 6000.0, 0.011, 0.1
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def risk_group(
     the highest group, since infrared light does not make anyone look away.
     """
     place = int(np.searchsorted(GROUP_LIMITS_W_PER_M2, irradiance_w_per_m2))
-    angle = min(max(source_m / ARRAY_AT_M, SMALLEST_RAD), LARGEST_RAD)
+    angle = min(max(source_m / ARRAY_AT_M, MIN_ANGLE_RAD), MAX_ANGLE_RAD)
     radiance = irradiance_w_per_m2 / (math.pi / 4 * angle**2)
     retinal = retinal_weight(wavelength_nm) * radiance * angle / RETINA_W_PER_M2_SR
     return RiskGroup(

@@ -12,10 +12,10 @@ from reconstruction.errors import InputError
 #: The wavelengths that the limits here are for.
 FIRST_NM, LAST_NM = 700.0, 1800.0
 RETINA_UP_TO_NM = 1400.0
-SHORTEST_PULSE_S = 1e-9
+MIN_PULSE_S = 1e-9
 POWER_3B_W = 0.5
 #: Pulses of 100 s that a retina takes as single ones, and the least that is left of the limit.
-FREE_PULSES, LEAST_C5 = 600, 0.4
+FREE_PULSES, MIN_C5 = 600, 0.4
 TIME_BASE_S = 100.0
 
 
@@ -39,8 +39,8 @@ def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:
 def class_3b_energy_j(time_s: float, wavelength_nm: float) -> float:
     """Class 3B limit of the energy within a time."""
     pulse_j = 0.03 * _c4(wavelength_nm) if wavelength_nm < RETINA_UP_TO_NM else 0.125
-    if time_s < SHORTEST_PULSE_S:
-        return pulse_j / SHORTEST_PULSE_S * time_s
+    if time_s < MIN_PULSE_S:
+        return pulse_j / MIN_PULSE_S * time_s
     return max(pulse_j, POWER_3B_W * time_s)
 
 
@@ -57,7 +57,7 @@ def repeated_pulse_factor(rate_hz: float, wavelength_nm: float) -> float:
     if merging_s == 0:
         return 1.0
     pulses = TIME_BASE_S * min(rate_hz, 1 / merging_s)
-    return 1.0 if pulses <= FREE_PULSES else max(5 * pulses**-0.25, LEAST_C5)
+    return 1.0 if pulses <= FREE_PULSES else max(5 * pulses**-0.25, MIN_C5)
 
 
 def _retinal_j(time_s: float, wavelength_nm: float) -> float:
@@ -84,7 +84,7 @@ def _c7(wavelength_nm: float) -> float:
 
 def _corneal_j_below_1500(time_s: float) -> float:
     """1400 to 1500 nm: 0.8 mJ from 1 ns to 1 ms."""
-    if time_s < SHORTEST_PULSE_S:
+    if time_s < MIN_PULSE_S:
         return 8e5 * time_s
     if time_s <= 1e-3:
         return 8e-4
@@ -95,7 +95,7 @@ def _corneal_j_below_1500(time_s: float) -> float:
 
 def _corneal_j(time_s: float) -> float:
     """1500 to 1800 nm: 8 mJ from 1 ns to 0.35 s."""
-    if time_s < SHORTEST_PULSE_S:
+    if time_s < MIN_PULSE_S:
         return 8e6 * time_s
     if time_s <= 0.35:
         return 8e-3

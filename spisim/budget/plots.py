@@ -14,7 +14,7 @@ from spisim.budget.noise import SOURCES, NoiseBudget, bucket_noise, spot_noise
 from spisim.budget.ranging import last_below, longest_range_m, range_sigma_m
 from spisim.instrument import Instrument
 
-NEAREST_M, FARTHEST_M = 0.5, 30.0
+MIN_DISTANCE_M, MAX_DISTANCE_M = 0.5, 30.0
 REFLECTANCES: Mapping[float, str] = {0.2: "#1f5f8b", 0.5: "#d1762c", 0.8: "#3f8f4f"}
 COLOURS = dict(
     zip(
@@ -44,7 +44,7 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
     )
     figure.suptitle(f"{name}: {light}{air}", fontsize=13)
     (snr, image_noise, image_map), (sigma, spot_noise_axes, spot_map) = figure.subplots(2, 3)
-    distance = np.geomspace(NEAREST_M, FARTHEST_M, 200)
+    distance = np.geomspace(MIN_DISTANCE_M, MAX_DISTANCE_M, 200)
     _image_panel(snr, instrument, target, distance)
     _range_panel(sigma, instrument, target, distance, limit_m)
     same = Target(distance, target.reflectance, target.illuminance_klx, target.extinction_per_m)
@@ -82,7 +82,7 @@ def _image_panel(axes: Axes, instrument: Instrument, target: Target, distance: F
         axes.plot(distance, budget.snr, color=colour, label=f"reflectance {reflectance:g}")
     axes.axhline(1, color="0.3", lw=1)
     axes.set(title="image: SNR of one exposure, all pixels on", ylabel="SNR", yscale="log")
-    distance_axis(axes, NEAREST_M, FARTHEST_M)
+    distance_axis(axes, MIN_DISTANCE_M, MAX_DISTANCE_M)
     axes.legend(frameon=False)
 
 
@@ -96,7 +96,7 @@ def _range_panel(
     axes.axhline(100 * limit_m, color="0.3", lw=1)
     axes.set(title=f"spots: σ of range, {instrument.tof.method}", ylabel="σ, cm", yscale="log")
     axes.set_ylim(1e-2, 1e3)
-    distance_axis(axes, NEAREST_M, FARTHEST_M)
+    distance_axis(axes, MIN_DISTANCE_M, MAX_DISTANCE_M)
     axes.legend(frameon=False)
 
 
@@ -109,13 +109,13 @@ def _noise_panel(axes: Axes, distance: Floats, budget: NoiseBudget, title: str) 
         distance, shares, labels=list(worst), colors=[COLOURS[source] for source in worst]
     )
     axes.set(title=title, ylabel="share of the variance, %", ylim=(0, 100))
-    distance_axis(axes, NEAREST_M, FARTHEST_M)
+    distance_axis(axes, MIN_DISTANCE_M, MAX_DISTANCE_M)
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles[::-1], labels[::-1], loc="lower right", fontsize=8, framealpha=0.9)
 
 
 def _image_reach(instrument: Instrument, target: Target) -> Floats:
-    distance = np.geomspace(NEAREST_M, 10 * FARTHEST_M, 80)
+    distance = np.geomspace(MIN_DISTANCE_M, 10 * MAX_DISTANCE_M, 80)
     grid = Target(
         distance,
         MAP_REFLECTANCE[:, None, None],

@@ -10,7 +10,7 @@ from reconstruction.arrays import Floats
 from spisim.budget.link import Target, spot_link
 from spisim.instrument import Instrument
 
-NEAREST_M, FARTHEST_M, STEPS = 0.05, 100.0, 400
+MIN_DISTANCE_M, MAX_DISTANCE_M, STEPS = 0.05, 100.0, 400
 
 
 def range_sigma_m(instrument: Instrument, target: Target) -> Floats:
@@ -38,7 +38,7 @@ def longest_range_m(
 
     0 where there is none. Up to 100 m, between 400 distances by interpolation.
     """
-    distance = np.geomspace(NEAREST_M, FARTHEST_M, STEPS)
+    distance = np.geomspace(MIN_DISTANCE_M, MAX_DISTANCE_M, STEPS)
     conditions = np.broadcast_arrays(reflectance, illuminance_klx)
     brightness, daylight = (np.asarray(value, np.float64)[..., None] for value in conditions)
     target = Target(distance, brightness, daylight, extinction_per_m)

@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 from spisim.config.fields import Number, Positive, Section
 
 #: Fewer values than this share within bounds are refused: they would be drawn for ever.
-LEAST_WITHIN = 1e-4
+MIN_WITHIN = 1e-4
 #: Larger ones are drawn as floating-point numbers.
 _Whole = Annotated[StrictInt, Field(ge=-(2**62), le=2**62)]
 
@@ -88,7 +88,7 @@ class Normal(Section):
                 "range", "within lies more than three standard deviations from the mean"
             )
         below = [math.erfc((mean - bound) / spread / math.sqrt(2)) / 2 for bound in self.within]
-        if below[1] - below[0] < LEAST_WITHIN:
+        if below[1] - below[0] < MIN_WITHIN:
             raise PydanticCustomError(
                 "range", "within is too narrow: values hardly ever fall there"
             )

@@ -30,7 +30,7 @@ from spisim.dataset.records import (
 PATIENCE_S = 60.0
 DAMAGED = "not a manifest of this version, or damaged"
 #: Samples that took their worker with them are tried this often of their own accord.
-MOST_DEATHS = 2
+MAX_DEATHS = 2
 
 
 class DamagedManifest(InputError):
@@ -145,7 +145,7 @@ class Manifest:
             "SELECT \"index\" FROM samples WHERE status = 'done' OR NOT ?"
             " AND NOT (substr(error, 1, ?) = ? AND attempts < ?)"
         )
-        arguments = (failed_too, len(DIED), DIED, MOST_DEATHS)
+        arguments = (failed_too, len(DIED), DIED, MAX_DEATHS)
         settled = {index for (index,) in self._connection.execute(query, arguments)}
         return [index for index in range(samples) if index not in settled]
 

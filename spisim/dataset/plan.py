@@ -47,7 +47,7 @@ from spisim.scene.description import SceneDescription
 from spisim.scene.families import FAMILIES
 
 #: A run holds the indices of all samples that it is to make.
-MOST_SAMPLES = 10**7
+MAX_SAMPLES = 10**7
 #: Seeds of scenes are below this.
 SCENE_SEEDS = 2**31
 
@@ -126,7 +126,7 @@ class Plan(Section):
 
     name: Name
     description: str = ""
-    samples: Annotated[Count, Field(le=MOST_SAMPLES)] | None = None
+    samples: Annotated[Count, Field(le=MAX_SAMPLES)] | None = None
     seed: Seed = 0
     scenes: Annotated[tuple[SceneSource, ...], Field(min_length=1)]
     every_scene: bool = False
@@ -151,11 +151,11 @@ class Plan(Section):
             raise PydanticCustomError(
                 "plan", "every_scene makes scenes of weight 0 too; take them out"
             )
-        if self.size > MOST_SAMPLES:
+        if self.size > MAX_SAMPLES:
             raise PydanticCustomError(
                 "plan",
                 "the grids have {size} combinations; at most {most} can be made",
-                {"size": self.size, "most": MOST_SAMPLES},
+                {"size": self.size, "most": MAX_SAMPLES},
             )
         paths = list(self.vary)
         for number, path in enumerate(paths):

@@ -27,7 +27,7 @@ WORKER_MEMORY_MB = 700
 #: A process makes room for a fresh one once it holds this much more than after its first sample,
 GROWTH_MB = 400
 #: or has made this many samples.
-MOST_SAMPLES = 1000
+MAX_SAMPLES = 1000
 #: Default of the longest that a sample may take.
 TIMEOUT_S = 1800.0
 
@@ -116,7 +116,7 @@ class LocalExecutor:
         worker.made += 1
         if worker.made == 1:
             worker.first_memory_mb = memory_mb
-        if worker.made == MOST_SAMPLES or memory_mb > worker.first_memory_mb + GROWTH_MB:
+        if worker.made == MAX_SAMPLES or memory_mb > worker.first_memory_mb + GROWTH_MB:
             self._end(worker)
         return outcome
 

@@ -17,7 +17,7 @@ from spisim.instrument.sensor import Each, PositiveFraction, Random, Readings
 from spisim.instrument.sensors import AnySensor
 
 #: No lens is faster: the sine of its cone would exceed 1.
-SMALLEST_F_NUMBER = 0.5
+MIN_F_NUMBER = 0.5
 
 
 class Amplifier(Section):
@@ -100,7 +100,7 @@ class Detector(Section):
 
     field_of_view_deg: Annotated[Number, Field(gt=0, le=180)]  # full angle of a hard-edged cone
     vignetting: NonNegative = 0.0  # m: the response falls off with cosᵐ inside the cone
-    f_number: Annotated[Number, Field(ge=SMALLEST_F_NUMBER)] | None = None
+    f_number: Annotated[Number, Field(ge=MIN_F_NUMBER)] | None = None
     aperture_diameter_mm: Positive | None = None
     lens_transmittance: PositiveFraction
     sensor: AnySensor
@@ -119,7 +119,7 @@ class Detector(Section):
         if self.aperture_diameter_mm is not None:
             return math.pi * (self.aperture_diameter_mm * 1e-3) ** 2 / 4
         assert self.f_number is not None
-        return self._largest_aperture_m2 * (SMALLEST_F_NUMBER / self.f_number) ** 2
+        return self._largest_aperture_m2 * (MIN_F_NUMBER / self.f_number) ** 2
 
     @property
     def _largest_aperture_m2(self) -> float:
@@ -155,7 +155,7 @@ class Detector(Section):
             raise InputError(
                 f"aperture_diameter_mm {self.aperture_diameter_mm} and field_of_view_deg "
                 f"{self.field_of_view_deg} hold more light than the sensor can take (étendue): at "
-                f"most {largest_mm:.4g} mm, with a lens of f/{SMALLEST_F_NUMBER}"
+                f"most {largest_mm:.4g} mm, with a lens of f/{MIN_F_NUMBER}"
             )
         return self
 

@@ -41,7 +41,7 @@ from spisim.scene.warning import SceneWarning
 OPTICAL_FROM_BODY = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
 
 #: Beyond this not even metres are told apart in single precision.
-FARTHEST_M = 1e6
+MAX_COORDINATE_M = 1e6
 
 Meshes = Mapping[str, trimesh.Trimesh]
 NO_MESHES: Meshes = MappingProxyType({})
@@ -199,8 +199,8 @@ def _place(
             for i, instance in enumerate(described.instances, start=1)
         }
     for posed in instances.values():
-        if (far := float(np.abs(posed.bounds).max())) > FARTHEST_M:
-            raise InputError(f"reaches {far:.3g} m from the origin; at most {FARTHEST_M:g} m")
+        if (far := float(np.abs(posed.bounds).max())) > MAX_COORDINATE_M:
+            raise InputError(f"reaches {far:.3g} m from the origin; at most {MAX_COORDINATE_M:g} m")
     turning = _radians(described.angular_velocity_deg_s)
     return [
         SceneObject(name, posed, material, described.velocity_m_s, turning)

@@ -24,10 +24,10 @@ from spisim.scene.rays import enclosing_object, first_hits, hits
 #: Free space around the drone, its own size and a bit.
 CLEARANCE_M = 0.4
 #: Nearest thing in view, at least.
-NEAREST_M = 0.9
+MIN_DISTANCE_M = 0.9
 #: What a spot must return for its range: reflectance times cosine over squared range, 1/m², or as
 #: much by another surface. Black rubber, head-on, at 7.5 m.
-FAINTEST_SPOT_PER_M2 = 1.1e-3
+MIN_SPOT_PER_M2 = 1.1e-3
 #: Points of a lens that should see the spot: its middle, and some of a ring around it.
 ON_LENS = np.array([(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)])
 #: What is seen is so far off the surface: in single precision light does not get out of a crevice.
@@ -81,12 +81,12 @@ def layout_problem(scene: Scene, needs: Needs) -> str | None:
         return f"a laser spot meets nothing within {needs.farthest_spot_m:.3g} m"
     owners = np.repeat(np.arange(len(scene.objects)), [len(o.mesh.faces) for o in scene.objects])
     materials = [scene.objects[k].material for k in owners[in_view]]
-    if min(_returned(needs, k, seen, materials) for k in range(len(spots))) < FAINTEST_SPOT_PER_M2:
+    if min(_returned(needs, k, seen, materials) for k in range(len(spots))) < MIN_SPOT_PER_M2:
         return "a laser spot is too faint, or hidden from its detector"
     fields = [np.linspace(-half, half, RAYS) for half in needs.half_field_deg]
     nearest = min(first_hits(np.zeros(3), _rays(*fields), seen).min(), spots.min())
-    if nearest < NEAREST_M:
-        return f"the nearest surface in view is at {nearest:.2f} m, less than {NEAREST_M} m"
+    if nearest < MIN_DISTANCE_M:
+        return f"the nearest surface in view is at {nearest:.2f} m, less than {MIN_DISTANCE_M} m"
     return None
 
 

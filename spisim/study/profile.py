@@ -12,7 +12,7 @@ from reconstruction.capture import Truth
 EDGES_M = np.geomspace(0.5, 32.0, 25)
 CENTRES_M = np.sqrt(EDGES_M[:-1] * EDGES_M[1:])
 #: Fewer pixels in a bin tell nothing.
-LEAST_PIXELS = 5
+MIN_PIXELS = 5
 
 #: Mean estimated depth in each bin, None where there are too few pixels, by method.
 Profile = Mapping[str, Sequence[float | None]]
@@ -35,4 +35,4 @@ def _means(true_m: np.ndarray, estimated_m: np.ndarray) -> list[float | None]:
     x, y = true_m[both].astype(float), estimated_m[both].astype(float)
     count = binned_statistic(x, y, "count", EDGES_M).statistic
     total = binned_statistic(x, y, "sum", EDGES_M).statistic
-    return [float(s / n) if n >= LEAST_PIXELS else None for s, n in zip(total, count, strict=True)]
+    return [float(s / n) if n >= MIN_PIXELS else None for s, n in zip(total, count, strict=True)]

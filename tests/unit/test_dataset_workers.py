@@ -77,7 +77,7 @@ def test_one_that_grows_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_one_is_replaced_after_many_samples(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workers, "MOST_SAMPLES", 2)
+    monkeypatch.setattr(workers, "MAX_SAMPLES", 2)
     make = Fake(tmp_path)
     outcomes(make, range(5), count=1)
     assert len(make.pids()) == 3

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 #: Mean counts above which the normal limit of the renewal process stands for its distribution.
 LARGE_COUNT = 1000.0
 #: A counter this close to one count per dead time tells nothing about the light.
-MOST_OF_FULL = 0.95
+MAX_SHARE_OF_FULL = 0.95
 
 
 class Spad(Sensor):
@@ -102,7 +102,7 @@ class Spad(Sensor):
         most = diodes * time_s / self.dead_time_s if self.dead_time_s > 0 else np.inf
         return Readings(
             counts,
-            np.asarray(counts >= MOST_OF_FULL * most),
+            np.asarray(counts >= MAX_SHARE_OF_FULL * most),
             electrons_per_count=1 - self.afterpulse_probability,
             offset_counts=0.0,
             noise_electrons=np.nan if rng is None else 0.0,

@@ -20,7 +20,7 @@ from spisim.instrument.stamping import Stamping
 from spisim.instrument.tof import Emission, Reading, SpotLight, check_pulse
 
 #: Where more cycles than this end with a photon, too few are left to tell late light from early.
-MOST_OF_CYCLES = 0.99
+MAX_SHARE_OF_CYCLES = 0.99
 
 
 class DirectTof(Section):
@@ -88,7 +88,7 @@ class DirectTof(Section):
             directions=directions,
             detector_positions_m=self.detector.spot_positions_m,
             counts=counts,
-            saturated=stamping.piles_up & (chances.sum(axis=-1) > MOST_OF_CYCLES),
+            saturated=stamping.piles_up & (chances.sum(axis=-1) > MAX_SHARE_OF_CYCLES),
             bin_width_s=self.bin_width_s,
             start_s=0.0,
             pulses=self.pulses,

@@ -10,7 +10,7 @@ from spisim.transport import RayCaster
 Rays = tuple[Floats, Floats]  # origins and unit directions (n, 3), row by row
 
 #: A section is cut at most so far from the drone, and halfway to what is there.
-FARTHEST_CUT_M = 1.0
+MAX_CUT_M = 1.0
 CONE_RAYS = 64
 CONE_TANGENT = 0.5
 
@@ -77,7 +77,7 @@ def cut_m(caster: RayCaster, position_m: Floats, towards: Floats) -> float:
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     found = caster.along(np.broadcast_to(position_m, rays.shape), rays)
     distances = np.where(np.isfinite(found.range_m), found.range_m * (rays @ towards), np.inf)
-    return float(min(FARTHEST_CUT_M, np.median(distances) / 2))
+    return float(min(MAX_CUT_M, np.median(distances) / 2))
 
 
 def _centres(count: int) -> Floats:

@@ -34,7 +34,7 @@ PADDING = 3
 RATIO = 2.05
 MARGIN_M = 0.5
 #: What lies farther is left out of plan and side view.
-REACH_M = 40.0
+MAX_SHOWN_M = 40.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Look:
     def spots_m(self) -> Floats:
         """(4, 3): where the beams end in the world; far out where they meet nothing."""
         pose = self.scene.drone_pose
-        ranges = np.array([min(spot.range_m, REACH_M) for spot in self.survey.spots])
+        ranges = np.array([min(spot.range_m, MAX_SHOWN_M) for spot in self.survey.spots])
         rays = self.instrument.lasers.directions @ pose[:3, :3].T
         return np.asarray(pose[:3, 3] + ranges[:, None] * rays)
 
@@ -159,7 +159,7 @@ def _draw_sections(plan_axis: Any, side_axis: Any, look: Look) -> None:
     plan = Section(position, ahead, left)
     side = Section(position * (1, 1, 0), ahead, up)
     points = np.concatenate([look.survey.points_m, look.spots_m])
-    near = points[np.linalg.norm(points - position, axis=1) <= REACH_M]
+    near = points[np.linalg.norm(points - position, axis=1) <= MAX_SHOWN_M]
     near = np.concatenate([near, position[None]])
     in_plan, in_side = _limits(plan.place(near), side.place(near))
     _draw_section(plan_axis, look, plan, in_plan, cut_m(look.caster, position, up))

@@ -19,7 +19,7 @@ from .profile_plot import profile_plot
 Columns = dict[str, dict[Condition, Estimate]]
 
 #: Failures that are listed.
-MOST_FAILURES = 20
+MAX_FAILURES = 20
 
 
 def write_study(folder: Path, results: Results) -> tuple[Path, ...]:
@@ -118,9 +118,9 @@ def _warnings(results: Results) -> list[str]:
 
 
 def _failures(failed: Sequence[Row]) -> list[str]:
-    lines = [f"sample {row.index}: {row.error}" for row in failed[:MOST_FAILURES]]
-    if len(failed) > MOST_FAILURES:
-        lines.append(f"and {len(failed) - MOST_FAILURES} more, in results.csv")
+    lines = [f"sample {row.index}: {row.error}" for row in failed[:MAX_FAILURES]]
+    if len(failed) > MAX_FAILURES:
+        lines.append(f"and {len(failed) - MAX_FAILURES} more, in results.csv")
     return lines
 
 

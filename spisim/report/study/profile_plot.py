@@ -12,7 +12,7 @@ from .plots import Plot, draw_estimates, group_look, legend_above, plain_log, sa
 
 NAME = "depth_profile"
 #: Bins of fewer independent scenes or rounds are left out.
-LEAST_UNITS = 3
+MIN_UNITS = 3
 
 
 def profile_plot(results: Results) -> Plot:
@@ -54,6 +54,6 @@ def profile_of(rows: list[Row], method: str) -> dict[float, Estimate]:
         told = [(row, row.profile[method][place]) for row in rows if method in row.profile]
         known = [(row, value) for row, value in told if value is not None]
         estimate = over_units([row for row, _ in known], [value for _, value in known])
-        if estimate.units >= LEAST_UNITS:
+        if estimate.units >= MIN_UNITS:
             found[float(true_m)] = estimate
     return found

@@ -48,12 +48,12 @@ class Heap:
     phases: Floats
 
     #: Half its depth and width.
-    REACH_M = (2.2, 4.0)
+    EXTENT_M = (2.2, 4.0)
 
     def height(self, x: Floats | float, y: Floats | float) -> Floats:
         """Height at places."""
-        u = (np.asarray(x) - self.x) / self.REACH_M[0]
-        v = np.asarray(y) / self.REACH_M[1]
+        u = (np.asarray(x) - self.x) / self.EXTENT_M[0]
+        v = np.asarray(y) / self.EXTENT_M[1]
         bumps = np.cos(
             np.multiply.outer(x, self.numbers[:, 0])
             + np.multiply.outer(y, self.numbers[:, 1])
@@ -64,7 +64,7 @@ class Heap:
 
     def mesh(self) -> Mesh:
         """Its surface as a sheet, a little below the ground at the edge."""
-        reach_x, reach_y = self.REACH_M
+        reach_x, reach_y = self.EXTENT_M
         x, y = np.meshgrid(
             self.x + np.linspace(-reach_x, reach_x, 45),
             np.linspace(-reach_y, reach_y, 61),
@@ -75,7 +75,7 @@ class Heap:
 
 def build(parameters: RubbleParameters, rng: np.random.Generator) -> Draft:
     """Heap, what lies on it, and the wall it fell from."""
-    middle = parameters.distance_m + Heap.REACH_M[0]
+    middle = parameters.distance_m + Heap.EXTENT_M[0]
     heap = Heap(
         middle,
         parameters.heap_m,
@@ -146,7 +146,7 @@ def _add_loose(
 
 def _strewn(count: int, heap: Heap, rng: np.random.Generator) -> Floats:
     """Places (n, 3) on the near side of the heap and before it."""
-    x = heap.x + rng.uniform(-1.15, 0.2, count) * heap.REACH_M[0]
+    x = heap.x + rng.uniform(-1.15, 0.2, count) * heap.EXTENT_M[0]
     y = rng.normal(0, 0.9, count)
     return np.stack([x, y, heap.height(x, y)], axis=1)
 

@@ -103,7 +103,7 @@ def import_scene(
     fields, meshes = scene_fields(output.stem, content.parts, matches, drone, file.name)
     written = write_scene(output, fields, meshes, HEADER)
     odd = odd_sizes(bounds_m)
-    near, far = drones.NEAREST_M
+    near, far = drones.NEAREST_RANGE_M
     if not near <= drone.nearest_m <= far:
         odd.append(f"the surface nearest to the drone is {drone.nearest_m:.3g} m away")
     return Import(

@@ -15,7 +15,7 @@ from spisim.scene.pose import look_at
 from spisim.scene.rays import first_hits, winding_number
 
 #: How near the nearest surface may be.
-NEAREST_M = (1.0, 10.0)
+NEAREST_RANGE_M = (1.0, 10.0)
 #: Where to look from: distances from the target, directions about it, and heights above it.
 DISTANCES_M = (4.0, 3.0, 5.0, 6.5, 2.0, 8.0, 1.5, 10.0, 12.0, 15.0, 20.0, 30.0)
 AZIMUTHS_DEG = np.arange(180.0, 540.0, 30.0)  # first from -x, looking along x
@@ -25,7 +25,7 @@ CLEARANCE_M = 0.3
 SAMPLES = 20_000
 #: Points of the bulk to be seen, and rays times triangles to be tested in search of the best view.
 LOOKED_FOR = 32
-MOST_TESTS = 1e7
+MAX_TESTS = 1e7
 
 
 @dataclass(frozen=True)
@@ -49,13 +49,13 @@ def propose(meshes: Sequence[trimesh.Trimesh]) -> DronePose:
     target = np.median(bulk, axis=0)
     seen = np.random.default_rng(0).permutation(bulk)[:LOOKED_FOR]
     triangles = sum(len(mesh.faces) for mesh in meshes)
-    tries = int(np.clip(MOST_TESTS / (LOOKED_FOR * triangles), 1, 30))
+    tries = int(np.clip(MAX_TESTS / (LOOKED_FOR * triangles), 1, 30))
     fitting = (
         pose
         for position in _roomy(_places(target), points)
         if is_open(meshes, position)
-        and (pose := pose_at(meshes, position, target, "proposed")).nearest_m >= NEAREST_M[0]
-        and NEAREST_M[0] <= pose.ahead_m <= NEAREST_M[1]
+        and (pose := pose_at(meshes, position, target, "proposed")).nearest_m >= NEAREST_RANGE_M[0]
+        and NEAREST_RANGE_M[0] <= pose.ahead_m <= NEAREST_RANGE_M[1]
     )
     if found := list(itertools.islice(fitting, tries)):
         if len(found) == 1:
@@ -128,7 +128,10 @@ def _roomy(places: Iterable[Floats], points: Floats) -> Iterator[Floats]:
     tree = KDTree(points)
     lowest_m = points[:, 2].min() + CLEARANCE_M
     for place in places:
-        if place[2] >= lowest_m and NEAREST_M[0] <= float(tree.query(place)[0]) <= NEAREST_M[1]:
+        if (
+            place[2] >= lowest_m
+            and NEAREST_RANGE_M[0] <= float(tree.query(place)[0]) <= NEAREST_RANGE_M[1]
+        ):
             yield place
 
 
@@ -136,7 +139,7 @@ def _visible(meshes: Sequence[trimesh.Trimesh], position: Floats, points: Floats
     """Fraction of points (n, 3) on the surfaces that a position sees from at most 10 m."""
     rays = points - position
     first = np.min([first_hits(position, rays, mesh.triangles) for mesh in meshes], axis=0)
-    return float(np.mean((first > 0.99) & (np.linalg.norm(rays, axis=1) <= NEAREST_M[1])))
+    return float(np.mean((first > 0.99) & (np.linalg.norm(rays, axis=1) <= NEAREST_RANGE_M[1])))
 
 
 def _places(target: Floats) -> Iterator[Floats]:
