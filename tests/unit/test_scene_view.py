@@ -16,7 +16,7 @@ import spisim
 from scenefiles import MINIMAL
 from spisim.cli import app
 from spisim.report.scene_view import Look, picture, survey
-from spisim.report.scene_view.cameras import FARTHEST_CUT_M, Section, cut_m, heading
+from spisim.report.scene_view.cameras import MAX_CUT_M, Section, cut_m, heading
 from spisim.scene import Material, SceneObject, look_at
 from spisim.scene.layout import clearance_m
 from spisim.transport import RayCaster, ground_truth
@@ -117,7 +117,7 @@ def test_sections_are_cut_below_a_ceiling() -> None:
     assert cut_m(RayCaster.of(scene(surface("c", ceiling, 0.5))), np.zeros(3), up) == pytest.approx(
         0.5
     )
-    assert cut_m(RayCaster.of(scene(plane(-5))), np.zeros(3), up) == FARTHEST_CUT_M
+    assert cut_m(RayCaster.of(scene(plane(-5))), np.zeros(3), up) == MAX_CUT_M
 
 
 def test_heading_is_level() -> None:
