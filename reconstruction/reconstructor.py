@@ -1,8 +1,6 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from time import perf_counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from .errors import InputError
 from .image import IMAGE_METHODS, Coefficients, Imaging, UsableReadings, image_method
 from .ranging import RANGING_METHODS, Ranges, ranging_method, reads
 from .result import Image, Result
+from .timing import timed
 
 Names = str | Sequence[str] | None
 """Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
@@ -85,7 +84,7 @@ class Reconstructor:
         usable: NDArray[np.bool_],
     ) -> Result:
         timings: dict[str, float] = {}
-        with _timed(timings, "decoding"):
+        with timed(timings, "decoding"):
             readings = self._imaging.of(usable)
             if not readings.decoder.index.size:
                 raise InputError(
@@ -96,17 +95,17 @@ class Reconstructor:
             coefficients = readings.decode(signal, variance)
         images = {}
         for name in self._images:
-            with _timed(timings, f"image {name}"):
+            with timed(timings, f"image {name}"):
                 images[name] = self._image(name, readings, coefficients)
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
-            with _timed(timings, f"ranging {name}"):
+            with timed(timings, f"ranging {name}"):
                 rangings[name] = _checked_ranges(name, solve(frame.spots))
         view = View(next(iter(images.values())), next(iter(rangings.values()), None), frame)
         depths = {}
         for name, estimate in self._depths.items():
-            with _timed(timings, f"depth {name}"):
+            with timed(timings, f"depth {name}"):
                 depth_m = estimate(view)
             if depth_m is not None:
                 depths[name] = _checked(f"depth method {name!r}", depth_m, self._shape)
@@ -222,10 +221,3 @@ def _checked_ranges(name: str, ranges: Any) -> Ranges:
 
 def _single(arrays: Mapping[str, Floats]) -> dict[str, Image]:
     return {name: array.astype(np.float32) for name, array in arrays.items()}
-
-
-@contextmanager
-def _timed(timings_s: dict[str, float], stage: str) -> Iterator[None]:
-    started = perf_counter()
-    yield
-    timings_s[stage] = perf_counter() - started

@@ -1,12 +1,18 @@
 """Fewer patterns of a capture, as if only they had been shown."""
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
+from ..arrays import Mask
 from ..errors import InputError
 from ..operators import ORDERS
+from .buckets import Buckets
 from .model import Capture
+from .pattern_taps import PatternTaps
+
+Part = TypeVar("Part", Buckets, PatternTaps)
 
 
 def first_patterns(capture: Capture, patterns: int, order: str | None = None) -> Capture:
@@ -24,20 +30,15 @@ def first_patterns(capture: Capture, patterns: int, order: str | None = None) ->
     ordered = ORDERS[order or plan.patterns.usual_order](plan.patterns)
     kept = ordered[np.isin(ordered, plan.index)][:patterns]
     exposures = np.isin(plan.index, kept)
-    pattern_taps = capture.pattern_taps
-    if pattern_taps is not None:
-        pattern_taps = replace(
-            pattern_taps,
-            taps=pattern_taps.taps[:, exposures],
-            saturated=pattern_taps.saturated[:, exposures],
-        )
+    taps = capture.pattern_taps
     return replace(
         capture,
-        pattern_taps=pattern_taps,
+        pattern_taps=None if taps is None else _some(taps, exposures, "taps"),
         plan=plan.only(exposures),
-        buckets=replace(
-            capture.buckets,
-            counts=capture.buckets.counts[:, exposures],
-            saturated=capture.buckets.saturated[:, exposures],
-        ),
+        buckets=_some(capture.buckets, exposures, "counts"),
     )
+
+
+def _some(part: Part, exposures: Mask, readings: str) -> Part:
+    names = (readings, "saturated")
+    return replace(part, **{name: getattr(part, name)[:, exposures] for name in names})

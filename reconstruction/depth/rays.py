@@ -1,4 +1,4 @@
-"""Where virtual pixels look: the projector's pinhole model."""
+"""Where virtual pixels look, the projector's pinhole model, and where spots are among them."""
 
 import numpy as np
 
@@ -30,3 +30,9 @@ def pixel_of(directions: Floats, optics: Optics, shape: tuple[int, int]) -> Floa
 def range_over_depth(optics: Optics, shape: tuple[int, int]) -> Floats:
     """Length of each pixel's ray per unit of depth, (H, W)."""
     return np.asarray(np.linalg.norm(pixel_rays(optics, shape), axis=-1))
+
+
+def squared_distances(shape: tuple[int, ...], anchors: Floats) -> Floats:
+    """Squared distance in pixels from each pixel to each anchor (K, 2), (H, W, K)."""
+    rows, columns = np.arange(shape[0])[:, None, None], np.arange(shape[1])[:, None]
+    return np.asarray((rows - anchors[:, 0]) ** 2 + (columns - anchors[:, 1]) ** 2)

@@ -22,6 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from reconstruction.arrays import Floats
+from reconstruction.capture import Optics
+from reconstruction.depth import pixel_rays
 from reconstruction.operators import mean_illumination
 from spisim.instrument import Detector, Instrument
 
@@ -87,7 +89,8 @@ def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
     """Light and electrons of one exposure with all pixels on."""
     projector, detector = instrument.projector, instrument.detector
     powers = instrument.pixel_powers_w.ravel()
-    rays = _pixel_rays(instrument)
+    optics = Optics(projector.tan_half_width, projector.tan_half_height)
+    rays = pixel_rays(optics, projector.shape).reshape(-1, 3)
     distance, extinction = (
         np.asarray(value, dtype=np.float64)[..., None]
         for value in (target.distance_m, target.extinction_per_m)
@@ -220,16 +223,6 @@ def _directions_within(axes: Floats, half_angle: float) -> Floats:
         + (sine * np.cos(turn))[:, None] * across[:, None]
         + (sine * np.sin(turn))[:, None] * up[:, None]
     )
-
-
-def _pixel_rays(instrument: Instrument) -> Floats:
-    """Points (pixels, 3) at unit depth in the centres of the virtual pixels."""
-    projector = instrument.projector
-    height, width = projector.shape
-    x = (2 * (np.arange(width) + 0.5) / width - 1) * projector.tan_half_width
-    y = (2 * (np.arange(height) + 0.5) / height - 1) * projector.tan_half_height
-    grid_x, grid_y = np.meshgrid(x, y)
-    return np.stack([grid_x, grid_y, np.ones_like(grid_x)], axis=-1).reshape(-1, 3)
 
 
 def _spot_axes(instrument: Instrument) -> Floats:

@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
-from .console import messages, print_json, progress_bar, timed, warn
+from reconstruction.timing import timed
+
+from .console import messages, print_json, progress_bar, warn
 from .options import Bar, Json, Seed, Spp
 from .tables import print_errors
 

@@ -6,8 +6,10 @@ from typing import Annotated
 
 import typer
 
+from reconstruction.timing import timed
+
 from . import options as opt
-from .console import messages, print_json, progress_bar, timed, warn
+from .console import messages, print_json, progress_bar, warn
 from .inputs import instrument_with, scene_with
 from .outputs import beside
 

@@ -73,8 +73,11 @@ class Layout:
 
 def fingerprint(path: Path) -> dict[str, Any]:
     """Size and SHA-256 of a file, `bytes` and `sha256`."""
-    content = path.read_bytes()
-    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+    with path.open("rb") as file:
+        return {
+            "bytes": path.stat().st_size,
+            "sha256": hashlib.file_digest(file, "sha256").hexdigest(),
+        }
 
 
 def done(layout: Layout, sample: Sample, beside: Iterable[Path]) -> Outcome:

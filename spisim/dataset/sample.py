@@ -5,8 +5,7 @@ import resource
 import sys
 import time
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -20,6 +19,7 @@ from threadpoolctl import threadpool_limits
 from reconstruction import Capture, capture_warnings, write_capture
 from reconstruction.errors import InputError, explain
 from reconstruction.files import write_atomically
+from reconstruction.timing import timed
 from spisim.config import parse_model
 from spisim.dataset.folder import Layout, done
 from spisim.dataset.plan import Keep, PlannedSet, Sample
@@ -66,16 +66,16 @@ class Maker:
         seconds: dict[str, float] = {}
         with catch_warnings(record=True) as odd:
             simplefilter("always")
-            with _timed(seconds, "scene"):
+            with timed(seconds, "scene"):
                 scene, instrument = load(sample)
-            with _timed(seconds, "simulate"):
+            with timed(seconds, "simulate"):
                 plan = self.planned.plan
                 simulation = simulate(
                     scene, instrument, seed=sample.seed, frames=plan.frames, **plan.sampling_budget
                 )
         capture = _of_a_set(simulation.capture, self.planned, index)
         path = layout.capture(index)
-        with _timed(seconds, "write"):
+        with timed(seconds, "write"):
             beside = _write_sidecars(path, simulation, self.planned.plan.keep)
             write_capture(capture, path)  # last: where it is, all of the sample is
         told = [str(warning.message) for warning in odd] + list(capture_warnings(capture))
@@ -172,10 +172,3 @@ def _reason(error: Exception) -> str:
     else:
         text = f"{type(error).__name__}: {error}"
     return " ".join(text.split())
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    start = time.perf_counter()
-    yield
-    seconds[stage] = time.perf_counter() - start

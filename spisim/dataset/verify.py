@@ -1,13 +1,12 @@
 """Whether the files of a data set are those that its manifest tells of."""
 
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from reconstruction import InputError, read_capture
-from spisim.dataset.folder import Layout, belongs_to
+from spisim.dataset.folder import Layout, belongs_to, fingerprint
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.records import Record
 
@@ -62,13 +61,8 @@ def _of_record(folder: Path, record: Record) -> Iterator[Finding]:
             yield Finding(name, "missing", f"of sample {record.index}")
         elif (size := path.stat().st_size) != told["bytes"]:
             yield Finding(name, "damaged", f"{size} bytes instead of {told['bytes']}")
-        elif _sum(path) != told["sha256"]:
+        elif fingerprint(path)["sha256"] != told["sha256"]:
             yield Finding(name, "damaged", "another SHA-256 than when it was written")
-
-
-def _sum(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _unknown(path: Path, name: str, plan: str) -> Finding:

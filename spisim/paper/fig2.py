@@ -75,9 +75,14 @@ def figure_2() -> Result:
         *(_common(paper_flood(*light), "total", "signal + daylight = floor") for light in LIGHTS),
         total,
     ]
-    columns = ("what ends the range", "light", *_titles(), "T_int", "own T_int")
+    titles = (f"ρ = {rho:g}: paper {goal:g} m" for rho, goal in PAPER_M.items())
+    columns = ("what ends the range", "light", *titles, "T_int", "own T_int")
     tables = [
-        Table("Figure 2: distances in metres (deviation from the paper)", columns, _rows(readings)),
+        Table(
+            "Figure 2: distances in metres (deviation from the paper)",
+            columns,
+            [each.row for each in readings],
+        ),
         Table(_words(flood, share)),
     ]
     checks = [
@@ -138,14 +143,6 @@ def _anchored(flood: Flood) -> Reading:
 
 def _noiseless(flood: Flood) -> Flood:
     return replace(flood, noise_a_per_sqrt_hz=0.0, dark_per_s=0.0)
-
-
-def _titles() -> tuple[str, ...]:
-    return tuple(f"ρ = {rho:g}: paper {goal:g} m" for rho, goal in PAPER_M.items())
-
-
-def _rows(readings: list[Reading]) -> list[tuple[str, ...]]:
-    return [reading.row for reading in readings]
 
 
 def _light(flood: Flood) -> str:

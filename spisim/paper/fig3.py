@@ -46,7 +46,7 @@ def figure_3() -> Result:
         "paper",
         *(f"{n:,} periods" for n in PERIODS),
         "deviation",
-        *_silent(),
+        *(f"{n:,}, silent amplifier" for n in PERIODS),
     )
     rows = [_row(diode, place, reach[diode], silent[diode]) for diode, place in PAPER_M]
     pin, apd = reach["PIN"], reach["APD"]
@@ -122,10 +122,6 @@ def _row(diode: str, place: str, reach: Floats, silent: Floats) -> tuple[str, ..
     deviation = ", ".join(percent(off) for off in found[1] / paper - 1)
     without = (_span(ends) for ends in _ends(silent, place))
     return (diode, place, _span(paper), *map(_span, found), deviation, *without)
-
-
-def _silent() -> tuple[str, ...]:
-    return tuple(f"{n:,}, silent amplifier" for n in PERIODS)
 
 
 def _span(ends: Floats | tuple[float, float]) -> str:

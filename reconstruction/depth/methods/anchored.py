@@ -18,9 +18,8 @@ import numpy as np
 from scipy.ndimage import map_coordinates, uniform_filter
 
 from ...arrays import Floats
-from ..anchors import squared_distances
 from ..method import Context, DepthSolver, Need, View
-from ..rays import pixel_of
+from ..rays import pixel_of, squared_distances
 
 LOG_DEPTH_DEVIATION = 0.4
 """Spread of log depth within a view as far as known beforehand, which counts as one anchor."""

@@ -3,9 +3,8 @@
 import numpy as np
 
 from ...arrays import Floats
-from ..anchors import squared_distances
 from ..method import Context, DepthSolver, Need, View
-from ..rays import pixel_of, range_over_depth
+from ..rays import pixel_of, range_over_depth, squared_distances
 
 
 class Nearest:

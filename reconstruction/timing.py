@@ -1,0 +1,13 @@
+"""How long things take."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
+
+@contextmanager
+def timed(seconds: dict[str, float], step: str) -> Iterator[None]:
+    """Note how long a step takes."""
+    started = perf_counter()
+    yield
+    seconds[step] = perf_counter() - started
