@@ -23,7 +23,7 @@ from . import (
     transport,
     weather,
 )
-from .console import messages, warn
+from .console import say, warn
 
 
 class Commands(TyperGroup):
@@ -47,7 +47,7 @@ class Commands(TyperGroup):
             message, status = str(error), 2
         except KeyboardInterrupt:
             message, status = "interrupted; no file is left half-written", 130
-        messages.print(f"error: {message}", style="red", soft_wrap=True)
+        say(f"error: {message}", style="red")
         raise typer.Exit(status)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import messages, print_json, results, warn
+from .console import print_json, results, say, warn
 from .inputs import instrument_with
 from .options import Json, Wavelength, real_option
 from .tables import plain_table
@@ -69,7 +69,7 @@ def command(
         return
     _print(figures)
     if output is not None:
-        messages.print(f"Wrote {output}.", soft_wrap=True)
+        say(f"Wrote {output}.")
 
 
 def summarise(instrument: Instrument, target: Target) -> dict[str, Any]:

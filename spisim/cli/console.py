@@ -19,10 +19,15 @@ def print_json(report: Mapping[str, Any]) -> None:
     print(json.dumps(_plain(report), ensure_ascii=False, allow_nan=False))
 
 
+def say(text: str, style: str | None = None) -> None:
+    """Print a message; terminals break long lines, not this program."""
+    messages.print(text, style=style, soft_wrap=True)
+
+
 def warn(warnings: Iterable[str]) -> None:
     """Say what the user should know before believing the results."""
     for warning in warnings:
-        messages.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+        say(f"warning: {warning}", "yellow")
 
 
 @contextmanager

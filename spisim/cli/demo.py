@@ -7,7 +7,7 @@ import typer
 
 from reconstruction.timing import timed
 
-from .console import messages, print_json, progress_bar, warn
+from .console import print_json, progress_bar, say, warn
 from .options import Bar, Json, Seed, Spp
 from .tables import print_errors
 
@@ -69,5 +69,5 @@ def command(
         print_json(report | {"metrics": metrics, "seconds": timings})
     else:
         print_errors(metrics)
-        messages.print(f"\nWrote {', '.join(written)} to {output}.", soft_wrap=True)
-        messages.print(f"Look at it: {(output / 'report.html').resolve().as_uri()}", soft_wrap=True)
+        say(f"\nWrote {', '.join(written)} to {output}.")
+        say(f"Look at it: {(output / 'report.html').resolve().as_uri()}")

@@ -12,7 +12,7 @@ import typer
 
 from spisim.config import shipped
 
-from .console import messages, print_json, results
+from .console import messages, print_json, results, say
 from .options import Json
 
 EXAMPLE = "spisim doctor"
@@ -30,7 +30,7 @@ def command(
         from .install_llvm import install_llvm as install
 
         messages.print("Downloading LLVM …")
-        messages.print(f"LLVM is now in {install()}", soft_wrap=True)
+        say(f"LLVM is now in {install()}")
     findings = examine()
     if json:
         print_json(findings)
@@ -119,6 +119,6 @@ def _print(findings: dict[str, Any]) -> None:
     table.add_row("packages", ", ".join(f"{n} {v}" for n, v in findings["packages"].items()))
     results.print(table)
     for problem in findings["problems"]:
-        messages.print(f"\n{problem}", style="red", soft_wrap=True)
+        say(f"\n{problem}", style="red")
     if findings["ready"]:
         results.print("\nReady.", style="green")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from . import options as opt
-from .console import messages, print_json, progress_bar, warn
+from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
 
 if TYPE_CHECKING:
@@ -87,10 +87,8 @@ def command(
         print_json(report | {"duration_s": trajectory.duration_s, "warnings": oddities + warnings})
         return
     old = f" ({len(kept)} of them kept)" if kept else ""
-    messages.print(
-        f"Wrote {len(flight)} captures{old}, {', '.join(OUTPUTS)} to {output}.", soft_wrap=True
-    )
-    messages.print(f"Look at it: {(output / OUTPUTS[0]).resolve().as_uri()}", soft_wrap=True)
+    say(f"Wrote {len(flight)} captures{old}, {', '.join(OUTPUTS)} to {output}.")
+    say(f"Look at it: {(output / OUTPUTS[0]).resolve().as_uri()}")
 
 
 def _part(advance: Callable[[float], None], done: float, share: float) -> Callable[[float], None]:

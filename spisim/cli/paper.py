@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from .console import messages, print_json
+from .console import print_json, say
 from .options import Json
 
 EXAMPLE = "spisim paper fig2 -o out/paper"
@@ -65,6 +65,6 @@ def command(
         paste(markdown, "paper", around, tables)
     if not json:
         drawn = ", ".join(picture.name for picture in pictures.values())
-        messages.print(f"Wrote {drawn} into {output}.", soft_wrap=True)
+        say(f"Wrote {drawn} into {output}.")
     if not all(check.holds for check in checks):
         raise typer.Exit(1)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from . import options as opt
-from .console import messages, print_json
+from .console import print_json, say
 from .inputs import instrument_with, scene_with
 from .outputs import beside
 
@@ -78,4 +78,4 @@ def command(
         mean = float(view.mean())
         print_json({"written": [output, picture], "warnings": oddities, "radiance_mean": mean})
     else:
-        messages.print(f"Wrote {output} and {picture}.", soft_wrap=True)
+        say(f"Wrote {output} and {picture}.")

@@ -9,7 +9,7 @@ import typer
 from reconstruction.timing import timed
 
 from . import options as opt
-from .console import messages, print_json, progress_bar, warn
+from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
 from .outputs import beside
 
@@ -101,7 +101,7 @@ def command(
         )
     else:
         names = " and ".join(map(str, written))
-        messages.print(f"Wrote {names} in {seconds['simulate']:.1f} s.", soft_wrap=True)
+        say(f"Wrote {names} in {seconds['simulate']:.1f} s.")
         folder = output.with_suffix("" if output.suffix else ".result")
         next_step = shlex.join(["spisim", "reconstruct", str(output), "-o", str(folder)])
-        messages.print(f"Next: {next_step}", soft_wrap=True)
+        say(f"Next: {next_step}")

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .console import print_json, progress_bar
+from .console import print_json, progress_bar, say
 from .dataset.arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
 from .dataset.progress import shown
-from .dataset.running import executors, explained, say
+from .dataset.running import executors, explained
 from .options import Bar, Json
 
 if TYPE_CHECKING:

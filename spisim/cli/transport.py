@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from . import options as opt
-from .console import messages, print_json, progress_bar
+from .console import print_json, progress_bar, say
 from .inputs import instrument_with, scene_with
 from .outputs import beside
 
@@ -90,7 +90,4 @@ def command(
             }
         )
     else:
-        messages.print(
-            f"Wrote {output} and {histograms}: {light.paths:,} paths in {light.seconds:.1f} s.",
-            soft_wrap=True,
-        )
+        say(f"Wrote {output} and {histograms}: {light.paths:,} paths in {light.seconds:.1f} s.")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from ..console import messages
+from ..console import messages, say
 
 if TYPE_CHECKING:
     from spisim.dataset.runner import State
@@ -54,7 +54,7 @@ def lines() -> Iterator[Update]:
         if time.monotonic() - last >= EVERY_S:
             last = time.monotonic()
             tried = state.samples - state.missing
-            messages.print(f"{tried} of {state.samples} samples{rate(state)}", soft_wrap=True)
+            say(f"{tried} of {state.samples} samples{rate(state)}")
 
     yield update
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..console import print_json, results
+from ..console import print_json, results, say
 from ..options import Bar, Json, number_option
 from .arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
 from .progress import short_time, shown
-from .running import executors, explained, say
+from .running import executors, explained
 
 if TYPE_CHECKING:
     from spisim.dataset.plan import PlannedSet
@@ -116,17 +116,7 @@ def _tell(folder: Path, state: State, json: bool) -> None:
     with Manifest.open(Layout(folder).manifest) as manifest:
         failures = manifest.failures()
     if json:
-        print_json(
-            {
-                "folder": folder,
-                "samples": state.samples,
-                "done": state.done,
-                "failed": state.failed,
-                "made": state.made,
-                "seconds": state.seconds,
-                "failures": failures,
-            }
-        )
+        print_json({"folder": folder, **vars(state), "failures": failures})
         return
     for index, reason in list(failures.items())[:5]:
         say(f"sample {index} failed: {reason}")

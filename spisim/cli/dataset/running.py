@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from ..console import messages
+from ..console import say
 
 if TYPE_CHECKING:
     from spisim.dataset.workers import Executor, Make
@@ -45,13 +45,8 @@ def explained() -> Iterator[None]:
     try:
         yield
     except OutOfSpace as error:
-        messages.print(f"error: {error}", style="red", soft_wrap=True)
+        say(f"error: {error}", style="red")
         raise typer.Exit(OUT_OF_SPACE) from None
     except KeyboardInterrupt:
         say("interrupted; no file is left half-written. Run the same command again to go on")
         raise typer.Exit(130) from None
-
-
-def say(text: str) -> None:
-    """A line for the user, on stderr."""
-    messages.print(text, soft_wrap=True)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ..console import messages, print_json, progress_bar
+from ..console import print_json, progress_bar, say
 from ..options import Bar, Json, number_option
 from .arguments import Folder
 
@@ -29,5 +29,5 @@ def command(
     if json:
         print_json({"written": [output], "samples": count})
     else:
-        messages.print(f"Wrote {count} samples to {output}.", soft_wrap=True)
-        messages.print(f"Look at it: {output.resolve().as_uri()}", soft_wrap=True)
+        say(f"Wrote {count} samples to {output}.")
+        say(f"Look at it: {output.resolve().as_uri()}")

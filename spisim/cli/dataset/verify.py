@@ -2,7 +2,7 @@
 
 import typer
 
-from ..console import messages, print_json, progress_bar, results, warn
+from ..console import messages, print_json, progress_bar, results, say, warn
 from ..options import Bar, Json
 from ..tables import plain_table
 from .arguments import Folder
@@ -35,6 +35,6 @@ def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
         results.print(table)
         messages.print(f"{len(findings)} files are not as they should be.")
     else:
-        messages.print(f"All files of {folder} are as they were written.", soft_wrap=True)
+        say(f"All files of {folder} are as they were written.")
     if findings:
         raise typer.Exit(1)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from ..console import messages, print_json, warn
+from ..console import print_json, say, warn
 from ..options import Json, Seed
 
 EXAMPLE = "spisim scenes draw targets --seed 7 --set target=siemens-star -o star.yaml"
@@ -47,8 +47,8 @@ def command(
     if json:
         print_json({"written": files, "warnings": written.warnings})
     else:
-        messages.print(f"Wrote {output}; its meshes: {len(files) - 1}.", soft_wrap=True)
-        messages.print(f"Look at it: spisim scenes show {shlex.quote(str(output))}", soft_wrap=True)
+        say(f"Wrote {output}; its meshes: {len(files) - 1}.")
+        say(f"Look at it: spisim scenes show {shlex.quote(str(output))}")
 
 
 def _parameters(settings: list[str]) -> dict[str, object]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..console import messages, print_json, results, warn
+from ..console import print_json, results, say, warn
 from ..options import Json, real_option
 
 if TYPE_CHECKING:
@@ -117,22 +117,11 @@ def _summary(report: Import) -> dict[str, Any]:
         "unit_why": report.unit_why,
         "up": report.up,
         "up_why": report.up_why,
-        "materials": [
-            {
-                "source": match.source,
-                "material": match.material,
-                "how": match.how,
-                "why": match.why,
-                "parts": parts,
-            }
-            for match, parts in report.materials
-        ],
+        "materials": [{**vars(match), "parts": parts} for match, parts in report.materials],
         "drone": {
+            **vars(drone),
             "position_m": drone.position_m.tolist(),
             "look_at_m": drone.look_at_m.tolist(),
-            "why": drone.why,
-            "nearest_m": drone.nearest_m,
-            "ahead_m": drone.ahead_m,
         },
         "notes": [*report.notes, TEXTURES],
         "warnings": report.warnings,
@@ -164,10 +153,9 @@ def _print(report: Import) -> None:
     for note in (*report.notes, TEXTURES):
         results.print(f"note: {note}", soft_wrap=True)
     written = report.written
-    messages.print(
+    say(
         f"Wrote {written.scene_file} and {len(written.mesh_files)} meshes. "
-        f"Look at it: spisim scenes show {shlex.quote(str(written.scene_file))}",
-        soft_wrap=True,
+        f"Look at it: spisim scenes show {shlex.quote(str(written.scene_file))}"
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ..console import messages, print_json, results, warn
+from ..console import print_json, results, say, warn
 from ..inputs import instrument_with, scene_with
 from ..options import InstrumentOption, Json, SceneArgument, real_option
 from ..tables import plain_table
@@ -52,7 +52,7 @@ def command(
         print_json({**found.summary(), "warnings": oddities + problems, "written": [picture]})
         return
     _print(found)
-    messages.print(f"Wrote {picture}.", soft_wrap=True)
+    say(f"Wrote {picture}.")
 
 
 def _print(found: Survey) -> None:
