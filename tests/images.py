@@ -3,7 +3,7 @@
 import numpy as np
 
 from reconstruction.image import Coefficients, image_method
-from reconstruction.operators import RowOperator
+from reconstruction.operators import RowOperator, decoder_for
 from reconstruction.operators.bases.hadamard import Hadamard
 
 
@@ -26,3 +26,9 @@ def image_from(coefficients, index, shape, method="pursuit", noise=0.0):
 
 def correlation(a, b):
     return np.corrcoef(a.ravel(), b.ravel())[0, 1]
+
+
+def signed_coefficients(plan, readings):
+    """Distinct indices (K,), and the coefficients (..., K) that bucket readings decode to."""
+    decoder = decoder_for(plan)
+    return decoder.index, decoder.decode(np.asarray(readings, dtype=np.float64))

@@ -2,7 +2,7 @@
 
 from .bases import BASES
 from .basis import Basis, checked_shape
-from .decoder import Decoder, decoder_for, signed_coefficients
+from .decoder import Decoder, decoder_for
 from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS
@@ -27,5 +27,4 @@ __all__ = [
     "make_plan",
     "mean_illumination",
     "sequency",
-    "signed_coefficients",
 ]

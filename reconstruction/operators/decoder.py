@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy import sparse
 
 from ..arrays import Floats, Mask
@@ -84,18 +84,6 @@ def decoder_for(plan: PatternPlan, usable: Mask | None = None) -> Decoder:
 def rows_resting_on(matrix: sparse.csr_array, usable: Mask) -> Mask:
     """Which rows (K,) rest on ``usable`` (M,) readings alone."""
     return np.asarray(abs(matrix) @ (~usable).astype(float) == 0)
-
-
-def signed_coefficients(
-    plan: PatternPlan, readings: ArrayLike
-) -> tuple[NDArray[np.int32], NDArray[Any]]:
-    """Coefficients sum_u h_k(u) image(u) of bucket readings (..., M) of an orthogonal basis.
-
-    Returns the distinct indices (K,) and the coefficients (..., K), in the readings' unit, free
-    of background. Raises InputError where the plan cannot remove it.
-    """
-    decoder = decoder_for(plan)
-    return decoder.index, decoder.decode(np.asarray(readings, dtype=np.float64))
 
 
 def _row_decoder(plan: PatternPlan) -> sparse.csr_array:

@@ -8,7 +8,6 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError
 from reconstruction.files import write_atomically
 
 
@@ -27,18 +26,3 @@ def write_exr(
         draft = Path(folder) / "draft.exr"  # OpenEXR writes to paths only
         OpenEXR.File(header | dict(attributes or {}), pixels).write(str(draft))
         write_atomically(path, draft.read_bytes())
-
-
-def read_exr(path: str | Path) -> tuple[dict[str, NDArray[np.float32]], dict[str, str]]:
-    """Return the channels, each (H, W), and the text attributes of an OpenEXR file.
-
-    Raises OSError for a missing file, InputError for one that is not OpenEXR.
-    """
-    Path(path).stat()
-    try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            channels = {name: channel.pixels for name, channel in file.channels().items()}
-            attributes = {k: v for k, v in file.header().items() if isinstance(v, str)}
-    except (RuntimeError, ValueError) as error:
-        raise InputError(f"{path} cannot be read as OpenEXR: {error}") from error
-    return channels, attributes

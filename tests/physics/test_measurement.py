@@ -8,8 +8,9 @@ import yaml
 from scipy.constants import c
 
 import worlds
+from images import signed_coefficients
 from reconstruction.capture import Capture
-from reconstruction.operators import expose, illumination, make_plan, signed_coefficients
+from reconstruction.operators import expose, illumination, make_plan
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import fog
 from spisim.instrument import Instrument, load_instrument

@@ -13,10 +13,10 @@ import pytest
 import yaml
 
 from commands import mistake, program, spisim
+from pictures import read_exr
 from reconstruction import Capture, read_capture, write_capture
 from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder
-from spisim.transport.exr import read_exr
 from waiting import SAFETY_S, until
 
 COMMANDS = [

@@ -8,11 +8,12 @@ import pytest
 import scipy.io
 from scipy.linalg import hadamard
 
+from images import signed_coefficients
 from reconstruction import read_capture, reconstruct, write_capture
 from reconstruction.capture.importers import capture_from_readings, load_array, plan_from_matrix
 from reconstruction.cli import main
 from reconstruction.errors import InputError
-from reconstruction.operators import expose, illumination, make_plan, signed_coefficients
+from reconstruction.operators import expose, illumination, make_plan
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 VALUES = np.arange(6, dtype=np.int32).reshape(1, 6)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import hadamard
 
+from images import signed_coefficients
 from reconstruction.errors import InputError, nearest
 from reconstruction.operators import (
     ORDERS,
@@ -15,7 +16,6 @@ from reconstruction.operators import (
     make_plan,
     mean_illumination,
     sequency,
-    signed_coefficients,
 )
 from reconstruction.operators.bases.hadamard import Hadamard
 
