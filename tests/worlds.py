@@ -99,15 +99,15 @@ def pixel_weights(view, weight, oversampling=16):
 
 
 def image(world, view, end, spp, seed, **options):
-    """Transport image (H, W)."""
-    estimate = transport_image(world, view, end, Paths(spp), seed=seed, **options)
+    """Transport image (H, W), in one launch: repetitions with other seeds tell its error."""
+    estimate = transport_image(world, view, end, Paths(spp, launches=1), seed=seed, **options)
     return estimate.mean["image"].reshape(view.shape)
 
 
 def histogram(world, lasers, ends, bins, paths, seed, **options):
     """Path-length histograms (beams, bins); `bins` is (count, width in m)."""
     return spot_histogram(
-        world, lasers, ends, PathLengthBins(*bins), Paths(paths), seed=seed, **options
+        world, lasers, ends, PathLengthBins(*bins), Paths(paths, launches=1), seed=seed, **options
     ).mean["histogram"]
 
 
