@@ -8,6 +8,7 @@ from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.sampling import Paths
 from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.reference import bucket_powers
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
 ORIGIN = np.eye(4)  # optical frame = world: x right, y down, z forward
@@ -109,6 +110,12 @@ def histogram(world, lasers, ends, bins, paths, seed, **options):
     return spot_histogram(
         world, lasers, ends, PathLengthBins(*bins), Paths(paths, launches=1), seed=seed, **options
     ).mean["histogram"]
+
+
+def mitsuba_readings(place, view, ends, patterns, runs, samples, seed=0):
+    """Power on all detectors by Mitsuba's own integrators, (runs, patterns)."""
+    powers = bucket_powers(place, view, ends, list(patterns) * runs, samples=samples, seed=seed)
+    return np.array(list(powers)).reshape(runs, len(patterns))
 
 
 def seeds(count):
