@@ -1,16 +1,28 @@
 """Fixtures that several test modules share."""
 
+import os
+
 import numpy as np
 import pytest
 from scipy.constants import c
+from threadpoolctl import threadpool_limits
 
 from reconstruction import Capture, PatternPlan, make_plan
 from reconstruction.capture import Buckets, FrameTruth, Optics, Provenance, Truth
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.operators import expose
+from spisim.transport.backend import use_threads
 
 SHAPE = (16, 16)
 PERIOD_S = 1 / 15_000
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread_per_worker() -> None:
+    """Of `pytest -n`: further ones of Dr.Jit and BLAS wait busily, on the cores of other workers."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        use_threads(1)
+        threadpool_limits(1)
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.sampling import Paths
 from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.reference import bucket_powers
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
 ORIGIN = np.eye(4)  # optical frame = world: x right, y down, z forward
@@ -99,16 +100,22 @@ def pixel_weights(view, weight, oversampling=16):
 
 
 def image(world, view, end, spp, seed, **options):
-    """Transport image (H, W)."""
-    estimate = transport_image(world, view, end, Paths(spp), seed=seed, **options)
+    """Transport image (H, W), in one launch: repetitions with other seeds tell its error."""
+    estimate = transport_image(world, view, end, Paths(spp, launches=1), seed=seed, **options)
     return estimate.mean["image"].reshape(view.shape)
 
 
 def histogram(world, lasers, ends, bins, paths, seed, **options):
     """Path-length histograms (beams, bins); `bins` is (count, width in m)."""
     return spot_histogram(
-        world, lasers, ends, PathLengthBins(*bins), Paths(paths), seed=seed, **options
+        world, lasers, ends, PathLengthBins(*bins), Paths(paths, launches=1), seed=seed, **options
     ).mean["histogram"]
+
+
+def mitsuba_readings(place, view, ends, patterns, runs, samples, seed=0):
+    """Power on all detectors by Mitsuba's own integrators, (runs, patterns)."""
+    powers = bucket_powers(place, view, ends, list(patterns) * runs, samples=samples, seed=seed)
+    return np.array(list(powers)).reshape(runs, len(patterns))
 
 
 def seeds(count):

@@ -13,7 +13,6 @@ import pytest
 import worlds
 from reconstruction.operators import expose, illumination, make_plan
 from spisim.transport.engine.estimator import Strategy
-from spisim.transport.reference import bucket_powers
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(10)
@@ -58,12 +57,9 @@ def readings(extinction, strategy):
 def test_bucket_readings(extinction):
     patterns = [illumination(PLAN, k) for k in range(PLAN.exposures)]
     view, ends = worlds.projector(), looking(0, 1)
-    reference = [
-        list(
-            bucket_powers(place(extinction), view, ends, patterns[:-1], samples=2**16, seed=97 * n)
-        )
-        for n in range(len(SEEDS))
-    ]
+    reference = worlds.mitsuba_readings(
+        place(extinction), view, ends, patterns[:-1], len(SEEDS), 2**16, seed=500
+    )
     both = readings(extinction, Strategy.BOTH)
     lit = slice(0, -1)  # the last pattern is dark
     assert np.all(both[:, -1] == 0)

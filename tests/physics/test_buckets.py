@@ -1,5 +1,6 @@
 """Bucket readings of every kind of detector against the light budget."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ PLACE = worlds.scene(worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=20, sun_dir
 FRAMES = 1000
 
 
+@cache
 def still(instrument: Instrument, place: Scene = PLACE) -> LightSequence:
     return trace(place, instrument, frames=1, spp=16, transport_error=None, seed=0, progress=None)
 

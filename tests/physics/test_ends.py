@@ -7,8 +7,13 @@ import pytest
 import trimesh
 
 import worlds
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import Strategy
+from spisim.transport.engine.rays import FogRays
 from spisim.transport.world import build_world
+
+# isort: split
+import mitsuba as mi
 
 SEEDS = worlds.seeds(8)
 DISTANCE = 5.0
@@ -107,6 +112,15 @@ def test_divergence_spreads_a_beam_without_losing_light():
     closed = share * 0.8 * 1e-8 / (np.pi * DISTANCE**2)
     assert np.mean(runs) == pytest.approx(closed, rel=5e-3, abs=0)
     assert abs(worlds.z_score_exact(runs, closed)) < 5
+
+
+def test_a_flight_that_ends_at_the_lens_has_a_density():
+    """As one in 2^24 does: no ray leads from the lens to itself."""
+    world = build_world(worlds.scene(worlds.plane(DISTANCE), extinction_per_m=0.1))
+    rays = FogRays(world, Projector.of(worlds.projector(), 1))
+    lens = mi.Point3f(0)
+    assert rays.density(lens, lens, mi.Point3f(0, 0, 2)).numpy() == 0
+    assert rays.density(lens, mi.Point3f(0, 0, 1), mi.Point3f(0, 0, 2)).numpy() > 0
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (64, 16), (128, 16), (256, 16), (3, 7)])

@@ -14,7 +14,6 @@ from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.reference import bucket_powers
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(8)
@@ -103,15 +102,8 @@ def test_absorbing_grid_attenuates_by_its_optical_depth():
 def test_bounded_fog_against_mitsuba(pose, density):
     place = worlds.scene(*worlds.room(), volumes=[volume(pose, 0.8, albedo=0.9, density=density)])
     patterns = [illumination(make_plan((16, 16), 4, polarity="single-ended"), k) for k in range(4)]
-    reference = np.array(
-        [
-            list(
-                bucket_powers(
-                    place, worlds.projector(), BASELINE, patterns, samples=2**16, seed=31 * n
-                )
-            )
-            for n in range(len(SEEDS))
-        ]
+    reference = worlds.mitsuba_readings(
+        place, worlds.projector(), BASELINE, patterns, len(SEEDS), 2**16
     )
     ours = readings(place)
     total = ours[:, :1]
@@ -148,7 +140,7 @@ def test_single_scattering_echo_with_any_phase_function(phase):
             worlds.beams([0, 0, 1]),
             worlds.detector(area_m2=area_m2),
             (2000, width),
-            2**17,
+            2**19,
             seed,
             max_vertices=1,
         )[0]

@@ -24,7 +24,6 @@ from spisim.scene.bsdf import (
 )
 from spisim.transport.engine import estimator
 from spisim.transport.engine.estimator import Strategy
-from spisim.transport.reference import bucket_powers
 from spisim.transport.world import build_world
 
 # isort: split
@@ -88,12 +87,7 @@ def test_against_the_reference_engine(name, extinction):
     images = [worlds.image(world, view, BASELINE, spp, s, strategy=strategy) for s in SEEDS]
     ours = expose(plan, np.array(images))[:, :-1]
     patterns = [illumination(plan, k) for k in range(plan.exposures - 1)]
-    reference = np.array(
-        [
-            list(bucket_powers(place, view, BASELINE, patterns, samples=2**15, seed=53 * n))
-            for n in range(len(SEEDS))
-        ]
-    )
+    reference = worlds.mitsuba_readings(place, view, BASELINE, patterns, len(SEEDS), 2**15)
     assert np.all(np.abs(worlds.z_score(ours, reference)) < 4)
     assert np.all(ours.std(axis=0) < 0.1 * ours.mean(axis=0))
 

@@ -4,6 +4,7 @@ The light is given, an echo from one range and a steady background; what is test
 there over detector and noise to the range.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 from scipy.constants import c
 from scipy.special import ndtr
 
+from reconstruction.capture import Spots
+from reconstruction.capture.schema import stored_fields
 from reconstruction.ranging import measure_ranges
 from spisim.instrument import CwTof, Instrument, SpotLight, load_instrument
 
@@ -40,9 +43,22 @@ def light(range_m: float, echo_per_s: float, steady_per_s: float, frames: int = 
 
 def ranges_of(tof, given: SpotLight, seed: int = 7):
     spots = tof.record(given, AHEAD, np.random.default_rng(seed))
-    found = [measure_ranges(spots, frame) for frame in range(len(given.steady_per_s))]
-    assert all(status == "ok" for ranges in found for status in ranges.status)
-    return np.array([r.range_m for r in found]), np.array([r.sigma_m for r in found])
+    found = measure_ranges(in_one_frame(spots))
+    assert set(found.status) == {"ok"}
+    return found.range_m, found.sigma_m
+
+
+def in_one_frame(spots: Spots) -> Spots:
+    """As if all frames had been recorded at once by four lasers each."""
+    by_frame = [name for name, stored in stored_fields(type(spots)) if stored.by_frame]
+    readings = {name: getattr(spots, name) for name in by_frame}
+    frames = len(spots.readings)
+    return replace(
+        spots,
+        **{name: array.reshape(1, -1, *array.shape[2:]) for name, array in readings.items()},
+        directions=np.tile(spots.directions, (frames, 1)),
+        detector_positions_m=np.tile(spots.detector_positions_m, (frames, 1)),
+    )
 
 
 def check(found: np.ndarray, true: float, sigma: float, within: float) -> None:

@@ -1,6 +1,7 @@
 """Materials have a possible reflectance and a source, and are found by name."""
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -161,10 +162,13 @@ def test_water_and_ice_follow_from_the_indices_of_the_weather() -> None:
 
 # Wetness
 
+LEGENDRE = np.polynomial.legendre.leggauss(400)
 
+
+@cache
 def _mean_reflectance(ior: float) -> float:
     """Of a smooth surface for diffuse light from outside, by quadrature."""
-    nodes, weights = np.polynomial.legendre.leggauss(400)
+    nodes, weights = LEGENDRE
     cos = (nodes + 1) / 2
     inside = np.sqrt(1 - (1 - cos**2) / ior**2)
     s = (cos - ior * inside) / (cos + ior * inside)

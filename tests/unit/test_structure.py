@@ -1,5 +1,7 @@
 """Patchy fog: mean, contrast and correlation as asked, layers, plumes, drift with the wind."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -27,16 +29,18 @@ def box(size_m, low_m=(0.0, 0.0, 0.0)):
     return worlds.box_pose(size_m, np.asarray(low_m) + np.asarray(size_m) / 2)
 
 
-def patches(size_m, shape, time_s=0.0, **options):
-    """Fields (seeds, nz, ny, nx) before their mean is set."""
+@cache
+def patches(size_m, cells, contrast, length_m):
+    """Fields (seeds, nz, ny, nx) of a cube before their mean is set."""
+    fog = {"contrast": contrast, "correlation_length_m": length_m}
     return np.array(
-        [Structure(seed=seed, **options).patches(box(size_m), shape, time_s) for seed in SEEDS]
+        [Structure(seed=seed, **fog).patches(box((size_m,) * 3), (cells,) * 3) for seed in SEEDS]
     )
 
 
 @pytest.mark.parametrize("contrast", [0.3, 1.0])
 def test_mean_and_contrast_are_as_asked(contrast):
-    fields = patches((12, 12, 12), (6, 6, 6), contrast=contrast, correlation_length_m=1.0)
+    fields = patches(12, 6, contrast, 1.0)
     each = fields.reshape(len(fields), -1)
     assert abs(worlds.z_score_exact(each.mean(axis=1), 1.0)) < 4
     square = (each**2).mean(axis=1)
@@ -50,7 +54,7 @@ def test_mean_and_contrast_are_as_asked(contrast):
 def test_correlation_is_1_over_e_at_its_length(length_m, axis, part):
     """And what a log-normal field then has at half of it."""
     contrast, size = 0.8, 10 * part * length_m
-    fields = patches((size,) * 3, (10,) * 3, contrast=contrast, correlation_length_m=length_m)
+    fields = patches(size, 10, contrast, length_m)
     spread2 = np.log1p(contrast**2)
     of_gaussian = (np.log1p(contrast**2 / np.e) / spread2) ** (part**2)
     expected = np.expm1(spread2 * of_gaussian) / contrast**2

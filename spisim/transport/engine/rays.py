@@ -64,4 +64,5 @@ class FogRays:
         place = angular.density(distance) / (distance * distance)
         extinction = self.world.media.extinction_at(first)
         density = importance / self.projector.pixels * place / extinction
-        return dr.select(extinction > 0, density, 0)
+        # A flight may end where it starts, at the lens: that has no direction.
+        return dr.select((extinction > 0) & (distance > 0), density, 0)
