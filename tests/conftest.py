@@ -19,7 +19,7 @@ PERIOD_S = 1 / 15_000
 
 @pytest.fixture(scope="session", autouse=True)
 def _one_thread_per_worker() -> None:
-    """Of `pytest -n`: further ones of Dr.Jit and BLAS wait busily, on the cores of other workers."""
+    """Of `pytest -n`: further threads wait busily, on the cores of other workers."""
     if "PYTEST_XDIST_WORKER" in os.environ:
         use_threads(1)
         threadpool_limits(1)
