@@ -14,13 +14,16 @@ NO_RANGE = {
 }
 
 
-def capture_warnings(capture: Capture, frame: int = 0) -> list[str]:
-    """A sentence for each thing that spoils image or ranges of a frame; none if all is well."""
-    return (
-        _image_warnings(capture, frame)
-        + _spot_warnings(capture, frame)
-        + _pattern_tap_warnings(capture, frame)
+def capture_warnings(capture: Capture, frame: int | None = None) -> list[str]:
+    """A sentence for each thing that spoils image or ranges of a frame, or of any if None."""
+    frames = range(capture.frames) if frame is None else [frame]
+    found = (
+        warning
+        for number in frames
+        for warnings in (_image_warnings, _spot_warnings, _pattern_tap_warnings)
+        for warning in warnings(capture, number)
     )
+    return list(dict.fromkeys(found))
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:

@@ -1,7 +1,7 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from .capture import Frames, Recording, Setup
 from .depth import DEPTH_METHODS, Context, View, depth_method, lacks, range_over_depth
 from .errors import InputError
 from .image import IMAGE_METHODS, Coefficients, Imaging, UsableReadings, image_method
-from .ranging import RANGING_METHODS, Ranges, ranging_method, reads
+from .ranging import RANGING_METHODS, Ranges, Status, ranging_method, reads
 from .result import Image, Result
 from .timing import timed
 
@@ -56,25 +56,36 @@ class Reconstructor:
             self._stretch = range_over_depth(setup.optics, setup.plan.shape).astype(np.float32)
 
     def __call__(self, frame: Frames) -> Result:
-        """Reconstruct the first of these frames; InputError if nothing in it is usable."""
-        return self.batch(frame.between(0, 1))[0]
+        """Reconstruct one frame; InputError if nothing in it is usable."""
+        return self.batch(frame.between(0, 1) if isinstance(frame, Frames) else frame)[0]
 
     def batch(self, frames: Frames) -> list[Result]:
-        """Reconstruct frames; InputError as for one."""
-        buckets, exposures = frames.buckets, self.setup.plan.exposures
-        if buckets.counts.shape[1:] != (exposures,) or not isinstance(
-            frames.spots, type(self.setup.spots)
-        ):
-            raise InputError(
-                f"frames of {buckets.counts.shape[1]} exposures and "
-                f"{type(frames.spots).__name__}, compiled for {exposures} and "
-                f"{type(self.setup.spots).__name__}: they are of another recording"
-            )
+        """Reconstruct frames; InputError as for one, and where they are of another recording."""
+        self._check(frames)
+        buckets = frames.buckets
         readings = zip(buckets.signal, buckets.variance, buckets.usable, strict=True)
         return [
             self._frame(frames.between(number, number + 1), *reading)
             for number, reading in enumerate(readings)
         ]
+
+    def _check(self, frames: Frames) -> None:
+        if not isinstance(frames, Frames) or not len(frames):
+            raise InputError(f"frames of a recording are needed, not {type(frames).__name__}")
+        expected, found = (
+            (
+                f"{exposures} exposures, {type(part.spots).__name__}, "
+                f"{'no ' if part.pattern_taps is None else ''}taps of patterns"
+            )
+            for part, exposures in (
+                (self.setup, self.setup.plan.exposures),
+                (frames, frames.buckets.counts.shape[1]),
+            )
+        )
+        if found != expected:
+            raise InputError(
+                f"frames of {found}, compiled for {expected}: they are of another recording"
+            )
 
     def _frame(
         self,
@@ -93,6 +104,8 @@ class Reconstructor:
                     "larger full scale"
                 )
             coefficients = readings.decode(signal, variance)
+        for shared in (coefficients.values, coefficients.noise):
+            shared.setflags(write=False)  # by methods, one after the other
         images = {}
         for name in self._images:
             with timed(timings, f"image {name}"):
@@ -102,7 +115,9 @@ class Reconstructor:
             assert frame.spots is not None
             with timed(timings, f"ranging {name}"):
                 rangings[name] = _checked_ranges(name, solve(frame.spots))
-        view = View(next(iter(images.values())), next(iter(rangings.values()), None), frame)
+        image = next(iter(images.values()))
+        image.setflags(write=False)
+        view = View(image, next(iter(rangings.values()), None), frame)
         depths = {}
         for name, estimate in self._depths.items():
             with timed(timings, f"depth {name}"):
@@ -150,11 +165,16 @@ def reconstruct(
     return Reconstructor(recording.setup, image=image, ranging=ranging, depth=depth)(frames)
 
 
-def _image_names(names: Names, readings: UsableReadings) -> Sequence[str]:
-    """Names of methods that can be compiled; of those asked for by name, all must."""
-    if names == "all":
-        return _fitting([*USUAL_IMAGES, *IMAGE_METHODS], readings.solver)
-    chosen = _listed(names, USUAL_IMAGES)
+def _image_names(names: Names, readings: UsableReadings) -> list[str]:
+    def fits(name: str) -> bool:
+        image_method(name)  # one that cannot be loaded is told
+        try:
+            readings.solver(name)
+        except InputError:
+            return False
+        return True
+
+    chosen = _listed(names, USUAL_IMAGES, IMAGE_METHODS, fits)
     if not chosen:
         raise InputError("no image method is named; at least one is needed")
     for name in chosen:
@@ -164,41 +184,34 @@ def _image_names(names: Names, readings: UsableReadings) -> Sequence[str]:
     return chosen
 
 
-def _ranging_names(names: Names, setup: Setup) -> Sequence[str]:
+def _ranging_names(names: Names, setup: Setup) -> list[str]:
     spots = setup.spots
     if spots is None:
-        named = () if names == "all" else _listed(names, ())
-        for name in named:
+        for name in _listed(names, (), (), bool):
             RANGING_METHODS[name]  # an unknown one is told first
             raise InputError(f"ranging method {name!r} needs spots, which the recording lacks")
-        return ()
-    if names == "all":
-        return list(dict.fromkeys([spots.method, *(n for n in RANGING_METHODS if reads(n, spots))]))
-    return _listed(names, [spots.method])
+        return []
+    return _listed(names, [spots.method], RANGING_METHODS, lambda name: reads(name, spots))
 
 
-def _depth_names(names: Names, setup: Setup) -> Sequence[str]:
-    wanted = dict.fromkeys((*USUAL_DEPTHS, *DEPTH_METHODS)) if names == "all" else USUAL_DEPTHS
-    fitting = [name for name in wanted if not lacks(DEPTH_METHODS[name], setup)]
-    return fitting if names == "all" else _listed(names, fitting)
+def _depth_names(names: Names, setup: Setup) -> list[str]:
+    def fits(name: str) -> bool:
+        return not lacks(DEPTH_METHODS[name], setup)
+
+    return _listed(names, list(filter(fits, USUAL_DEPTHS)), DEPTH_METHODS, fits)
 
 
-def _listed(names: Names, usual: Sequence[str]) -> Sequence[str]:
-    """Names one by one, the usual ones in their place."""
-    given = ["usual"] if names is None else [names] if isinstance(names, str) else names
-    listed = (name for each in given for name in (usual if each == "usual" else [each]))
+def _listed(
+    names: Names, usual: Sequence[str], every: Iterable[str], fits: Callable[[str], bool]
+) -> list[str]:
+    """Names one by one, in place of "usual" the ``usual`` ones, of "all" those that fit too."""
+    if not (names is None or isinstance(names, Sequence)):
+        raise InputError(f"methods are told by their names, not by {names!r}")
+    listed: list[str] = []
+    for each in ["usual"] if names is None else [names] if isinstance(names, str) else names:
+        listed += usual if each in ("usual", "all") else [each]
+        listed += filter(fits, every) if each == "all" else []
     return list(dict.fromkeys(listed))
-
-
-def _fitting(names: Iterable[str], compiled: Callable[[str], Any]) -> list[str]:
-    found = []
-    for name in dict.fromkeys(names):
-        try:
-            compiled(name)
-        except InputError:
-            continue
-        found.append(name)
-    return found
 
 
 def _checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
@@ -208,12 +221,20 @@ def _checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
         raise InputError(
             f"{who} gave {array.dtype} of shape {array.shape}; real numbers of {shape} are needed"
         )
+    if np.isinf(array).any():
+        raise InputError(f"{who} gave values that are not finite")
     return array.astype(np.float64, copy=False)
 
 
 def _checked_ranges(name: str, ranges: Any) -> Ranges:
     if not (isinstance(ranges, Ranges) and all(np.shape(v) == (4,) for v in vars(ranges).values())):
         raise InputError(f"ranging method {name!r} gave {type(ranges).__name__}, not four ranges")
+    unknown = set(ranges.status) - set(get_args(Status))
+    if unknown:
+        raise InputError(
+            f"ranging method {name!r} gave the status {min(unknown)!r}; allowed: "
+            f"{', '.join(get_args(Status))}"
+        )
     if not np.isfinite(ranges.range_m[ranges.valid]).all():
         raise InputError(f"ranging method {name!r} gave a range that is not finite as 'ok'")
     return ranges

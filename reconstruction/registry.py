@@ -6,6 +6,7 @@ modules whose names begin with an underscore, are none. Other packages add their
 of the registry's ``group``, by name, each of which points to an entry itself.
 """
 
+import warnings
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from importlib import import_module
@@ -42,6 +43,14 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         """Names, own ones first, in alphabetical order."""
         yield from self._own
         yield from (name for name in self._others if name not in self._own)
+
+    def loadable(self) -> Iterator[tuple[str, Entry]]:
+        """Names and entries; those of other packages that cannot be used are warned of."""
+        for name in self:
+            try:
+                yield name, self[name]
+            except InputError as error:
+                warnings.warn(str(error), stacklevel=2)
 
     def __len__(self) -> int:
         """Number of names."""

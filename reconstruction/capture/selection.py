@@ -7,7 +7,7 @@ import numpy as np
 
 from ..arrays import Mask
 from ..errors import InputError
-from ..operators import ORDERS
+from ..operators import ordered_rows
 from .buckets import Buckets
 from .model import Capture
 from .pattern_taps import PatternTaps
@@ -27,7 +27,7 @@ def first_patterns(capture: Capture, patterns: int, order: str | None = None) ->
         raise InputError(
             f"patterns = {patterns}: this capture has 1..{plan.sampled} to choose from"
         )
-    ordered = ORDERS[order or plan.patterns.usual_order](plan.patterns)
+    ordered = ordered_rows(plan.patterns, order)
     kept = ordered[np.isin(ordered, plan.index)][:patterns]
     exposures = np.isin(plan.index, kept)
     taps = capture.pattern_taps

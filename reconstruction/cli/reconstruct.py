@@ -14,17 +14,23 @@ import numpy as np
 from ..capture import Capture, first_patterns, open_capture
 from ..depth import DEPTH_METHODS
 from ..diagnostics import capture_warnings
-from ..errors import naming
+from ..errors import InputError, naming
+from ..evaluation.methods import method_title
 from ..files import require_folder
 from ..image import IMAGE_METHODS
 from ..operators import ORDERS
 from ..outputs import write_outputs
 from ..ranging import RANGING_METHODS, Ranges
-from ..reconstructor import reconstruct
+from ..reconstructor import Reconstructor
 from ..result import Result
 
 HELP = "capture -> image, ranges, depth map, point cloud"
 EXAMPLE = "python -m reconstruction capture.h5 -o result"
+STATIONS: dict[str, Iterable[str]] = {
+    "image": IMAGE_METHODS,
+    "ranging": RANGING_METHODS,
+    "depth": DEPTH_METHODS,
+}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -36,16 +42,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--order", help=f"... of this order, or the basis' usual one: {', '.join(ORDERS)}"
     )
-    stations: dict[str, Iterable[str]] = {
-        "image": IMAGE_METHODS,
-        "ranging": RANGING_METHODS,
-        "depth": DEPTH_METHODS,
-    }
-    for station, methods in stations.items():
+    for station, methods in STATIONS.items():
         parser.add_argument(
             f"--{station}",
             metavar="METHOD[,METHOD]",
-            help=f"methods, the default one first: all, {', '.join(methods)}",
+            help=f"methods, the default one first: usual, all, {', '.join(methods)}",
         )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
@@ -53,19 +54,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a capture."""
     require_folder(options.output)
-    recording = capture = _one_frame(options.capture, options.frame)
+    if options.order is not None and options.patterns is None:
+        raise InputError("--order goes with --patterns")
+    with open_capture(options.capture) as file:
+        recording = capture = file.capture(options.frame, options.frame + 1)
     with naming(options.capture):
         if options.patterns is not None:
             capture = first_patterns(recording, options.patterns, options.order)
-        result = reconstruct(
-            capture,
-            image=names(options.image),
-            ranging=names(options.ranging),
-            depth=names(options.depth),
+        methods = {name: names(getattr(options, name)) for name in STATIONS}
+        result = Reconstructor(capture.setup, **methods)(
+            replace(capture.frame(), first=options.frame)
         )
     # However many of its patterns are used, it is a result of this recording.
-    digest = recording.frame().digest(recording.setup)
-    result = replace(result, recording=digest, frame=options.frame)
+    result = replace(result, recording=recording.frame().digest(recording.setup))
     files = write_outputs(result, capture, options.output)
     warnings = capture_warnings(capture)
     if find_spec("matplotlib") is None:
@@ -80,15 +81,9 @@ def run(options: argparse.Namespace) -> None:
         _print(result, capture, files)
 
 
-def names(text: str | None) -> str | Sequence[str] | None:
+def names(text: str | None) -> Sequence[str] | None:
     """Methods as `Reconstructor` takes them, from what stands behind an option."""
-    return text if text in (None, "all") else text.split(",")
-
-
-def _one_frame(path: Path, frame: int) -> Capture:
-    """A capture of one frame of those in a file; of the truth that of this frame, if known."""
-    with open_capture(path) as file:
-        return file.capture(frame, frame + 1)
+    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def _report(result: Result, capture: Capture) -> dict[str, Any]:
@@ -138,7 +133,7 @@ def _print(result: Result, capture: Capture, files: dict[str, Path]) -> None:
     elif not result.depths:
         print("no depth map: no spot has a range, or the optics are not known")
     for name, share in _coverage(result).items():
-        print(f"depth, {DEPTH_METHODS[name].title}: {100 * share:.1f} % of all pixels")
+        print(f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels")
     print(", ".join(f"{stage} {1e3 * s:.1f} ms" for stage, s in result.timings_s.items()))
     for path in files.values():
         print(f"wrote {path}")

@@ -20,7 +20,7 @@ METHODS: Mapping[str, Callable[[str], Method]] = {
 def method_title(station: str, name: str) -> str:
     """What plots and tables call a method: its name where it is not installed here."""
     try:
-        title = METHODS[station](name).title
+        title = getattr(METHODS[station](name), "title", name)
     except InputError:
         return name
     dictionary = name.partition(":")[2]

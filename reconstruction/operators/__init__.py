@@ -6,7 +6,15 @@ from .decoder import Decoder, decoder_for
 from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS
-from .plan import POLARITIES, PatternPlan, expose, illumination, make_plan, mean_illumination
+from .plan import (
+    POLARITIES,
+    PatternPlan,
+    expose,
+    illumination,
+    make_plan,
+    mean_illumination,
+    ordered_rows,
+)
 
 __all__ = [
     "BASES",
@@ -26,5 +34,6 @@ __all__ = [
     "illumination",
     "make_plan",
     "mean_illumination",
+    "ordered_rows",
     "sequency",
 ]

@@ -55,18 +55,19 @@ class Basis(ABC):
 
     def project(self, images: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
         """Sum over the pixels of the rows ``index`` (K,) times images (..., N): (..., K)."""
-        return images @ self._matrix(index).T
+        return images @ self.matrix(index).T
 
     def combine(self, weights: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
         """Sum of the rows ``index`` (K,) times their weights (..., K): (..., N)."""
-        return weights @ self._matrix(index)
+        return weights @ self.matrix(index)
 
     @classmethod
     def restored(cls, shape: tuple[int, int], arrays: Mapping[str, NDArray[Any]]) -> Self:
         """The basis of this shape and its ``arrays``; InputError where they do not fit."""
         return cls(shape)
 
-    def _matrix(self, index: NDArray[np.int32]) -> Floats:
+    def matrix(self, index: NDArray[np.int32]) -> Floats:
+        """The rows ``index`` (K,), (K, N)."""
         return np.stack([self.row(int(k)).ravel() for k in index])
 
 

@@ -131,8 +131,7 @@ def _dense_decoder(plan: PatternPlan, usable: Mask) -> Decoder:
 
 def _shown(plan: PatternPlan) -> Floats:
     """What every exposure shows, (M, N)."""
-    eye = np.eye(plan.pixels)
-    signed = plan.patterns.project(eye, plan.index).T
+    signed = plan.patterns.matrix(plan.index)
     polarity = plan.polarity[:, None]
     return np.where(polarity == 0, signed, (1 + polarity * signed) / 2)
 

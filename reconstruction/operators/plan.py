@@ -117,7 +117,7 @@ def make_plan(
         height, width = rows_of.shape
         raise InputError(f"patterns = {kept}: must lie in 1..{rows} for {height} x {width} pixels")
     order = order or rows_of.usual_order
-    chosen = ORDERS[order](rows_of)[:kept]
+    chosen = ordered_rows(rows_of, order)[:kept]
     if polarity == "differential":
         index, sign = np.repeat(chosen, 2), np.tile([1, -1], kept)
     elif polarity == "single-ended":
@@ -129,6 +129,21 @@ def make_plan(
     else:
         raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
     return PatternPlan(shape, index.astype(np.int32), sign.astype(np.int8), order, rows_of)
+
+
+def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:
+    """All row numbers of a basis in a named order, its usual one if None.
+
+    InputError for an unknown order, and for one that is none of all its rows.
+    """
+    order = order or basis.usual_order
+    rows = np.asarray(ORDERS[order](basis))
+    if not np.array_equal(np.sort(rows.ravel()), np.arange(basis.rows)):
+        raise InputError(
+            f"pattern order {order!r} gave {rows.size} numbers; each of 0..{basis.rows - 1} is "
+            "needed once"
+        )
+    return rows
 
 
 def expose(plan: PatternPlan, image: ArrayLike) -> Floats:

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..capture import Recording, Setup
 from ..depth import DEPTH_METHODS, pixel_rays, point_cloud_ply
+from ..evaluation.methods import method_title
 from ..files import write_atomically
-from ..image import DICTIONARIES, IMAGE_METHODS, image_method
+from ..image import DICTIONARIES, IMAGE_METHODS
 from ..result import Result
 from .result_file import result_bytes
 
@@ -42,10 +43,10 @@ def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
 
     pictures = {}
     for number, (name, image) in enumerate(result.images.items()):
-        title = f"Image ({image_method(name).title})"
+        title = f"Image ({method_title('images', name)})"
         pictures[_file("image", name, number)] = image_picture(image, title, result.unit)
     for number, (name, depth_m) in enumerate(result.depths.items()):
-        title = f"Depth ({DEPTH_METHODS[name].title})"
+        title = f"Depth ({method_title('depths', name)})"
         file = _file("depth", name, number)
         pictures[file] = depth_picture(depth_m, title, setup, result.ranges)
     return pictures

@@ -5,11 +5,13 @@ import os
 import platform
 import re
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from reconstruction.registry import Registry
 from spisim.config import shipped
 
 from .console import messages, print_json, results, say
@@ -44,9 +46,10 @@ def examine() -> dict[str, Any]:
     """Everything about the machine that matters here, and a list of problems, empty if ready."""
     llvm, trouble = _llvm()
     gpu = _gpu()
+    problems = [*([] if trouble is None or gpu else [trouble]), *_plug_ins()]
     return {
-        "ready": trouble is None or gpu,
-        "problems": [] if trouble is None or gpu else [trouble],
+        "ready": not problems,
+        "problems": problems,
         "python": platform.python_version(),
         "platform": platform.platform(),
         "cores": len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count(),
@@ -77,6 +80,29 @@ def _gpu() -> bool:
     from spisim.transport.backend import has_cuda
 
     return has_cuda()
+
+
+def _plug_ins() -> list[str]:
+    """What is wrong with the entries that other packages register."""
+    from reconstruction.capture import READINGS
+    from reconstruction.depth import DEPTH_METHODS
+    from reconstruction.image import DICTIONARIES, IMAGE_METHODS
+    from reconstruction.operators import BASES, ORDERS
+    from reconstruction.ranging import RANGING_METHODS
+    from spisim.atmosphere.sections import WEATHER
+    from spisim.dataset.exports import EXPORTS
+    from spisim.instrument.sensors import SENSORS
+    from spisim.instrument.tofs import TOFS
+    from spisim.scene.families import FAMILIES
+
+    methods: tuple[Registry[Any], ...] = (IMAGE_METHODS, RANGING_METHODS, DEPTH_METHODS)
+    parts: tuple[Registry[Any], ...] = (DICTIONARIES, READINGS, BASES, ORDERS)
+    simulated: tuple[Registry[Any], ...] = (SENSORS, TOFS, WEATHER, FAMILIES, EXPORTS)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for registry in (*methods, *parts, *simulated):
+            list(registry.loadable())
+    return [str(each.message) for each in told]
 
 
 def _kernel_cache() -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from .console import print_json
-from .options import CaptureArgument, Json
+from .options import CaptureArgument, FrameOption, Json, Methods
 from .tables import print_errors
 
 EXAMPLE = "spisim evaluate out/demo/capture.h5 out/demo"
@@ -17,20 +17,27 @@ def command(
     folder: Annotated[
         Path | None, typer.Argument(metavar="[DIR]", help="What `reconstruct` wrote.")
     ] = None,
+    frame: FrameOption = 0,
+    image: Methods = None,
+    ranging: Methods = None,
+    depth: Methods = None,
     json: Json = False,
 ) -> None:
     """Compare image, ranges and depth map with the truth of a simulated capture.
 
-    Without the folder of a result, the capture is reconstructed first.
+    Without the folder of a result, a frame of the capture is reconstructed first, by the methods
+    named as for `reconstruct`.
     """
     from reconstruction import evaluate, read_capture, read_result, reconstruct
+    from reconstruction.cli.reconstruct import names
     from reconstruction.errors import naming
 
     recording = read_capture(capture)
     file = None
     if folder is None:
         with naming(capture):
-            result = reconstruct(recording)
+            methods = {"image": names(image), "ranging": names(ranging), "depth": names(depth)}
+            result = reconstruct(recording, frame, **methods)
     else:
         file = folder / "result.h5"
         result = read_result(file)

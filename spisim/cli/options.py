@@ -41,6 +41,10 @@ SceneArgument = Annotated[
 CaptureArgument = Annotated[
     Path, typer.Argument(metavar="CAPTURE", help="A capture file (HDF5).", show_default=False)
 ]
+FrameOption = Annotated[int, number_option(0, 2**31, "Frame of the capture.")]
+Methods = Annotated[
+    str | None, typer.Option(metavar="METHOD[,METHOD]", help="Methods by name; usual, all.")
+]
 InstrumentOption = Annotated[
     str, typer.Option("--instrument", help="An instrument file, or the name of a preset.")
 ]

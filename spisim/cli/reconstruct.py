@@ -5,16 +5,15 @@ from typing import Annotated
 
 import typer
 
-from .options import CaptureArgument, Json, number_option
+from .options import CaptureArgument, FrameOption, Json, Methods, number_option
 
-Methods = Annotated[str | None, typer.Option(metavar="METHOD[,METHOD]", help="Methods, or all.")]
 EXAMPLE = "spisim reconstruct foggy.h5 -o foggy"
 
 
 def command(
     capture: CaptureArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A folder.")],
-    frame: Annotated[int, number_option(0, 2**31, "Frame of the capture.")] = 0,
+    frame: FrameOption = 0,
     patterns: Annotated[int | None, number_option(1, 2**31, "Use so many patterns only.")] = None,
     order: Annotated[str | None, typer.Option(help="... of this order.")] = None,
     image: Methods = None,
@@ -34,13 +33,14 @@ def command(
     options = ["--output", str(output), "--frame", str(frame), *(["--json"] if json else [])]
     for station, names in {"image": image, "ranging": ranging, "depth": depth}.items():
         options += [] if names is None else [f"--{station}", names]
-    if patterns is not None:
-        options += ["--patterns", str(patterns), *(["--order", order] if order else [])]
+    for name, value in {"patterns": patterns, "order": order}.items():
+        options += [] if value is None else [f"--{name}", str(value)]
     if status := main(["reconstruct", str(capture), *options]):
         raise typer.Exit(status)
     recording = read_capture(capture)
     result = read_result(output / "result.h5")
-    metrics = None if recording.truth is None else evaluate(result, recording)
+    known = recording.truth is not None and recording.truth.knows(frame)
+    metrics = evaluate(result, recording) if known else None
     if patterns is not None:
         recording = first_patterns(recording, patterns, order)
     write_report(output / "report.html", recording, result, metrics=metrics, title=capture.stem)

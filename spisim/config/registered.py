@@ -9,12 +9,14 @@ from typing import Annotated, Any, Union
 
 from pydantic import Discriminator, GetPydanticSchema
 
+from reconstruction.registry import Registry
 
-def one_of(sections: Mapping[str, Any], field: str) -> GetPydanticSchema:
+
+def one_of(sections: Registry[Any], field: str) -> GetPydanticSchema:
     """Marks a field as one of several sections, told apart by the value of one of their fields."""
 
     def union() -> Any:
-        return Union[tuple(sections.values())]  # noqa: UP007 - of as many as there are
+        return Union[tuple(section for _, section in sections.loadable())]  # noqa: UP007 - as many
 
     return GetPydanticSchema(
         lambda _, handler: handler.generate_schema(Annotated[union(), Discriminator(field)])

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import reconstruction
@@ -112,10 +113,20 @@ def key_of(sha256: str, methods: Methods) -> str:
 
 @cache
 def _code() -> str:
-    """Digest of the reconstruction and the metrics as they stand in their files."""
+    """Digest of the reconstruction and the metrics as they stand in their files.
+
+    Of methods of other packages, names and versions count.
+    """
     files = sorted(Path(reconstruction.__path__[0]).rglob("*.py"))
     files += [Path(str(module.__file__)) for module in (metrics, profile)]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    others = (
+        f"{point.group} {point.name} {point.value} {point.dist and point.dist.version}"
+        for group in entry_points().groups
+        if group.startswith("reconstruction.")
+        for point in entry_points(group=group)
+    )
+    told = "\n".join(sorted(others)).encode()
+    return hashlib.sha256(told + b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def _kept(folder: Path, record: Record, methods: Methods) -> Evaluation | None:

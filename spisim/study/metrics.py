@@ -9,10 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from reconstruction import Capture, InputError, Result, evaluate
-from reconstruction.capture.readings import READINGS
 from reconstruction.errors import naming, nearest
 from reconstruction.evaluation import METHODS
-from reconstruction.reconstructor import USUAL_DEPTHS, USUAL_IMAGES
 
 #: Methods by station and name.
 Methods = tuple[tuple[str, str], ...]
@@ -128,15 +126,14 @@ class Metric:
         return cls(kind, method if bracket else None)
 
 
-def unusual_methods(names: Iterable[str]) -> Methods:
-    """Methods that metrics name besides those by which everything is reconstructed anyway."""
-    usual = {None, *USUAL_IMAGES, *USUAL_DEPTHS, *READINGS}
+def named_methods(names: Iterable[str]) -> Methods:
+    """Station and name of every method that metrics name."""
     metrics = [Metric.of(name) for name in names]
     return tuple(
         dict.fromkeys(
-            (metric.quantity.station, str(metric.method))
+            (metric.quantity.station, metric.method)
             for metric in metrics
-            if metric.method not in usual
+            if metric.method is not None
         )
     )
 

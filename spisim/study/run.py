@@ -14,7 +14,7 @@ from spisim.dataset.runner import SPACE_TIMEOUT_S, State, run_dataset
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import Executor, Make
 from spisim.study.evaluation import evaluate_all
-from spisim.study.metrics import unusual_methods
+from spisim.study.metrics import named_methods
 from spisim.study.plan import PlannedStudy
 from spisim.study.results import Results, differences_csv, results_csv, results_of, summary_csv
 from spisim.transport.backend import activate
@@ -89,7 +89,7 @@ def run_study(
         progress=made,
     )
     data, evaluations = evaluate_all(
-        folder, executor, evaluated, unusual_methods(planned.study.metrics)
+        folder, executor, evaluated, named_methods(planned.study.metrics)
     )
     if not any(each.metrics for each in evaluations.values()):
         reasons = [record.error for record in data.failed]

@@ -15,7 +15,7 @@ from reconstruction import Capture, InputError, evaluate, reconstruct
 from spisim.dataset.records import Outcome, failure
 from spisim.study import QUANTITIES
 from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of, kept_at
-from spisim.study.metrics import Metric, unusual_methods
+from spisim.study.metrics import Metric, named_methods
 from spisim.study.profile import CENTRES_M, EDGES_M, depth_profile
 
 
@@ -53,8 +53,8 @@ def test_unknown_metrics_are_told_with_the_nearest_names() -> None:
 
 def test_named_methods_are_evaluated_beside_the_usual_ones(capture: Capture) -> None:
     names = ["image_nrmse[zero-filled]", "depth_mae_m", "image_nrmse[pursuit:dct]"]
-    methods = unusual_methods(names)
-    assert methods == (("images", "pursuit:dct"),)
+    methods = named_methods(names)
+    assert methods == (("images", "zero-filled"), ("images", "pursuit:dct"))
     usual, found = evaluation_of(capture).metrics, evaluation_of(capture, methods).metrics
     assert found["image_nrmse[pursuit:dct]"] == usual["image_nrmse"]
     assert {name: found[name] for name in usual} == usual

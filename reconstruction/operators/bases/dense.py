@@ -61,7 +61,8 @@ class Dense(Basis):
             raise InputError(f"patterns of {basis.shape} in a plan of shape {tuple(shape)}")
         return basis
 
-    def _matrix(self, index: NDArray[np.int32]) -> Floats:
+    def matrix(self, index: NDArray[np.int32]) -> Floats:
+        """2 p - 1 of the patterns ``index`` (K,), (K, N)."""
         chosen = self.patterns[index].reshape(len(index), -1)
         return 2.0 * chosen.astype(np.float64) - 1.0
 

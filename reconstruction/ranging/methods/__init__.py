@@ -16,7 +16,9 @@ def ranging_method(name: str, spots: Spots) -> RangingMethod:
     """Method of this name; InputError if there is none, or it reads another kind of readings."""
     method = RANGING_METHODS[name]
     if not isinstance(spots, method.reads):
-        fitting = [each for each in RANGING_METHODS if reads(each, spots)]
+        fitting = [
+            name for name, each in RANGING_METHODS.loadable() if isinstance(spots, each.reads)
+        ]
         raise InputError(
             f"ranging method {name!r} reads {method.reads.method!r} spots, not those of "
             f"{spots.method!r}; allowed: {', '.join(fitting)}"
