@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from reconstruction.errors import naming
+
 from .console import print_json
 from .options import CaptureArgument, Json
 from .tables import print_errors
@@ -24,7 +26,6 @@ def command(
     Without the folder of a result, the capture is reconstructed first.
     """
     from reconstruction import evaluate, read_capture, read_result, reconstruct
-    from reconstruction.errors import naming
 
     recording = read_capture(capture)
     file = None
