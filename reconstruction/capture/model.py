@@ -168,16 +168,13 @@ class Recording(Protocol):
     @property
     def setup(self) -> Setup:
         """What its frames have in common."""
-        ...
 
     @property
     def frames(self) -> int:
         """Number of frames."""
-        ...
 
     def batch(self, start: int, stop: int) -> Frames:
         """Frames ``start`` to ``stop``, the last not included; InputError if there are none."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

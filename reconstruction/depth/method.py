@@ -52,4 +52,3 @@ class DepthMethod(Protocol):
 
         Raises InputError where the recording does not tell what the method needs.
         """
-        ...

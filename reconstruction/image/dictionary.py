@@ -12,15 +12,12 @@ class Dictionary(Protocol):
 
     def atoms(self, side: int) -> Floats:
         """Orthonormal atoms of one axis, one in each column: (side, side)."""
-        ...
 
     def deviation(self, shape: tuple[int, int]) -> Floats:
         """Relative standard deviation of the atoms' coefficients in natural images, (H, W).
 
         0 for the constant image, whose level is measured by itself.
         """
-        ...
 
     def synthesise(self, spectrum: NDArray[Any]) -> NDArray[Any]:
         """Image (H, W) of the atoms' coefficients (H, W), real or complex."""
-        ...

@@ -23,4 +23,3 @@ class ImageMethod(Protocol):
 
         Raises InputError where the method cannot use the operator.
         """
-        ...

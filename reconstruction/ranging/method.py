@@ -23,8 +23,6 @@ class RangingMethod(Protocol):
 
         Raises InputError where the recording does not tell what the method needs.
         """
-        ...
 
     def unambiguous_range_m(self, spots: Spots) -> float:
         """Range from which on a spot looks nearer than it is; infinite where none does."""
-        ...

@@ -27,11 +27,9 @@ class Scatterer(Protocol):
 
     def albedo(self, diameter_mm: ArrayLike) -> Floats:
         """Share that is scattered, not absorbed."""
-        ...
 
     def scattered_per_sr(self, cos: ArrayLike, diameter_mm: ArrayLike) -> Floats:
         """Share per steradian scattered by an angle of this cosine; the albedo over the sphere."""
-        ...
 
 
 class WaterDrops:

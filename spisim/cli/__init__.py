@@ -6,6 +6,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from reconstruction.errors import InputError, explain
+
 from . import (
     budget,
     dataset,
@@ -36,12 +38,8 @@ class Commands(TyperGroup):
         except BrokenPipeError:
             raise
         except OSError as error:
-            from reconstruction.errors import explain  # slow to load, and help needs none
-
             message, status = explain(error), 2
         except ValueError as error:
-            from reconstruction.errors import InputError
-
             if not isinstance(error, InputError):
                 raise
             message, status = str(error), 2

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from reconstruction.errors import naming
+
 from .console import print_json
 from .options import CaptureArgument, FrameOption, Json, Methods
 from .tables import print_errors
@@ -30,7 +32,6 @@ def command(
     """
     from reconstruction import evaluate, read_capture, read_result, reconstruct
     from reconstruction.cli.reconstruct import names
-    from reconstruction.errors import naming
 
     recording = read_capture(capture)
     file = None

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from reconstruction.errors import naming
+
 from . import options as opt
 from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
@@ -115,7 +117,6 @@ def _record(
 
 def _look(instant: Instant, capture: Capture, folder: Path) -> Sighting:
     from reconstruction import evaluate, reconstruct
-    from reconstruction.errors import naming
     from spisim.report.flight import Sighting
 
     with naming(folder / instant.file):

@@ -7,6 +7,8 @@ from warnings import catch_warnings, simplefilter
 
 import yaml
 
+from reconstruction.errors import InputError
+
 from .console import warn
 
 if TYPE_CHECKING:
@@ -28,7 +30,6 @@ def scene_with(
     The scene's text is changed along, so that a capture tells how to make it again. Its warnings
     are printed, and returned too.
     """
-    from reconstruction.errors import InputError
     from spisim.atmosphere.sections import WEATHER
     from spisim.scene import SceneWarning, load_scene
 
@@ -61,7 +62,6 @@ def _fog(
     old: dict[str, Any] | None, visibility_m: float | None, kind: str | None
 ) -> dict[str, Any]:
     """The scene's fog with another visibility, other droplets, or both."""
-    from reconstruction.errors import InputError
 
     kept = {"kind", "droplets", "definition", "phase"}
     if visibility_m is None:

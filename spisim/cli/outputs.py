@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
+from reconstruction.errors import InputError
+
 
 def beside(output: Path, suffix: str, what: str, own_suffix: str) -> Path:
     """The name of a further file, `what`; InputError, before any work, if not both can be written.
 
     `own_suffix` is proposed for an output that would have the same name.
     """
-    from reconstruction.errors import InputError  # slow to load, and help needs none
     from reconstruction.files import require_file
 
     require_file(output)

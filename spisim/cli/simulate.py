@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from reconstruction.errors import naming
 from reconstruction.timing import timed
 
 from . import options as opt
@@ -45,7 +46,6 @@ def command(
     The image of a scene is traced once for all patterns; noise and converter follow.
     """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture
-    from reconstruction.errors import naming
     from reconstruction.files import require_file
     from spisim.measurement import simulation_warnings
     from spisim.simulation import simulate

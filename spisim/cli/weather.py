@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from reconstruction.errors import InputError
+
 from .console import print_json, results, warn
 from .options import Fog, Json, Rain, Visibility, real_option
 from .tables import plain_table
@@ -78,7 +80,6 @@ def command(
 
     With --compare and no weather, what each wavelength has in typical fogs, smokes, rain and snow.
     """
-    from reconstruction.errors import InputError
     from spisim.atmosphere import combine
     from spisim.atmosphere import fog as make_fog
     from spisim.atmosphere import rain as make_rain
@@ -132,7 +133,6 @@ def _fog_visibility(
     visibility: float | None, water: float | None, kind: str | None, definition: str
 ) -> float | None:
     """Visibility of the fog in metres; None where the options give no fog."""
-    from reconstruction.errors import InputError
     from spisim.atmosphere import agreed_visibility
 
     if visibility is None and water is None:

@@ -24,7 +24,6 @@ class Bounds(Protocol):
 
     def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
         """Distances (near, far) between which a ray of length `far` is inside, if near < far."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.io
 from numpy.typing import ArrayLike, NDArray
 
+from ...arrays import Floats
 from ...errors import InputError, naming, nearest
 from ...operators import Basis, PatternPlan, checked_shape, fwht
 from ...operators.bases.dense import Dense
@@ -96,7 +97,7 @@ def plan_from_matrix(
 
 
 def _hadamard_rows(
-    signed: NDArray[np.float64], shape: tuple[int, int]
+    signed: Floats, shape: tuple[int, int]
 ) -> tuple[NDArray[np.int32], NDArray[np.int8]] | None:
     """Number and sign of each row h or -h, None where one of them is something else."""
     if not all(power_of_two(side) for side in shape) or (np.abs(signed) != 1).any():

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from reconstruction.errors import InputError
+
 from ..console import print_json, results, say
 from ..options import Bar, Json, number_option
 from .arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
@@ -45,7 +47,6 @@ def command(
     Exit status: 0 all done, 1 some samples failed, 2 input that cannot be used, 3 no space left,
     130 interrupted.
     """
-    from reconstruction.errors import InputError
     from spisim.dataset.plan import load_plan
     from spisim.dataset.preview import check
     from spisim.dataset.runner import run_dataset

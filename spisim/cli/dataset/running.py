@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from reconstruction.errors import InputError
+
 from ..console import say
 
 if TYPE_CHECKING:
@@ -24,7 +26,6 @@ def executors(
 
     Raises InputError where both are asked for.
     """
-    from reconstruction.errors import InputError
     from spisim.dataset.dask import DaskExecutor
     from spisim.dataset.workers import LocalExecutor, default_workers
 

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from reconstruction.errors import InputError
+
 from ..console import print_json, say, warn
 from ..options import Json, Seed
 
@@ -53,8 +55,6 @@ def command(
 
 def _parameters(settings: list[str]) -> dict[str, object]:
     import yaml
-
-    from reconstruction.errors import InputError
 
     found = {}
     for setting in settings:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from reconstruction.errors import InputError
+
 from ..console import print_json, results, say, warn
 from ..options import Json, real_option
 
@@ -90,7 +92,6 @@ def _read_mitsuba(path: Path, folders: Folders) -> Content:
 
 
 def _point(option: str, text: str) -> tuple[float, float, float]:
-    from reconstruction.errors import InputError
 
     try:
         x, y, z = (float(word) for word in text.split(","))

@@ -49,11 +49,9 @@ class Tally(Protocol):
 
     def add(self, light: Contribution) -> None:
         """Take one contribution per lane."""
-        ...
 
     def read(self) -> Mapping[str, Floats]:
         """Named sums (cells, ...), per unit detector area."""
-        ...
 
 
 class ImageTally:
