@@ -145,6 +145,21 @@ def test_swapping_the_ends_changes_nothing():
     assert np.std(out) < 0.01 * np.mean(out)
 
 
+def test_a_world_may_be_far_from_its_origin():
+    """Single precision has 0.1 mm left there: dense fog scatters light where the lens is."""
+
+    def transport(offset):
+        wall = worlds.plane(5.0, half_size_m=5)
+        wall.mesh.apply_translation(offset)
+        pose = worlds.pose_at(offset)
+        foggy = replace(worlds.scene(wall, extinction_per_m=1.0, g=0.8), drone_pose=pose)
+        end = worlds.detector(offset + [0.05, 0, 0], half_angle_deg=20)
+        view = worlds.projector(20, (8, 8), pose)
+        return worlds.image(build_world(foggy), view, end, 1024, SEEDS[0]).sum()
+
+    assert transport(np.full(3, 1e3)) == pytest.approx(transport(np.zeros(3)), rel=3e-3)
+
+
 def _pose(position, axis):
     forward = axis / np.linalg.norm(axis)
     right = np.cross([0.0, 1.0, 0.0], forward)

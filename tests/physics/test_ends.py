@@ -13,6 +13,7 @@ from spisim.transport.engine.rays import FogRays
 from spisim.transport.world import build_world
 
 # isort: split
+import drjit as dr
 import mitsuba as mi
 
 SEEDS = worlds.seeds(8)
@@ -115,12 +116,36 @@ def test_divergence_spreads_a_beam_without_losing_light():
 
 
 def test_a_flight_that_ends_at_the_lens_has_a_density():
-    """As one in 2^24 does: no ray leads from the lens to itself."""
+    """As one in 2^24 does: the place has no direction of its own, but the ray has."""
     world = build_world(worlds.scene(worlds.plane(DISTANCE), extinction_per_m=0.1))
     rays = FogRays(world, Projector.of(worlds.projector(), 1))
-    lens = mi.Point3f(0)
-    assert rays.density(lens, lens, mi.Point3f(0, 0, 2)).numpy() == 0
-    assert rays.density(lens, mi.Point3f(0, 0, 1), mi.Point3f(0, 0, 2)).numpy() > 0
+    ray = mi.Ray3f(mi.Point3f(0), mi.Vector3f(0, 0, 1))
+
+    def density(distance):
+        return rays.density(ray, mi.Float(distance), mi.Point3f(1, 0, 2)).numpy().item()
+
+    assert density(0) == pytest.approx(density(1e-4), rel=1e-3)
+    # W per pixel, times equi-angular density over extinction
+    importance = 1 / (worlds.projector().pixel_area * 16 * 16)
+    angle = np.pi / 2 + np.arctan(2)
+    assert density(0) == pytest.approx(importance / (angle * 5) / 0.1, rel=1e-4)
+
+
+def test_rays_through_the_edge_of_the_field_have_a_density(plane_world):
+    """Rounding may put them outside, which is no reason to find their light elsewhere alone."""
+
+    class Corners:
+        def next_2d(self):
+            return mi.Point2f(0)
+
+    view = worlds.projector()
+    end = Projector.of(view, 1)
+    lane = dr.arange(mi.UInt32, end.lanes)
+    launch = end.launch(lane, Corners())
+    cosine = launch.direction.z.numpy()
+    np.testing.assert_allclose(
+        end.density(launch, launch.origin).numpy(), 1 / (view.pixel_area * cosine**3), rtol=1e-5
+    )
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (64, 16), (128, 16), (256, 16), (3, 7)])

@@ -113,7 +113,7 @@ class Projector:
             beta=mi.Float(1 / self.samples),
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
-            state=self.samples * self.importance_towards(ray.d, ray.o),
+            state=self.samples * self.importance_of(ray.d),
             cell=self.cell(lane),
         )
 
@@ -153,6 +153,10 @@ class Projector:
         lens = self._lens_point(sampler)
         local = dr.normalize(mi.Vector3f(mi.Point3f(x, y, 1) * self.focus_m - lens))
         return mi.Ray3f(self.to_world @ lens, self.to_world @ local)
+
+    def importance_of(self, direction: Any) -> Any:
+        """W of a ray that was drawn: in the field, though rounding may put it on the edge."""
+        return self._importance((self.to_optical @ mi.Vector3f(direction)).z)
 
     def importance_towards(self, direction: Any, lens: Any) -> Any:
         """W of the ray that leaves the lens at a place (world); 0 outside the field."""

@@ -55,14 +55,12 @@ class FogRays:
         )
         return end, importance / pixels * place / (distance * distance * extinction)
 
-    def density(self, lens: Any, first: Any, second: Any) -> Any:
-        """Number density with which `connect` picks `first` on a ray from `lens`, seen from
-        `second`, over that of a free flight's collision there, 1/m²; 0 where no such ray is."""
-        direction, distance = direction_to(lens, first)
-        angular = EquiAngular.about(second, mi.Ray3f(lens, direction), mi.Float(dr.inf))
-        importance = self.projector.importance_towards(direction, lens)
-        place = angular.density(distance) / (distance * distance)
-        extinction = self.world.media.extinction_at(first)
-        density = importance / self.projector.pixels * place / extinction
-        # A flight may end where it starts, at the lens: that has no direction.
-        return dr.select((extinction > 0) & (distance > 0), density, 0)
+    def density(self, ray: Any, distance: Any, second: Any) -> Any:
+        """Number density with which `connect` picks the place `distance` along a ray, seen from
+        `second`, over that of a free flight's collision there, times distance²; 0 where no such
+        ray is."""
+        angular = EquiAngular.about(second, ray, mi.Float(dr.inf))
+        importance = self.projector.importance_towards(ray.d, ray.o)
+        extinction = self.world.media.extinction_at(ray(distance))
+        density = importance / self.projector.pixels * angular.density(distance) / extinction
+        return dr.select(extinction > 0, density, 0)

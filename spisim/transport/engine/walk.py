@@ -18,7 +18,9 @@ detector's strategy depends on the three points next to the projector alone,
 
     S = rays(x₀, x₁, x₂) · |x₁-x₂|² / (pr₂ · Tr(x₁,x₂))
 
-so it costs the others' weights, 1 / (1 + R + R S) and 1 / (1 + R + S), next to nothing.
+so it costs the others' weights, 1 / (1 + R + R S) and 1 / (1 + R + S), next to nothing. R goes
+with d_start², S of the projector's strategy with 1/d_start²: what is kept of them is R / d_start²
+and S d_start², for a collision may lie so close to the projector that it rounds to the same point.
 
 Surfaces that let light pass straight on (panes, holes in a mask) are no vertices: a segment runs
 through them and is weakened, as in fog.
@@ -63,12 +65,13 @@ class Densities:
     """What is known of R and S so far; see the head of this module."""
 
     ratio: Any  # Π cout / cin · Π pr / Π pf
-    start: Any  # d_start² / (κW_this Tr(d_start))
+    start: Any  # 1 / (κW_this Tr(d_start))
+    start_m: Any  # d_start
     segment_m: Any
     through: Any  # Tr of the segment, as far as it has a closed form
     before: Any  # last vertex
     before_forward: Any  # density of leaving it; 0 where a third strategy has no part
-    bridge: Any  # S
+    bridge: Any  # S d_start²
 
     @classmethod
     def start_at(cls, point: Any) -> Densities:
@@ -76,6 +79,7 @@ class Densities:
         return cls(
             ratio=mi.Float(1),
             start=mi.Float(0),
+            start_m=mi.Float(0),
             segment_m=mi.Float(0),
             through=mi.Float(1),
             before=mi.Point3f(point),
@@ -122,6 +126,7 @@ class _Join(NamedTuple):
 
     value: Any  # of the light that comes this way, unweighted
     others: Any  # R
+    others_per_m2: Any  # R / d_start²
     lobe: Lobe
     gap_m: Any
     known: Any  # transmittance of the gap, as far as it has a closed form
@@ -182,13 +187,10 @@ class Walk:
         path.beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
         densities.segment_m += distance
         densities.through *= media.known_transmittance(ray.o, ray.d, distance)
-        densities.start = dr.select(
-            path.vertex == 1,
-            densities.segment_m
-            * densities.segment_m
-            / (self.this.density(launch, point) * densities.through),
-            densities.start,
-        )
+        first = path.vertex == 1
+        start = dr.rcp(self.this.density(launch, point) * densities.through)
+        densities.start = dr.select(first, start, densities.start)
+        densities.start_m = dr.select(first, densities.segment_m, densities.start_m)
         mode = mi.TransportMode.Importance if self.outward else mi.TransportMode.Radiance
         return Vertex(
             self.world.geometry,
@@ -210,14 +212,16 @@ class Walk:
         others = join.others
         if self.rays is not None and self.outward:
             second = path.vertex == 2
-            place = self.rays.density(launch.origin, densities.before, here.point)
+            ray = mi.Ray3f(launch.origin, launch.direction)
+            place = self.rays.density(ray, densities.start_m, here.point)
             reach = dr.select(densities.before_forward > 0, densities.over_segment(place), 0)
             densities.bridge = dr.select(second, reach, densities.bridge)
             at_second = _quotient(densities.bridge, join.lobe.backward)
-            others *= 1 + dr.select(second, at_second, densities.bridge)
+            others += join.others_per_m2 * dr.select(second, at_second, densities.bridge)
         elif self.rays is not None:
-            place = self.rays.density(end.point, here.point, densities.before)
-            reach = _quotient(densities.over_segment(place), densities.before_forward)
+            direction, gap = direction_to(end.point, here.point)
+            place = self.rays.density(mi.Ray3f(end.point, direction), gap, densities.before)
+            reach = _quotient(densities.over_segment(place), densities.before_forward * gap * gap)
             others += dr.select(here.in_fog, reach, 0)
         cell = end.cell if launch.cell is None else launch.cell
         self._deposit(join, others, path.vertex, end, cell, path)
@@ -239,9 +243,10 @@ class Walk:
         connected = allowed & carries_light(value)
         value *= here.transmission(towards, gap, sampler, connected)
         known = self.world.media.known_transmittance(here.point, towards, gap)
-        others = densities.ratio * densities.start * end.density * known * lobe.cosines
-        others *= dr.select(path.vertex == 1, 1, lobe.backward)
-        return _Join(value, others, lobe, gap, known, connected & carries_light(value))
+        per_m2 = densities.ratio * densities.start * end.density * known * lobe.cosines
+        per_m2 *= dr.select(path.vertex == 1, 1, lobe.backward)
+        others = per_m2 * densities.start_m * densities.start_m
+        return _Join(value, others, per_m2, lobe, gap, known, connected & carries_light(value))
 
     def _deposit(
         self, join: _Join, others: Any, vertex: Any, end: Connection, cell: Any, path: Path
