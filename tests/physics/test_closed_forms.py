@@ -148,7 +148,7 @@ def test_integrating_sphere():
             worlds.beams([0.1, 0.2, 1]),
             wall,
             (20000, 0.05),
-            2**14,
+            2**12,
             s,
         ).sum()
         for s in worlds.seeds(8)

@@ -53,9 +53,8 @@ def test_constant_grid_is_homogeneous_fog():
     def moments(place):
         world, runs = build_world(place), []
         for seed in SEEDS:
-            mean = transport_image(
-                world, view, BASELINE, Paths(4096), seed=seed, outputs=outputs
-            ).mean
+            paths = Paths(4096, launches=1)
+            mean = transport_image(world, view, BASELINE, paths, seed=seed, outputs=outputs).mean
             cube = mean["histogram"].sum(axis=0)
             length = cube @ np.arange(500) * 0.1 / cube.sum()
             runs.append([mean["image"].sum(), *mean["phasors"].sum(axis=(0, 1)), length])
@@ -164,10 +163,10 @@ def test_two_media_in_one_place_add_up():
 def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
     place = replace(worlds.scene(worlds.plane(5.0, 0.5)), atmosphere=explicit(0.1, 0.98, HG))
     view, outputs = worlds.projector(shape=(8, 8)), Outputs(orders=True)
-    runs = []
+    world, runs = build_world(place), []
     for seed in SEEDS:
         mean = transport_image(
-            build_world(place), view, BASELINE, Paths(256), seed=seed, outputs=outputs
+            world, view, BASELINE, Paths(256, launches=1), seed=seed, outputs=outputs
         ).mean
         np.testing.assert_allclose(mean["image_orders"].sum(axis=0), mean["image"], rtol=1e-9)
         runs.append(mean["image_orders"].sum(axis=1))
@@ -191,7 +190,7 @@ def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
     outputs = Outputs(frequencies_hz=(frequency,), bins=bins)
     view = worlds.projector(shape=(4, 4))
     mean = transport_image(
-        build_world(place), view, BASELINE, Paths(256), seed=SEEDS[0], outputs=outputs
+        build_world(place), view, BASELINE, Paths(256, 1), seed=SEEDS[0], outputs=outputs
     ).mean
     np.testing.assert_allclose(mean["histogram"].sum(axis=1), mean["image"], rtol=1e-6)
     spectrum = mean["histogram"] @ np.exp(2j * np.pi * frequency / c * bins.centres_m)

@@ -38,7 +38,7 @@ def digest(capture, path):
 def test_full_basis_without_noise_gives_the_transport_image(warehouse, paper, polarity):
     full = with_plan(paper, patterns=4096, polarity=polarity)
     clear = replace(warehouse, atmosphere=CLEAR)
-    simulation = spisim.simulate(clear, full, spp=64, noise=False)
+    simulation = spisim.simulate(clear, full, spp=4, noise=False)
     result = reconstruction.reconstruct(simulation.capture)
     transport = simulation.transport.image
     scale = np.sum(transport * result.image) / np.sum(transport**2)
@@ -77,7 +77,7 @@ def test_fog_pulls_near_spots_closer_and_pushes_far_ones_away(warehouse, paper):
 
 def test_equal_seeds_give_equal_files_and_different_seeds_do_not(warehouse, paper, tmp_path):
     def capture(seed):
-        return spisim.simulate(warehouse, paper, spp=32, seed=seed, frames=2).capture
+        return spisim.simulate(warehouse, paper, spp=4, seed=seed, frames=2).capture
 
     digests = [digest(capture(seed), tmp_path / f"{k}.h5") for k, seed in enumerate((7, 7, 8))]
     assert digests[0] == digests[1]
@@ -86,7 +86,7 @@ def test_equal_seeds_give_equal_files_and_different_seeds_do_not(warehouse, pape
 
 @pytest.mark.parametrize("seed", range(3))
 def test_reconstruction_beats_its_baselines(warehouse, paper, seed):
-    simulation = spisim.simulate(warehouse, paper, spp=128, seed=seed)
+    simulation = spisim.simulate(warehouse, paper, spp=32, seed=seed)
     result = reconstruction.reconstruct(simulation.capture)
     metrics = reconstruction.evaluate(result, simulation.capture)
     images, depths = metrics["images"], metrics["depths"]

@@ -20,7 +20,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-import spisim
+from commands import program, spisim
 from reconstruction import read_capture
 from spisim.cli import app
 from spisim.dataset import preview
@@ -52,20 +52,15 @@ def write_plan(folder: Path, **changes: Any) -> Path:
     return path
 
 
-def program(*arguments: str | Path) -> list[str]:
-    code = "from spisim.cli import main; main()"
-    return [sys.executable, "-c", code, "dataset", *map(str, arguments)]
-
-
-def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(program(*arguments), capture_output=True, text=True, check=False)
+def run(*arguments: str | Path) -> Any:
+    return spisim("dataset", *arguments)
 
 
 @contextmanager
 def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
     """A run under way, in a group of its own as under a terminal; none of it is left behind."""
     process = subprocess.Popen(
-        program(*arguments), stderr=subprocess.PIPE, text=True, start_new_session=True
+        program("dataset", *arguments), stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     try:
         yield process
@@ -108,7 +103,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("whole")
     plan = write_plan(folder)
     done = run(plan, "-o", folder / "set", "--workers", "2", "--json")
-    assert done.returncode == 0, done.stderr
+    assert done.exit_code == 0, done.stderr
     told = json.loads(done.stdout)
     assert (told["samples"], told["done"], told["failed"]) == (SAMPLES, SAMPLES, 0)
     return plan, folder / "set"
@@ -145,7 +140,7 @@ def test_one_worker_and_another_order_make_the_same(
     whole: tuple[Path, Path], tmp_path: Path
 ) -> None:
     plan, folder = whole
-    assert run(plan, "-o", tmp_path / "set", "--workers", "1", "--samples", "3").returncode == 0
+    assert run(plan, "-o", tmp_path / "set", "--workers", "1", "--samples", "3").exit_code == 0
     same = files(tmp_path / "set")
     assert len(same) == 9
     assert same.items() <= files(folder).items()
@@ -162,12 +157,13 @@ def test_a_main_process_that_is_killed(whole: tuple[Path, Path], tmp_path: Path)
         until(lambda: not any(Path(f"/proc/{pid}/exe").exists() for pid in workers))
     left = captures(tmp_path / "set")
     assert 1 <= left < SAMPLES
-    assert run(plan, "-o", tmp_path / "set", "--workers", "2").returncode == 0
+    assert run(plan, "-o", tmp_path / "set", "--workers", "2").exit_code == 0
     assert files(tmp_path / "set") == files(folder)
     assert [row[1] for row in rows(tmp_path / "set")] == ["done"] * SAMPLES
 
 
 @linux
+@pytest.mark.slow
 def test_a_worker_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> None:
     plan, folder = whole
     with started(plan, "-o", tmp_path / "set", "--workers", "2") as process:
@@ -194,7 +190,7 @@ def test_ctrl_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
         assert "Traceback" not in message
         assert not any(Path(f"/proc/{pid}/exe").exists() for pid in workers)
     assert not [name for name in files(tmp_path / "set") if name.endswith(".tmp")]
-    assert run(plan, "-o", tmp_path / "set").returncode == 0
+    assert run(plan, "-o", tmp_path / "set").exit_code == 0
     assert files(tmp_path / "set") == files(folder)
 
 
@@ -203,7 +199,7 @@ def test_one_sample_that_cannot_be_made(tmp_path: Path) -> None:
     turns = {"choice": [[0, 0, 0], [0, 0, 180]], "weights": [2, 1]}
     plan = write_plan(tmp_path, samples=3, seed=0, vary={"scene.drone.turn_deg": turns})
     done = run(plan, "-o", tmp_path / "set", "--workers", "1", "--json")
-    assert done.returncode == 1, done.stderr
+    assert done.exit_code == 1, done.stderr
     told = json.loads(done.stdout)
     assert (told["done"], told["failed"]) == (2, 1)
     reason = told["failures"]["1"]
@@ -211,7 +207,7 @@ def test_one_sample_that_cannot_be_made(tmp_path: Path) -> None:
     assert "\n" not in reason
     assert "Traceback" in (tmp_path / "set/errors/000001.txt").read_text()
     again = run(plan, "-o", tmp_path / "set", "--workers", "1", "--retry-failed")
-    assert again.returncode == 1
+    assert again.exit_code == 1
     assert rows(tmp_path / "set")[1] == (1, "failed", reason, 2)
     assert f"sample 1 failed: {reason}" in again.stderr
 
@@ -246,7 +242,7 @@ def on_a_full_disk(plan: Path, folder: Path, relief: str, *options: str) -> tupl
         ).returncode
     ):
         pytest.skip("no disk of one's own can be mounted here")
-    command = program(plan, "-o", disk / "set", "--workers", "2", *options)
+    command = program("dataset", plan, "-o", disk / "set", "--workers", "2", *options)
     script = textwrap.dedent(FULL).format(
         disk=disk,
         command=" ".join(f"'{word}'" for word in command) + f" 2> {log}",
@@ -269,7 +265,7 @@ def on_a_full_disk(plan: Path, folder: Path, relief: str, *options: str) -> tupl
 def test_a_full_disk_is_waited_for(tmp_path: Path) -> None:
     keep = {"histograms": True}
     plan = write_plan(tmp_path, samples=10, keep=keep)
-    assert run(plan, "-o", tmp_path / "whole", "--workers", "2").returncode == 0
+    assert run(plan, "-o", tmp_path / "whole", "--workers", "2").exit_code == 0
     status, said = on_a_full_disk(plan, tmp_path, "rm {disk}/ballast")
     assert status == 0, said
     assert "There is space again; going on" in said
@@ -289,7 +285,7 @@ def test_a_disk_that_stays_full_ends_the_run(tmp_path: Path) -> None:
     assert not list((tmp_path / "after").rglob("*.tmp"))
     done = rows(tmp_path / "after", "file, sha256")
     assert 0 < len(done) < 10
-    assert run(plan, "-o", tmp_path / "after", "--workers", "2").returncode == 0
+    assert run(plan, "-o", tmp_path / "after", "--workers", "2").exit_code == 0
     found = files(tmp_path / "after")
     assert all(found[name] == sha256 for name, sha256 in done)
 
@@ -317,7 +313,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[int]]]:
         stderr=subprocess.DEVNULL,
         text=True,
         start_new_session=True,
-        env=os.environ | {"PYTHONPATH": str(Path(spisim.__file__).parents[1])},
+        env=os.environ | {"PYTHONPATH": str(Path(preview.__file__).parents[2])},
     )
     assert process.stdout is not None
     try:
@@ -330,6 +326,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[int]]]:
             process.communicate()
 
 
+@pytest.mark.slow
 def test_a_cluster_that_loses_a_worker(whole: tuple[Path, Path], tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     plan, folder = whole
@@ -347,7 +344,7 @@ def test_a_cluster_that_loses_a_worker(whole: tuple[Path, Path], tmp_path: Path)
 def test_a_scheduler_that_does_not_answer(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     done = run(write_plan(tmp_path), "-o", tmp_path / "set", "--dask", "tcp://127.0.0.1:9")
-    assert done.returncode == 2
+    assert done.exit_code == 2
     assert "--dask tcp://127.0.0.1:9: no scheduler answers there" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (tmp_path / "set").exists()
@@ -357,7 +354,7 @@ def test_a_scheduler_that_does_not_answer(tmp_path: Path) -> None:
 def test_the_dry_run_tells_what_it_would_cost(whole: tuple[Path, Path]) -> None:
     plan, folder = whole
     done = run(plan, "--dry-run", "--json", "--workers", "2", "--samples", "100")
-    assert done.returncode == 0, done.stderr
+    assert done.exit_code == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["samples"] == 100
     sizes = [path.stat().st_size for path in (folder / "samples").rglob("*.*")]

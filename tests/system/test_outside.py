@@ -59,15 +59,22 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def capture(folder):
-    run(folder, "simulate", "closet.yaml", "-o", "c.h5", "--instrument", "elsewhere.yaml")
-    return folder / "c.h5"
+COMMANDS = """
+import json, sys
+from typer.testing import CliRunner
+from spisim.cli import app
+outputs = []
+for words in sys.argv[1:]:
+    done = CliRunner().invoke(app, words.split())
+    assert done.exit_code == 0, done.output
+    outputs.append(done.stdout)
+print(json.dumps(outputs))
+"""
 
 
-def run(folder, *arguments):
-    """A command of an installation that has the other package too."""
-    return python(folder, "-m", "spisim", *arguments)
+def run(folder, *commands):
+    """What commands print in an installation that has the other package too."""
+    return json.loads(python(folder, "-c", COMMANDS, *commands))
 
 
 def python(folder, *arguments):
@@ -85,10 +92,12 @@ def python(folder, *arguments):
 
 
 def test_schemas_and_lists_know_it(folder):
-    assert '"cooled"' in run(folder, "schema", "instrument")
-    assert '"dust"' in run(folder, "schema", "scene")
-    assert "closet" in run(folder, "scenes", "list")
-    assert "csv" in run(folder, "dataset", "export", "--formats")
+    lists = ("schema instrument", "schema scene", "scenes list", "dataset export --formats")
+    instruments, scenes, families, formats = run(folder, *lists)
+    assert '"cooled"' in instruments
+    assert '"dust"' in scenes
+    assert "closet" in families
+    assert "csv" in formats
 
 
 def test_its_modules_may_be_imported_first(folder):
@@ -97,19 +106,26 @@ def test_its_modules_may_be_imported_first(folder):
     assert "stopwatch" in python(folder, "-c", f"{imports}; {load}")
 
 
-def test_it_is_simulated_reconstructed_and_evaluated(folder, capture):
-    methods = ("--image", "smoothed,pursuit:haar", "--depth", "flat,nearest")
-    run(folder, "reconstruct", "c.h5", "-o", "result", *methods)
+def test_it_is_simulated_reconstructed_and_evaluated(folder):
+    *_, evaluated, budget = run(
+        folder,
+        "simulate closet.yaml -o c.h5 --instrument elsewhere.yaml",
+        "reconstruct c.h5 -o result --image smoothed,pursuit:haar --depth flat,nearest",
+        "evaluate c.h5 result --json",
+        "budget elsewhere.yaml --json",
+    )
     page = (folder / "result" / "report.html").read_text()
     assert "Smoothed inverse" in page
     assert "Flat wall" in page
-    metrics = json.loads(run(folder, "evaluate", "c.h5", "result", "--json"))
+    metrics = json.loads(evaluated)
     assert list(metrics["images"]) == ["smoothed", "pursuit:haar"]
     assert metrics["images"]["pursuit:haar"]["correlation"] > 0.8
     assert list(metrics["depths"]) == ["flat", "nearest"]
     errors = [abs(spot["error_m"]) for spot in metrics["spots"]["stopwatch"]]
     assert max(errors) < 0.1
-    assert "stopwatch" in run(folder, "budget", "elsewhere.yaml", "--json")
+    assert "stopwatch" in budget
+    with pytest.raises(InputError, match=r"'cosines'"):  # without the package
+        read_capture(folder / "c.h5")
 
 
 def test_without_the_package_its_detector_is_told_by_name(folder):
@@ -117,14 +133,9 @@ def test_without_the_package_its_detector_is_told_by_name(folder):
         load_instrument(folder / "elsewhere.yaml")
 
 
-def test_without_the_package_its_readings_are_told_by_name(capture):
-    with pytest.raises(InputError, match=r"'cosines'"):
-        read_capture(capture)
-
-
 @pytest.mark.slow
 def test_it_is_studied_and_exported(folder):
-    run(folder, "study", "study.yaml", "-o", "study")
+    run(folder, "study study.yaml -o study")
     assert "depth_mae_m[flat]" in (folder / "study" / "summary.csv").read_text()
-    run(folder, "dataset", "export", "study", "-o", "table", "--format", "csv")
+    run(folder, "dataset export study -o table --format csv")
     assert len((folder / "table" / "samples.csv").read_text().splitlines()) == 2
