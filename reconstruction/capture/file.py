@@ -101,6 +101,15 @@ class CaptureFile:
         }
         self.setup = Setup(plan=plan, **parts)
         check_parts(self.setup)
+        self._by_frame = {
+            group: {
+                name: (stored, hdf5.dataset(file, f"{group}/{name}", stored.units))
+                for name, stored in stored_fields(part)
+                if stored.by_frame
+            }
+            for group, part in kinds.items()
+            if part is not None
+        }
 
     def frame(self, frame: int = 0) -> Frames:
         """Readings of one frame; InputError if there is no such frame."""
@@ -144,12 +153,20 @@ class CaptureFile:
         return truth if still else replace(truth, frame=truth.frame - start)
 
     def _readings(self, start: int, stop: int) -> Frames:
-        rows, setup = slice(start, stop), self.setup
+        setup = self.setup
+
+        def read(group: str, part: Part) -> Part:
+            values = {
+                name: stored.kept(f"{group}/{name}", hdf5.read(dataset, slice(start, stop)))
+                for name, (stored, dataset) in self._by_frame.get(group, {}).items()
+            }
+            return replace(part, **values) if values else part  # type: ignore[type-var]
+
         return Frames(
             first=start,
-            buckets=_with_rows(self._file, "buckets", setup.buckets, rows),
-            spots=_with_rows(self._file, "spots", setup.spots, rows),
-            pattern_taps=_with_rows(self._file, "pattern_taps", setup.pattern_taps, rows),
+            buckets=read("buckets", setup.buckets),
+            spots=read("spots", setup.spots),
+            pattern_taps=read("pattern_taps", setup.pattern_taps),
         )
 
 
@@ -230,18 +247,6 @@ def _read(file: h5py.File, group: str, part: type[Part], rows: slice | None = No
     """A part of the capture, of what there is for each frame only some ``rows``."""
     fields = stored_fields(part)
     return part(**{name: _value(file, f"{group}/{name}", kept, rows) for name, kept in fields})
-
-
-def _with_rows(file: h5py.File, group: str, part: Part, rows: slice) -> Part:
-    """The same part with what there is for some frames; None where there is no such part."""
-    if part is None:
-        return part
-    by_frame = {
-        name: _value(file, f"{group}/{name}", stored, rows)
-        for name, stored in stored_fields(type(part))
-        if stored.by_frame
-    }
-    return replace(part, **by_frame)  # type: ignore[type-var]
 
 
 def _value(file: h5py.File, where: str, stored: Stored, rows: slice | None) -> Any:

@@ -82,12 +82,16 @@ def names_in(file: h5py.File, group: str) -> list[str]:
 
 def get_shape(file: h5py.File, name: str, units: str) -> tuple[int, ...]:
     """Shape of a dataset; InputError as `get`."""
-    return tuple(_dataset(file, name, units).shape)
+    return tuple(dataset(file, name, units).shape)
 
 
 def get(file: h5py.File, name: str, units: str, rows: slice | None = None) -> NDArray[Any]:
     """Read a dataset, or some rows; InputError if it is missing or its unit is another."""
-    dataset = _dataset(file, name, units)
+    return read(dataset(file, name, units), rows)
+
+
+def read(dataset: h5py.Dataset, rows: slice | None = None) -> NDArray[Any]:
+    """What a dataset holds, or some rows of it."""
     with _undamaged():
         return np.asarray(dataset[()] if rows is None else dataset[rows])
 
@@ -142,7 +146,8 @@ def _single(name: str, values: NDArray[Any]) -> Any:
     return values.item()
 
 
-def _dataset(file: h5py.File, name: str, units: str) -> h5py.Dataset:
+def dataset(file: h5py.File, name: str, units: str) -> h5py.Dataset:
+    """A dataset that is not read yet; InputError if it is missing or its unit is another."""
     found = get_units(file, name)
     if found != units:
         raise InputError(f"dataset {name} has units {found!r}, expected {units!r}")

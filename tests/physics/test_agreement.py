@@ -153,7 +153,7 @@ def test_a_world_may_be_far_from_its_origin():
         wall.mesh.apply_translation(offset)
         pose = worlds.pose_at(offset)
         foggy = replace(worlds.scene(wall, extinction_per_m=1.0, g=0.8), drone_pose=pose)
-        end = worlds.detector(offset + [0.05, 0, 0], half_angle_deg=20)
+        end = worlds.detector(np.add(offset, [0.05, 0, 0]), half_angle_deg=20)
         view = worlds.projector(20, (8, 8), pose)
         return worlds.image(build_world(foggy), view, end, 1024, SEEDS[0]).sum()
 

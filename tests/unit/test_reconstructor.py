@@ -404,3 +404,64 @@ def test_frames_of_another_plan_and_ranging_without_spots_are_refused():
         reconstructor(first_patterns(capture, 9).frame(0))
     with pytest.raises(InputError, match="ranging method 'cw' needs spots"):
         Reconstructor(replace(capture, spots=None).setup, ranging="cw")
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (np.full((4, 8), np.inf), "not finite"),
+        (np.full((4, 8), np.nan), "not finite"),
+        (np.zeros((8, 4)), r"shape \(8, 4\)"),
+    ],
+)
+def test_images_that_are_none_are_refused_by_the_method_s_name(monkeypatch, image, message):
+    class Odd:
+        title = "odd"
+
+        def compile(self, operator):
+            return lambda coefficients: image
+
+    monkeypatch.setitem(IMAGE_METHODS._loaded, "zero-filled", Odd())
+    with pytest.raises(InputError, match=f"'zero-filled' gave .*{message}"):
+        reconstruct(full_capture(), image="zero-filled")
+
+
+def test_a_method_cannot_change_what_the_next_one_gets(monkeypatch):
+    class Greedy:
+        title = "greedy"
+
+        def compile(self, operator):
+            def solve(coefficients):
+                coefficients.values[:] = 0
+                return operator.least_energy(coefficients.values)
+
+            return solve
+
+    monkeypatch.setitem(IMAGE_METHODS._loaded, "pursuit", Greedy())
+    with pytest.raises(ValueError, match="read-only"):
+        reconstruct(full_capture(), image=["pursuit", "zero-filled"])
+
+
+def test_all_may_stand_among_names_and_what_is_no_name_is_told():
+    capture = full_capture()
+    assert list(reconstruct(capture, image=["zero-filled", "all"]).images) == [
+        "zero-filled",
+        "pursuit",
+    ]
+    with pytest.raises(InputError, match="by their names, not by 3"):
+        Reconstructor(capture.setup, image=3)
+    with pytest.raises(InputError, match="frames of a recording are needed, not Capture"):
+        Reconstructor(capture.setup)(capture)
+
+
+def test_a_status_of_one_s_own_is_refused(monkeypatch):
+    class Vague:
+        title = "vague"
+        reads = type(full_capture().spots)
+
+        def compile(self, spots):
+            return lambda spots: Ranges(*np.ones((4, 4)), status=("fine",) * 4)
+
+    monkeypatch.setitem(RANGING_METHODS._loaded, "cw", Vague())
+    with pytest.raises(InputError, match="'cw' gave the status 'fine'; allowed: ok"):
+        reconstruct(full_capture())
