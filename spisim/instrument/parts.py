@@ -155,6 +155,8 @@ def _basis_in(path: Path, name: str, shape: tuple[int, int], changed: int) -> Ba
     """The basis in a file that has last `changed` then, which a plan asks for again and again."""
     if path.suffix == ".npy":
         return BASES[name].restored(shape, {"patterns": read_npy(path, "patterns_file")})
+    if path.suffix not in (".h5", ".hdf5"):
+        raise InputError(f"patterns_file {path}: allowed are .npy and captures, .h5")
     basis = read_capture(path).plan.patterns
     if basis.name != name:
         raise InputError(f"patterns_file {path}: its patterns are {basis.name}, not {name}")
