@@ -48,3 +48,13 @@ def fit_variance(measured: NDArray[Any], expected: Floats) -> tuple[float, float
     cost = measured.size * np.log(variance) + np.log(shape).sum(axis=1)
     best = int(np.argmin(cost))
     return float(variance[best]), float(white[best])
+
+
+def fit_scale(measured: NDArray[Any], expected: Floats, noise: Floats) -> float:
+    """Maximum-likelihood fit of var(measured) = v expected + noise, all variances: returns v."""
+    power = np.abs(measured) ** 2
+    largest = float((power / expected).max(initial=0.0)) or 1.0
+    scales = largest * np.logspace(-16, 1, 171)
+    variance = scales[:, None] * expected + noise
+    cost = (np.log(variance) + power / variance).sum(axis=1)
+    return float(scales[int(np.argmin(cost))])

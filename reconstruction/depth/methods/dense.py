@@ -93,7 +93,8 @@ def phasor_image(
     operator = usable.decoder.operator
     image = usable.solver("pursuit")(coefficients)
     guessed = np.abs(image - operator.least_energy(coefficients.values)) ** 2
-    measured = (coefficients.noise**2).sum() / (operator.row_length**2 * image.size)
+    noise = coefficients.noise[coefficients.measured]
+    measured = (noise**2).sum() / (operator.row_length**2 * image.size)
     return image, np.sqrt(np.maximum(uniform_filter(guessed, 3), measured))
 
 

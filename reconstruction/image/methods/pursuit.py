@@ -64,13 +64,19 @@ class PursuitSolver:
         a complex image.
         """
         length = self.operator.row_length
-        measured = coefficients.values[self.varying] / length
+        seen = self.varying & coefficients.measured
+        measured = coefficients.values[seen] / length
         if not measured.any():
             return self.operator.least_energy(coefficients.values)
-        variance, ridge = fit_variance(measured, self.expected_variance)
+        columns, gram, expected = self.columns, self.gram, self.expected_variance
+        if measured.size < len(columns):
+            rows = coefficients.measured[self.varying]
+            columns, expected = columns[rows], expected[rows]
+            gram = columns.T @ columns
+        variance, ridge = fit_variance(measured, expected)
         chosen, values = batch_omp(
-            self.gram,
-            self.columns.T @ measured,
+            gram,
+            columns.T @ measured,
             float(np.vdot(measured, measured).real),
             ridge=ridge,
             tolerance=measured.size * variance * ridge,
@@ -78,11 +84,11 @@ class PursuitSolver:
         )
         spectrum = np.zeros(self.operator.image_shape, dtype=measured.dtype)
         spectrum[self.atoms[0][chosen], self.atoms[1][chosen]] = self.deviation[chosen] * values
-        unexplained = measured - self.columns[:, chosen] @ values
-        total = variance * (self.expected_variance + ridge)
-        noise = coefficients.noise[self.varying] / length
+        unexplained = measured - columns[:, chosen] @ values
+        total = variance * (expected + ridge)
+        noise = coefficients.noise[seen] / length
         left = coefficients.values.copy()
-        left[self.varying] = unexplained * np.clip(1 - noise**2 / total, 0, 1) * length
+        left[seen] = unexplained * np.clip(1 - noise**2 / total, 0, 1) * length
         return self.dictionary.synthesise(spectrum) + self.operator.least_energy(left)
 
 
