@@ -30,6 +30,7 @@ from reconstruction.capture import Buckets, Optics, Provenance
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.cli import main
 from reconstruction.operators import expose
+from reconstruction.outputs.result_file import result_bytes
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 SHAPE = (16, 32)
@@ -294,11 +295,17 @@ def test_a_foreign_file_is_no_result(path, tmp_path):
         read_result(tmp_path / "none.h5")
 
 
-def test_a_damaged_result_is_told(capture, tmp_path):
-    file = write_outputs(reconstruct(capture), capture, tmp_path)["result.h5"]
-    messages = refusals(file, read_result, InputError)
+@pytest.fixture
+def result_file(capture, tmp_path):
+    path = tmp_path / "result.h5"
+    path.write_bytes(result_bytes(reconstruct(capture)))
+    return path
+
+
+def test_a_damaged_result_is_told(result_file):
+    messages = refusals(result_file, read_result, InputError)
     assert len(messages) > 5
-    assert all(message.startswith(f"{file}: ") for message in messages)
+    assert all(message.startswith(f"{result_file}: ") for message in messages)
 
 
 @pytest.mark.parametrize(
@@ -314,16 +321,15 @@ def test_a_damaged_result_is_told(capture, tmp_path):
         ("timings_s/decoding", b"x", "timings_s/decoding must hold numbers"),
     ],
 )
-def test_a_wrong_part_of_a_result_is_named(capture, tmp_path, name, value, message):
-    file = write_outputs(reconstruct(capture), capture, tmp_path)["result.h5"]
-    with h5py.File(file, "r+") as content:
+def test_a_wrong_part_of_a_result_is_named(result_file, name, value, message):
+    with h5py.File(result_file, "r+") as content:
         units = content[name].attrs["units"]
         del content[name]
         if value is not None:
             content[name] = value
             content[name].attrs["units"] = units
     with pytest.raises(InputError, match=message):
-        read_result(file)
+        read_result(result_file)
 
 
 def test_a_result_of_some_patterns_is_still_one_of_the_recording(capture, path, tmp_path):
