@@ -10,7 +10,6 @@ parameters theta is sum_i n_i / (exp(lambda_i) - 1) (d lambda_i / d theta)^2.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import fftconvolve
 from scipy.special import ndtr
 
 from ..arrays import Floats
@@ -93,6 +92,8 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
 
 def _matched(rate: Floats, width: float | None) -> list[Floats]:
     """Delay, arrivals, background and width where a filter like the pulse answers most, (T,)."""
+    from scipy.signal import fftconvolve  # takes as long to import as all else
+
     bins = rate.shape[-1]
     blocks = np.array_split(rate, min(BLOCKS, bins), axis=-1)
     background = np.median([block.mean(axis=-1) for block in blocks], axis=0)

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
 from reconstruction.arrays import Floats
 from spisim.instrument import Amplifier
@@ -16,6 +15,8 @@ def slow_part(electrons: Floats, amplifier: Amplifier, period_s: float) -> Float
     """
     if amplifier.low_cut_hz is None:
         return np.zeros_like(electrons)
+    from scipy.signal import lfilter  # takes as long to import as all else
+
     step = -math.expm1(-2 * math.pi * amplifier.low_cut_hz * period_s)
     level = electrons[0].mean()
     # The level before a reading follows from all readings before it.

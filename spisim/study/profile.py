@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import binned_statistic
 
 from reconstruction import Result
 from reconstruction.capture import Truth
@@ -33,6 +32,6 @@ def _means(true_m: np.ndarray, estimated_m: np.ndarray) -> list[float | None]:
     if not both.any():
         return [None] * CENTRES_M.size
     x, y = true_m[both].astype(float), estimated_m[both].astype(float)
-    count = binned_statistic(x, y, "count", EDGES_M).statistic
-    total = binned_statistic(x, y, "sum", EDGES_M).statistic
+    count, _ = np.histogram(x, EDGES_M)
+    total, _ = np.histogram(x, EDGES_M, weights=y)
     return [float(s / n) if n >= MIN_PIXELS else None for s, n in zip(total, count, strict=True)]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtr, stdtrit
 
 from reconstruction.arrays import Floats
 
@@ -71,5 +71,5 @@ def _resamples(units: int) -> Floats:
 
 def _levels(units: int) -> tuple[float, float]:
     tail = (1 - LEVEL) / 2
-    outer = float(norm.cdf(np.sqrt(units / (units - 1)) * t.ppf(tail, units - 1)))
+    outer = float(ndtr(np.sqrt(units / (units - 1)) * stdtrit(units - 1, tail)))
     return outer, 1 - outer

@@ -74,7 +74,10 @@ MIRRORING = ("pane", "tilted pane", "mirror")
 
 @pytest.mark.parametrize(
     ("name", "extinction"),
-    [(name, 0.0) for name in CASES]
+    [
+        pytest.param(name, 0.0, marks=[pytest.mark.slow] if name == "pane" else [])
+        for name in CASES  # one pane, the tilted one, is enough in the fast tier
+    ]
     + [pytest.param(name, 0.1, marks=pytest.mark.slow) for name in CASES if name not in MIRRORING],
 )
 def test_against_the_reference_engine(name, extinction):
@@ -87,7 +90,9 @@ def test_against_the_reference_engine(name, extinction):
     images = [worlds.image(world, view, BASELINE, spp, s, strategy=strategy) for s in SEEDS]
     ours = expose(plan, np.array(images))[:, :-1]
     patterns = [illumination(plan, k) for k in range(plan.exposures - 1)]
-    reference = worlds.mitsuba_readings(place, view, BASELINE, patterns, len(SEEDS), 2**15)
+    # In fog what scatters next to the projector is rare and bright: few means are not normal.
+    runs = 32 if extinction else len(SEEDS)
+    reference = worlds.mitsuba_readings(place, view, BASELINE, patterns, runs, 2**15)
     assert np.all(np.abs(worlds.z_score(ours, reference)) < 4)
     assert np.all(ours.std(axis=0) < 0.1 * ours.mean(axis=0))
 

@@ -102,7 +102,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A plan, and its data set as it comes out of an undisturbed run."""
     folder = tmp_path_factory.mktemp("whole")
     plan = write_plan(folder)
-    done = run(plan, "-o", folder / "set", "--workers", "2", "--json")
+    done = run(plan, "-o", folder / "set", "--workers", "1", "--json")
     assert done.exit_code == 0, done.stderr
     told = json.loads(done.stdout)
     assert (told["samples"], told["done"], told["failed"]) == (SAMPLES, SAMPLES, 0)

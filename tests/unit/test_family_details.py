@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from spisim.scene import Scene, draw_scene, list_scenes, load_scene
+from spisim.scene import Scene, draw_scene, list_scenes, load_scene, scenes_folder
 from spisim.scene.bsdf import Bsdf, ThinPane
 from spisim.scene.families import FAMILIES, Draft
 from spisim.scene.families.parts import figure
@@ -197,7 +197,8 @@ def under_the_spots(scene: Scene) -> list[Bsdf]:
 
 def test_every_family_is_in_the_library() -> None:
     names = list_scenes()
-    shown = {yaml.safe_load(load_scene(name).text).get("family") for name in names}
+    files = [scenes_folder() / f"{name}.yaml" for name in names]
+    shown = {yaml.safe_load(file.read_text(encoding="utf-8")).get("family") for file in files}
     assert set(FAMILIES) <= shown | set(names)
 
 

@@ -68,6 +68,7 @@ def test_the_page_is_made_from_what_there_is(
 def test_a_page_without_marks_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scene_gallery, "catalogue", list)
     monkeypatch.setattr(scene_gallery, "FAMILIES", {})
+    monkeypatch.setattr(scene_gallery, "_show", lambda *_: None)
     (tmp_path / "scenes.md").write_text("nothing")
     with pytest.raises(InputError, match="lacks the marks"):
         scene_gallery.main(tmp_path)

@@ -162,13 +162,16 @@ def test_water_and_ice_follow_from_the_indices_of_the_weather() -> None:
 
 # Wetness
 
-LEGENDRE = np.polynomial.legendre.leggauss(400)
+
+@cache
+def _legendre() -> tuple[np.ndarray, np.ndarray]:
+    return np.polynomial.legendre.leggauss(400)
 
 
 @cache
 def _mean_reflectance(ior: float) -> float:
     """Of a smooth surface for diffuse light from outside, by quadrature."""
-    nodes, weights = LEGENDRE
+    nodes, weights = _legendre()
     cos = (nodes + 1) / 2
     inside = np.sqrt(1 - (1 - cos**2) / ior**2)
     s = (cos - ior * inside) / (cos + ior * inside)

@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from pydantic import model_validator
 from scipy.constants import c
-from scipy.signal import lfilter
 
 from reconstruction.arrays import Floats
 from reconstruction.capture.readings.pulsed import PulsedSpots
@@ -96,6 +95,8 @@ class PulsedTof(Section):
         edges = [np.clip(0.5 + (times - edge) / rise, 0, 1) for edge in (0.0, width)]
         pulse = edges[0] - edges[1]
         if pole_s > 0:
+            from scipy.signal import lfilter  # takes as long to import as all else
+
             decay = np.exp(-step / pole_s)
             pulse = lfilter([(1 - decay) / 2, (1 - decay) / 2], [1, -decay], pulse)
         sums = np.concatenate([[0.0], np.cumsum((pulse[1:] + pulse[:-1]) / 2)]) * step
