@@ -92,7 +92,7 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
 
 def _matched(rate: Floats, width: float | None) -> list[Floats]:
     """Delay, arrivals, background and width where a filter like the pulse answers most, (T,)."""
-    from scipy.signal import fftconvolve  # takes as long to import as all else
+    from scipy.signal import fftconvolve  # slow to import
 
     bins = rate.shape[-1]
     blocks = np.array_split(rate, min(BLOCKS, bins), axis=-1)

@@ -15,7 +15,7 @@ def slow_part(electrons: Floats, amplifier: Amplifier, period_s: float) -> Float
     """
     if amplifier.low_cut_hz is None:
         return np.zeros_like(electrons)
-    from scipy.signal import lfilter  # takes as long to import as all else
+    from scipy.signal import lfilter  # slow to import
 
     step = -math.expm1(-2 * math.pi * amplifier.low_cut_hz * period_s)
     level = electrons[0].mean()

@@ -57,6 +57,8 @@ def readings(extinction, strategy):
 def test_bucket_readings(extinction):
     patterns = [illumination(PLAN, k) for k in range(PLAN.exposures)]
     view, ends = worlds.projector(), looking(0, 1)
+    # One-ended light in fog has heavy tails: of so few renders z is not normal, and there are seeds
+    # at which it is beyond any bound.
     reference = worlds.mitsuba_readings(
         place(extinction), view, ends, patterns[:-1], len(SEEDS), 2**16, seed=500
     )

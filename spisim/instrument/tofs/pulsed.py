@@ -95,7 +95,7 @@ class PulsedTof(Section):
         edges = [np.clip(0.5 + (times - edge) / rise, 0, 1) for edge in (0.0, width)]
         pulse = edges[0] - edges[1]
         if pole_s > 0:
-            from scipy.signal import lfilter  # takes as long to import as all else
+            from scipy.signal import lfilter  # slow to import
 
             decay = np.exp(-step / pole_s)
             pulse = lfilter([(1 - decay) / 2, (1 - decay) / 2], [1, -decay], pulse)
