@@ -7,6 +7,23 @@ from pathlib import Path
 
 from .errors import InputError
 
+#: Where a file tells who made it: in its first or last bytes.
+MARK_WITHIN_BYTES = 4096
+
+
+def mark(kind: str) -> str:
+    """What a file of a kind tells of its maker, where its format has a place for comments."""
+    return f"made by spisim: {kind}"
+
+
+def is_marked(path: str | Path, kind: str) -> bool:
+    """Whether a file says that it was made here and is of this kind."""
+    with Path(path).open("rb") as file:
+        head = file.read(MARK_WITHIN_BYTES)
+        file.seek(0, os.SEEK_END)
+        file.seek(max(0, file.tell() - MARK_WITHIN_BYTES))
+        return mark(kind).encode() in head + file.read()
+
 
 def require_file(path: str | Path) -> None:
     """See to it that a file can be written, before the long work begins.
