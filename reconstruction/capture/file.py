@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -236,7 +236,7 @@ def _spots_class(file: h5py.File) -> type[Spots] | None:
 
 
 def _check_shapes(file: h5py.File, group: str, part: type, sizes: dict[str, int]) -> None:
-    for name, stored in stored_fields(part):
+    for name, stored in _told_fields(file, group, part):
         shape = hdf5.get_shape(file, f"{group}/{name}", stored.units)
         if not stored.axes and set(shape) == {1}:
             shape = ()  # a scalar may be an array of one element
@@ -245,8 +245,22 @@ def _check_shapes(file: h5py.File, group: str, part: type, sizes: dict[str, int]
 
 def _read(file: h5py.File, group: str, part: type[Part], rows: slice | None = None) -> Part:
     """A part of the capture, of what there is for each frame only some ``rows``."""
-    fields = stored_fields(part)
-    return part(**{name: _value(file, f"{group}/{name}", kept, rows) for name, kept in fields})
+    told = _told_fields(file, group, part)
+    return part(**{name: _value(file, f"{group}/{name}", kept, rows) for name, kept in told})
+
+
+def _told_fields(file: h5py.File, group: str, part: type) -> list[tuple[str, Stored]]:
+    """The datasets of a part that a file has, or must have as there is no default for them."""
+    optional = {
+        field.name
+        for field in fields(part)
+        if not (field.default is MISSING and field.default_factory is MISSING)
+    }
+    return [
+        (name, stored)
+        for name, stored in stored_fields(part)
+        if name not in optional or hdf5.has(file, f"{group}/{name}")
+    ]
 
 
 def _value(file: h5py.File, where: str, stored: Stored, rows: slice | None) -> Any:

@@ -73,7 +73,13 @@ def between(part: Part, start: int, stop: int) -> Part:
 
 
 def check_shape(name: str, shape: tuple[int, ...], stored: Stored, sizes: dict[str, int]) -> None:
-    """Check the shape of one dataset; the first to use a named axis sets its size."""
+    """Check the shape of one dataset; the first to use a named axis sets its size.
+
+    A single value may stand for all along a named axis that is not that of frames.
+    """
+    named = len(stored.axes) == 1 and isinstance(stored.axes[0], str) and not stored.by_frame
+    if shape == () and named:
+        return
     if len(shape) == len(stored.axes):
         for axis, size in zip(stored.axes, shape, strict=True):
             if isinstance(axis, str):

@@ -4,7 +4,8 @@ The lasers leave from the projector's pinhole; L is the whole optical path from 
 to the detector.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -15,14 +16,45 @@ from ..errors import InputError
 from .schema import Stored
 
 
-@dataclass(frozen=True, eq=False)
-class Spots:
-    """What all methods share: unit vectors from the pinhole to the spots, and their detectors."""
+def _unknown(*shape: int) -> Callable[[], Floats]:
+    return lambda: np.full(shape, np.nan)
 
-    method: ClassVar[str]
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpotOptics:
+    """Four lasers and their detectors: unit vectors from the pinhole to the spots, and what looks.
+
+    Each detector is a round aperture that sees a cone of half angle ``half_fields_rad`` about its
+    axis (a unit vector), within it falling off with cos^``falloffs`` of the angle. Beams are
+    Gaussian in angle and place, with standard deviations per axis. ``electrons_per_joule`` are
+    primary electrons per joule of laser light on an aperture. What is not known is nan; only
+    ranging in fog needs it.
+    """
 
     directions: Annotated[Floats, Stored("1", (4, 3))]
     detector_positions_m: Annotated[Floats, Stored("m", (4, 3))]
+    detector_axes: Annotated[Floats, Stored("1", (4, 3), nan=True)] = field(
+        default_factory=_unknown(4, 3)
+    )
+    half_fields_rad: Annotated[Floats, Stored("rad", (4,), sign="positive", nan=True)] = field(
+        default_factory=_unknown(4)
+    )
+    falloffs: Annotated[Floats, Stored("1", (4,), sign="not negative", nan=True)] = field(
+        default_factory=_unknown(4)
+    )
+    aperture_radii_m: Annotated[Floats, Stored("m", (4,), sign="not negative", nan=True)] = field(
+        default_factory=_unknown(4)
+    )
+    beam_divergence_rad: Annotated[float, Stored("rad", sign="not negative", nan=True)] = np.nan
+    beam_waist_m: Annotated[float, Stored("m", sign="not negative", nan=True)] = np.nan
+    electrons_per_joule: Annotated[float, Stored("electron/J", sign="positive", nan=True)] = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Spots(SpotOptics):
+    """What all methods of measuring share."""
+
+    method: ClassVar[str]
 
     @property
     def readings(self) -> NDArray[Any]:
@@ -41,4 +73,15 @@ class Spots:
             raise InputError(
                 "spots/directions must be unit vectors that point forward (z > 0); "
                 f"their lengths are {np.round(lengths, 4).tolist()}"
+            )
+        axes = np.linalg.norm(self.detector_axes, axis=1)
+        if (np.abs(axes - 1) > 1e-3).any():
+            raise InputError(
+                "spots/detector_axes must be unit vectors, or nan where they are not known; "
+                f"their lengths are {np.round(axes, 4).tolist()}"
+            )
+        if (self.half_fields_rad > np.pi / 2).any():
+            raise InputError(
+                f"spots/half_fields_rad is {np.nanmax(self.half_fields_rad):g}; the half angle of "
+                "a field is at most pi/2"
             )

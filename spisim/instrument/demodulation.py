@@ -69,7 +69,7 @@ class Taps(Section):
 class Modulation(Section):
     """Periodic light of `contrast`, amplitude over mean, of the first harmonic's wave form.
 
-    `frequencies_hz` are used one after the other, each for `periods` periods.
+    `frequencies_hz` are used one after the other.
     """
 
     frequencies_hz: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=8)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -9,6 +10,7 @@ import yaml
 from pydantic import Field, model_validator
 
 from reconstruction.arrays import Floats
+from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
 from reconstruction.operators import PatternPlan
 from spisim.config import Number, Positive, Section, parse_model
@@ -149,6 +151,23 @@ class Instrument(Section):
         wavelengths, weights = self._in_band_spectrum(source)
         response = detector.sensor.electrons_per_joule(wavelengths) @ weights
         return float(self.filter.transmittance * detector.lens_transmittance * response)
+
+    @property
+    def spot_optics(self) -> SpotOptics:
+        """Lasers and ranging detectors, as captures tell of them."""
+        detector, directions = self.tof.detector, self.lasers.directions
+        ahead = np.array([0.0, 0.0, 1.0])
+        return SpotOptics(
+            directions=directions,
+            detector_positions_m=detector.spot_positions_m,
+            detector_axes=np.tile(ahead, (4, 1)) if detector.shared else directions,
+            half_fields_rad=np.full(4, math.radians(detector.field_of_view_deg) / 2),
+            falloffs=np.full(4, detector.vignetting),
+            aperture_radii_m=np.full(4, math.sqrt(detector.aperture_area_m2 / math.pi)),
+            beam_divergence_rad=self.lasers.divergence_mrad * 1e-3,
+            beam_waist_m=self.lasers.waist_mm * 1e-3,
+            electrons_per_joule=self.electrons_per_joule(detector, "laser"),
+        )
 
     def _in_band_spectrum(self, source: Source) -> tuple[Floats, Floats]:
         """Wavelengths, and weights that sum to one."""

@@ -13,6 +13,7 @@ from reconstruction.errors import InputError
 
 if TYPE_CHECKING:
     from reconstruction.capture import Spots
+    from reconstruction.capture.spots import SpotOptics
     from spisim.instrument.detector import TofDetector
 
 #: Bins of the light's path lengths that resolve a pulse.
@@ -25,12 +26,13 @@ class SpotLight:
 
     `echo_per_s` (frames, 4, bins) is the rate per histogram bin of the path length
     `path_length_m` (bins,), for a laser that is on; `steady_per_s` (frames, 4) that of daylight,
-    the projector's patterns and the dark current.
+    the projector's patterns and the dark current. `laser_power_w` is that of one laser.
     """
 
     path_length_m: Floats
     echo_per_s: Floats
     steady_per_s: Floats
+    laser_power_w: float
 
 
 @dataclass(frozen=True)
@@ -82,9 +84,9 @@ class Tof(Protocol):
         """Raise InputError where path lengths in such bins do not resolve its light."""
 
     def record(
-        self, light: SpotLight, directions: Floats, rng: np.random.Generator | None
+        self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None
     ) -> Spots:
-        """What is recorded of spots in the `directions` (4, 3) of the lasers.
+        """What is recorded; its fields that all methods have in common are `vars(optics)`.
 
         Without `rng`: the expected readings of an ideal instrument, whose noise is unknown, so that
         reconstruction takes every reading at its word.

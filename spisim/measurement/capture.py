@@ -47,7 +47,7 @@ def record(
         buckets=buckets,
         spots=instrument.tof.record(
             spot_light(instrument, light, frames, drops),
-            instrument.lasers.directions,
+            instrument.spot_optics,
             for_spots if noise else None,
         ),
         pattern_taps=pattern_taps,

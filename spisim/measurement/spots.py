@@ -41,4 +41,5 @@ def spot_light(
         path_length_m=lengths,
         echo_per_s=echo * instrument.lasers.power_w,
         steady_per_s=steady + detector.sensor.dark_rate_hz,
+        laser_power_w=instrument.lasers.power_w,
     )

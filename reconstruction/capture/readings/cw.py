@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import c
 
 from ...arrays import Floats, Mask
 from ..charge import Charge, check_taps, taps_summary
@@ -18,7 +20,9 @@ class CwSpots(Charge, Spots):
     phi = 2 pi f_k L / c with f_k the frequency of the tap. Several frequencies have at least three
     taps each, in any order. ``phase_offsets_rad`` is the calibrated phase at zero path length;
     ``periods`` the number of modulation periods that each tap accumulates; ``noise_electrons`` is
-    each tap's own, as low frequencies integrate longer.
+    each tap's own, as low frequencies integrate longer. All of the light of a laser that came to
+    the detector would leave ``electrons_per_joule * laser_energies_j`` in a tap at mean phase, and
+    A / B of it alone is ``contrasts``; nan where not known.
     """
 
     method = "cw"
@@ -31,7 +35,11 @@ class CwSpots(Charge, Spots):
     tap_frequencies_hz: Annotated[Floats, Stored("Hz", ("taps",), sign="positive")]
     tap_phases_rad: Annotated[Floats, Stored("rad", ("taps",))]
     phase_offsets_rad: Annotated[Floats, Stored("rad", ("taps",))]
-    periods: Annotated[int, Stored("1", dtype="int64", sign="positive")]
+    periods: Annotated[int | NDArray[np.int64], Stored("1", ("taps",), "int64", sign="positive")]
+    laser_energies_j: Annotated[
+        float | Floats, Stored("J", ("taps",), sign="positive", nan=True)
+    ] = np.nan
+    contrasts: Annotated[float | Floats, Stored("1", ("taps",), sign="positive", nan=True)] = np.nan
 
     @property
     def readings(self) -> NDArray[Any]:
@@ -42,6 +50,26 @@ class CwSpots(Charge, Spots):
     def summary(self) -> str:
         """How they were measured, in a few words."""
         return taps_summary(self.tap_frequencies_hz)
+
+    def response(self, path_m: Floats) -> Floats:
+        """Joules per tap (taps, ...) for a detector that gets all light, by its path (...)."""
+        columns = (-1,) + (1,) * np.ndim(path_m)
+        frequency, phase, energy, contrast = (
+            np.broadcast_to(each, self.tap_frequencies_hz.shape).reshape(columns)
+            for each in (
+                self.tap_frequencies_hz,
+                self.phase_offsets_rad - self.tap_phases_rad,
+                self.laser_energies_j,
+                self.contrasts,
+            )
+        )
+        return energy * (1 + contrast * np.cos(2 * np.pi * frequency / c * path_m + phase))
+
+    @property
+    def steady(self) -> Floats:
+        """What light that never changes leaves in the taps: (taps, frequencies), up to its size."""
+        each = np.unique(self.tap_frequencies_hz)
+        return (self.tap_frequencies_hz[:, None] == each).astype(np.float64)
 
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and every phase can be solved for."""

@@ -21,6 +21,7 @@ class HistogramSpots(Spots):
     ``response_sigma_s`` is the rms width of pulse and jitter together, a Gaussian; nan: unknown.
     ``piles_up`` where the first of many photons ends a cycle, so that later light is hidden by
     earlier; not where each stamp is that of a whole pulse, as of one that crosses a threshold.
+    ``laser_energy_j`` is the energy of all pulses, nan where not known.
     """
 
     method = "dtof"
@@ -36,6 +37,7 @@ class HistogramSpots(Spots):
     response_sigma_s: Annotated[float, Stored("s", sign="positive", nan=True)]
     delay_offset_s: Annotated[float, Stored("s")]
     piles_up: Annotated[bool, Stored("1", dtype="bool")] = True
+    laser_energy_j: Annotated[float, Stored("J", sign="positive", nan=True)] = np.nan
 
     @property
     def readings(self) -> NDArray[Any]:

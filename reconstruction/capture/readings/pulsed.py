@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import c
 
 from ...arrays import Floats, Mask
 from ...errors import InputError
@@ -14,47 +16,71 @@ from ..spots import Spots
 
 @dataclass(frozen=True, eq=False)
 class PulsedSpots(Charge, Spots):
-    """Pulses of light in three windows as long as they: background, first and second.
+    """Pulses of light in windows as long as they: one of background, then two or more for the echo.
 
-    Windows start ``window_starts_s`` after the pulse begins to leave, the second where the first
-    ends; the background window sees no echo. Light arrives L / c + delay_offset after that moment.
-    ``pulses`` is the number of pulses that each window accumulates.
+    Windows start ``window_starts_s`` after the pulse begins to leave, from the second on one after
+    the other; the background window sees no echo. Light arrives L / c + delay_offset after that
+    moment. ``pulses`` is the number of pulses that each window accumulates, ``laser_energy_j`` the
+    energy of all of them, nan where not known.
     """
 
     method = "pulsed"
 
-    taps: Annotated[NDArray[Any], Stored("count", ("frames", 4, 3), "int32 or float64")]
-    saturated: Annotated[Mask, Stored("1", ("frames", 4, 3), "bool")]
-    window_starts_s: Annotated[Floats, Stored("s", (3,))]
+    taps: Annotated[NDArray[Any], Stored("count", ("frames", 4, "windows"), "int32 or float64")]
+    saturated: Annotated[Mask, Stored("1", ("frames", 4, "windows"), "bool")]
+    window_starts_s: Annotated[Floats, Stored("s", ("windows",))]
     pulse_width_s: Annotated[float, Stored("s", sign="positive")]
     pulses: Annotated[int, Stored("1", dtype="int64", sign="positive")]
     delay_offset_s: Annotated[float, Stored("s")]
+    laser_energy_j: Annotated[float, Stored("J", sign="positive", nan=True)] = np.nan
 
     @property
     def readings(self) -> NDArray[Any]:
-        """The three windows."""
+        """The windows."""
         return self.taps
 
     @property
     def summary(self) -> str:
         """How they were measured, in a few words."""
-        return f"pulsed, three windows of {1e9 * self.pulse_width_s:.4g} ns"
+        windows = self.window_starts_s.size
+        return f"pulsed, {windows} windows of {1e9 * self.pulse_width_s:.4g} ns"
+
+    def response(self, path_m: Floats) -> Floats:
+        """Joules per window (windows, ...) for a detector that gets all light, by its path (...).
+
+        Of rectangular pulses.
+        """
+        columns = (-1,) + (1,) * np.ndim(path_m)
+        arrival_s = np.asarray(path_m) / c + self.delay_offset_s
+        apart = np.abs(self.window_starts_s.reshape(columns) - arrival_s) / self.pulse_width_s
+        return self.laser_energy_j * np.maximum(1 - apart, 0)
+
+    @property
+    def steady(self) -> Floats:
+        """What light that never changes leaves in the windows: (windows, 1), up to its size."""
+        return np.ones((self.window_starts_s.size, 1))
 
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and the windows do not overlap."""
         super().check()
-        background, first, second = (self.window_starts_s / self.pulse_width_s).tolist()
-        if abs(second - first - 1) > 1e-6:
+        if self.window_starts_s.size < 3:
             raise InputError(
-                "spots/window_starts_s: the second window must start where the first ends, "
-                f"pulse_width_s = {self.pulse_width_s:g} s later, not "
-                f"{(second - first) * self.pulse_width_s:g} s"
+                f"spots/window_starts_s has {self.window_starts_s.size} windows; one of background "
+                "and at least two for the echo are needed"
             )
-        if first - 1 + 1e-6 < background < second + 1 - 1e-6:
+        background, first, *others = (self.window_starts_s / self.pulse_width_s).tolist()
+        for number, start in enumerate(others, start=1):
+            if abs(start - first - number) > 1e-6:
+                raise InputError(
+                    f"spots/window_starts_s: window {number + 1} must start where the one before "
+                    f"ends, {number} pulse_width_s = {number * self.pulse_width_s:g} s after the "
+                    f"first, not {(start - first) * self.pulse_width_s:g} s"
+                )
+        if first - 1 + 1e-6 < background < others[-1] + 1 - 1e-6:
             raise InputError(
                 "spots/window_starts_s: the background window overlaps the windows for the echo; "
                 f"it must start {self.pulse_width_s:g} s before the first one or earlier, or after "
-                "the second one has ended"
+                "the last one has ended"
             )
 
 

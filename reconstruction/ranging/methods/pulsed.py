@@ -1,9 +1,10 @@
-"""Pulsed indirect time of flight: light in two adjacent windows -> delay -> path length.
+"""Pulsed indirect time of flight: light in adjacent windows -> delay -> path length.
 
 A rectangular pulse as long as the windows that arrives within the first one leaves the share r of
 its light in the second: r = (S2 - S0) / (S1 + S2 - 2 S0), with S0 the window that sees background
 only (S. Kawahito et al., "A CMOS time-of-flight range image sensor with gates-on-field-oxide
 structure", IEEE Sensors J. 7, 1578 (2007)). Rounded edges of the pulse bend this near r = 0 and 1.
+Of more than two windows for the echo, the two neighbours with most light are taken.
 """
 
 import numpy as np
@@ -38,10 +39,13 @@ class Pulsed:
 
 def _solve(spots: Spots) -> Ranges:
     assert isinstance(spots, PulsedSpots)
-    electrons = spots.electrons(spots.taps[0])
-    variance = spots.variance(electrons)
+    every = spots.electrons(spots.taps[0])
+    first = np.argmax(every[:, 1:-1] + every[:, 2:], axis=1) + 1
+    taken = np.stack([np.zeros_like(first), first, first + 1], axis=1)
+    electrons = np.take_along_axis(every, taken, axis=1)
+    variance = np.take_along_axis(spots.variance(every), taken, axis=1)
     share, signal, deviation = share_in_second(electrons, variance)
-    delay = spots.window_starts_s[1] + share * spots.pulse_width_s - spots.delay_offset_s
+    delay = spots.window_starts_s[first] + share * spots.pulse_width_s - spots.delay_offset_s
     echoes = electrons[:, 1:] - electrons[:, :1]
     in_each = echoes > MIN_SIGNAL * np.sqrt(variance[:, 1:] + variance[:, :1])
     noise = np.sqrt(variance @ [4, 1, 1])

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import model_validator
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
 from scipy.constants import c
 
 from reconstruction.arrays import Floats
 from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
 from reconstruction.ranging import unambiguous_path_m
 from spisim.config import Count, Section
@@ -27,7 +29,8 @@ class CwTof(Section):
 
     method: Literal["cw"]
     modulation: Modulation
-    periods: Count  # accumulated by each tap at each frequency, for one frame
+    # accumulated by each tap, for one frame: at all frequencies, or at each of them
+    periods: Count | Annotated[tuple[Count, ...], Field(min_length=1)]
     detector: TofDetector
 
     @property
@@ -39,12 +42,19 @@ class CwTof(Section):
     def frame_time_s(self) -> float:
         turns = 4 if self.modulation.taps.arrangement == "in-turn" else 1
         spots = 4 if self.detector.shared else 1
-        periods = sum(1 / frequency for frequency in self.modulation.frequencies_hz)
-        return self.periods * periods * turns * spots
+        each = sum(map(self.light_time_s, self.modulation.frequencies_hz))
+        return each * turns * spots
+
+    def light_time_s(self, frequency_hz: float) -> float:
+        """Time for which a tap works at a frequency in a frame."""
+        if isinstance(self.periods, tuple):
+            number = self.modulation.frequencies_hz.index(frequency_hz)
+            return self.periods[number] / frequency_hz
+        return self.periods / frequency_hz
 
     def tap_time_s(self, frequency_hz: float) -> float:
         """Time for which one tap is open in a frame."""
-        return self.periods * self.modulation.taps.share / frequency_hz
+        return self.modulation.taps.share * self.light_time_s(frequency_hz)
 
     @property
     def reading(self) -> Reading:
@@ -54,8 +64,8 @@ class CwTof(Section):
     def reading_at(self, frequency_hz: float) -> Reading:
         """Times of one tap at a frequency; the echo's is its mean over all phases."""
         time_s = self.tap_time_s(frequency_hz)
-        periods_s = self.periods / frequency_hz
-        return Reading("tap", time_s, time_s, periods_s * self.modulation.taps.noise_share)
+        amplifier_s = self.light_time_s(frequency_hz) * self.modulation.taps.noise_share
+        return Reading("tap", time_s, time_s, amplifier_s)
 
     def check_bins(self, bin_width_m: float) -> None:
         frequency = max(self.modulation.frequencies_hz)
@@ -67,29 +77,33 @@ class CwTof(Section):
             )
 
     def record(
-        self, light: SpotLight, directions: Floats, rng: np.random.Generator | None
+        self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None
     ) -> CwSpots:
         """The taps of all frequencies, one after the other; see `Tof.record`."""
         modulation = self.modulation
-        frequencies, phases = np.array(modulation.frequencies_hz), modulation.taps.phases_rad
+        frequencies, phases = modulation.frequencies_hz, modulation.taps.phases_rad
         electrons = np.concatenate(
-            [self.tap_electrons(light, frequency) for frequency in modulation.frequencies_hz],
-            axis=-1,
+            [self.tap_electrons(light, frequency) for frequency in frequencies], axis=-1
         )
-        offsets = [modulation.phase_offset_rad(each, self._response) for each in frequencies]
-        tap_frequencies = np.repeat(frequencies, phases.size)
-        times_s = self.periods / tap_frequencies * modulation.taps.noise_share
+
+        def by_tap(of_frequency: Callable[[float], Any]) -> NDArray[Any]:
+            return np.repeat([of_frequency(each) for each in frequencies], phases.size)
+
+        times_s = by_tap(lambda each: self.reading_at(each).amplifier_s)
         readings = self.detector.read(electrons, times_s, rng)
         return CwSpots(
-            directions=directions,
-            detector_positions_m=self.detector.spot_positions_m,
+            **vars(optics),
             taps=readings.counts,
             saturated=readings.saturated,
             **readings.charge,
-            tap_frequencies_hz=tap_frequencies,
-            tap_phases_rad=np.tile(phases, frequencies.size),
-            phase_offsets_rad=np.repeat(offsets, phases.size),
-            periods=self.periods,
+            tap_frequencies_hz=by_tap(float),
+            tap_phases_rad=np.tile(phases, len(frequencies)),
+            phase_offsets_rad=by_tap(
+                lambda each: modulation.phase_offset_rad(each, self._response)
+            ),
+            periods=by_tap(lambda each: round(each * self.light_time_s(each))),
+            laser_energies_j=by_tap(lambda each: light.laser_power_w * self.tap_time_s(each)),
+            contrasts=by_tap(lambda each: modulation.demodulation_contrast(each, self._response)),
         )
 
     def tap_electrons(self, light: SpotLight, frequency_hz: float) -> Floats:
@@ -98,7 +112,7 @@ class CwTof(Section):
         modulation = self.modulation
         window = modulation.correlation(phase, frequency_hz, self._response)  # (taps, bins)
         steady = light.steady_per_s[..., None] * modulation.taps.share
-        return np.asarray((light.echo_per_s @ window.T + steady) * self.periods / frequency_hz)
+        return np.asarray((light.echo_per_s @ window.T + steady) * self.light_time_s(frequency_hz))
 
     def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
         """Four taps: σ_φ = √(v/2) / A (Lange & Seitz, IEEE J. Quantum Electron. 37, 390 (2001)).
@@ -133,6 +147,16 @@ class CwTof(Section):
     def _response(self) -> Callable[[Any], Any]:
         assert self.detector.amplifier is not None
         return self.detector.amplifier.response
+
+    @model_validator(mode="after")
+    def _periods_of_each_frequency(self) -> CwTof:
+        frequencies = self.modulation.frequencies_hz
+        if isinstance(self.periods, tuple) and len(self.periods) != len(frequencies):
+            raise InputError(
+                f"periods has {len(self.periods)} numbers for {len(frequencies)} "
+                "modulation.frequencies_hz; one for all of them or one for each is needed"
+            )
+        return self
 
     @model_validator(mode="after")
     def _charge_is_demodulated(self) -> CwTof:

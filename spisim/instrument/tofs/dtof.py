@@ -12,6 +12,7 @@ from scipy.constants import c
 
 from reconstruction.arrays import Floats
 from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
 from spisim.config import Count, Number, Positive, Section
 from spisim.instrument.detector import TofDetector
@@ -73,7 +74,7 @@ class DirectTof(Section):
         check_pulse("pulse_fwhm_s", self.pulse_fwhm_s, bin_width_m)
 
     def record(
-        self, light: SpotLight, directions: Floats, rng: np.random.Generator | None
+        self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None
     ) -> HistogramSpots:
         """The histograms; see `Tof.record`."""
         stamping, chances = self.stamping, self._chances(light)
@@ -85,8 +86,7 @@ class DirectTof(Section):
             drawn = rng.multinomial(self.pulses, cases / cases.sum(axis=-1, keepdims=True))
             counts = drawn[..., :-1].astype(np.int32)
         return HistogramSpots(
-            directions=directions,
-            detector_positions_m=self.detector.spot_positions_m,
+            **vars(optics),
             counts=counts,
             saturated=stamping.piles_up & (chances.sum(axis=-1) > MAX_SHARE_OF_CYCLES),
             bin_width_s=self.bin_width_s,
@@ -95,6 +95,7 @@ class DirectTof(Section):
             response_sigma_s=stamping.response_sigma_s,
             delay_offset_s=0.0,
             piles_up=stamping.piles_up,
+            laser_energy_j=self.pulses * self.emission(light.laser_power_w).pulse_j,
         )
 
     def _chances(self, light: SpotLight) -> Floats:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 from scipy.constants import c
 
 from reconstruction.arrays import Floats
 from reconstruction.capture.readings.pulsed import PulsedSpots
+from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
 from spisim.config import Count, NonNegative, Positive, Section
 from spisim.instrument.detector import TofDetector
@@ -21,28 +22,32 @@ WAVE_POINTS = 2000
 
 
 class PulsedTof(Section):
-    """Pulses: charge in two windows as long as the pulse, one after the other, and one before.
+    """Pulses: charge in windows as long as the pulse, one after the other, and one before.
 
-    The range is the share of the light that arrives in the second window. The pulse rises and
-    falls within `rise_time_s`, linearly.
+    The range is the share of the light that arrives in the second of two windows. The first opens
+    `gate_delay_s` after the pulse begins to leave. The pulse rises and falls within `rise_time_s`,
+    linearly.
     """
 
     method: Literal["pulsed"]
     pulse_width_s: Positive  # at half height; of each window too
     rise_time_s: NonNegative = 0.0
+    windows: Annotated[int, Field(ge=2, le=64)] = 2
+    gate_delay_s: NonNegative = 0.0
     pulses: Count
     repetition_rate_hz: Positive
     detector: TofDetector
 
     @property
-    def window_starts_s(self) -> tuple[float, float, float]:
-        """Of background, first and second window, from the start of the pulse."""
-        return (-2 * self.pulse_width_s, 0.0, self.pulse_width_s)
+    def window_starts_s(self) -> tuple[float, ...]:
+        """Of the background's window and those for the echo, from the start of the pulse."""
+        gates = (self.gate_delay_s + k * self.pulse_width_s for k in range(self.windows))
+        return (-2 * self.pulse_width_s, *gates)
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Range from which on the first window gets nothing."""
-        return c * self.pulse_width_s / 2
+        """Range from which on the last window but one gets nothing."""
+        return c * (self.gate_delay_s + (self.windows - 1) * self.pulse_width_s) / 2
 
     @property
     def frame_time_s(self) -> float:
@@ -58,14 +63,13 @@ class PulsedTof(Section):
         check_pulse("pulse_width_s", self.pulse_width_s, bin_width_m)
 
     def record(
-        self, light: SpotLight, directions: Floats, rng: np.random.Generator | None
+        self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None
     ) -> PulsedSpots:
-        """The three windows; see `Tof.record`."""
+        """The windows; see `Tof.record`."""
         amplifier, time_s = self.detector.amplifier, self.pulses * self.pulse_width_s
         readings = self.detector.read(self.window_electrons(light), time_s, rng)
         return PulsedSpots(
-            directions=directions,
-            detector_positions_m=self.detector.spot_positions_m,
+            **vars(optics),
             taps=readings.counts,
             saturated=readings.saturated,
             **readings.charge,
@@ -73,10 +77,11 @@ class PulsedTof(Section):
             pulse_width_s=self.pulse_width_s,
             pulses=self.pulses,
             delay_offset_s=0.0 if amplifier is None else amplifier.time_constant_s,
+            laser_energy_j=self.pulses * self.emission(light.laser_power_w).pulse_j,
         )
 
     def window_electrons(self, light: SpotLight) -> Floats:
-        """Mean electrons of background, first and second window, (frames, 4, 3)."""
+        """Mean electrons of the windows, (frames, 4, windows)."""
         collected = self._collected()
         starts = (
             np.array(self.window_starts_s)[:, None] - light.path_length_m / c
@@ -114,11 +119,12 @@ class PulsedTof(Section):
         signal = echo_per_s * reading.echo_s
         electronics = detector.electronics_noise_electrons(reading.amplifier_s)
         other = excess * steady_per_s * reading.steady_s + electronics**2
-        longest_path = 2 * self.unambiguous_range_m
-        r = path_m / longest_path
+        elapsed = (path_m / c - self.gate_delay_s) / self.pulse_width_s
+        r = elapsed - np.clip(np.floor(elapsed), 0, self.windows - 2)
         shot = excess * r * (1 - r) / signal
         spread = other * ((1 - r) ** 2 + r**2 + (1 - 2 * r) ** 2) / signal**2
-        return np.asarray(longest_path * np.sqrt(shot + spread))
+        sigma = c * self.pulse_width_s * np.sqrt(shot + spread)
+        return np.where((r >= 0) & (r <= 1), sigma, np.inf)
 
     def emission(self, power_w: float) -> Emission:
         energy = power_w * self.pulse_width_s
@@ -136,10 +142,12 @@ class PulsedTof(Section):
                 f"rise_time_s {self.rise_time_s:g} is longer than pulse_width_s "
                 f"{self.pulse_width_s:g}"
             )
-        if 4 * self.pulse_width_s * self.repetition_rate_hz > 1:
+        needed_s = self.gate_delay_s + (self.windows + 2) * self.pulse_width_s
+        if needed_s * self.repetition_rate_hz > 1:
             raise InputError(
-                f"repetition_rate_hz {self.repetition_rate_hz:g} leaves no room for three windows "
-                f"of {self.pulse_width_s:g} s and a gap; at most {0.25 / self.pulse_width_s:.4g}"
+                f"repetition_rate_hz {self.repetition_rate_hz:g} leaves no room for "
+                f"{self.windows + 1} windows of {self.pulse_width_s:g} s and a gap; at most "
+                f"{1 / needed_s:.4g}"
             )
         return self
 

@@ -1,0 +1,242 @@
+"""Ranges at which target and fog together explain the readings of a spot.
+
+For each spot and each extinction of the tables, reflectance and backscattering are linear; with
+them in closed form the misfit is known at all ranges. Its minima are refined by Gauss-Newton over
+range, reflectance and backscattering. Around each, the misfit is a parabola.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from numpy.typing import NDArray
+
+from ...arrays import Floats, Mask
+from .templates import PATCH_STEP, STEP_M, Templates
+
+Places = NDArray[np.intp]
+
+BACKSCATTER_PER_SR = 0.035
+"""Albedo times phase function at 180 degrees, median of fogs (Mie, 1550 nm)."""
+LOG_DEVIATION = 0.6
+"""Of the logarithm of that, over kinds of fog."""
+SEARCH = 3
+"""Steps of the table between ranges where minima are looked for."""
+NEAREST_M = 0.3
+CUTOFF = 60.0
+"""Minima whose misfit (chi squared) is worse than the best of a spot by this much are dropped."""
+FAINT = 0.3
+"""Modes of targets weaker than this, in standard deviations, are no better than none."""
+STEPS = 4
+MAX_STEP_M = 0.05
+BRIGHT = 1.0
+"""Reflectance beyond which it becomes unlikely."""
+EMPTY = 0.01
+"""Probability beforehand that a spot has no target within range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Minima of the misfit, each (C,): spot and extinction by number, and the parabola around it.
+
+    With all else at its best, the log likelihood at backscattering beta is
+    ``log_weight + slope x - curvature x^2 / 2``, x = beta - ``backscatter``; the range then is
+    ``range_m + drift x`` with variance ``variance_m2``, nan where there is no target. ``strength`` is the target's signal in
+    standard deviations, ``misfit`` chi squared.
+    """
+
+    spot: Places
+    node: Places
+    range_m: Floats
+    backscatter: Floats
+    log_weight: Floats
+    slope: Floats
+    curvature: Floats
+    drift: Floats
+    variance_m2: Floats
+    strength: Floats
+    misfit: Floats
+
+    def only(self, chosen: Mask) -> "Modes":
+        """Some of them."""
+        return Modes(*(values[chosen] for values in vars(self).values()))
+
+    def and_those(self, others: "Modes") -> "Modes":
+        """These and others."""
+        pairs = zip(vars(self).values(), vars(others).values(), strict=True)
+        return Modes(*(np.concatenate(pair) for pair in pairs))
+
+
+def expected_backscatter(extinction_per_m: Floats) -> Floats:
+    """Median of the backscattering, 1 / (m sr), of fog of an extinction."""
+    return BACKSCATTER_PER_SR * extinction_per_m
+
+
+def find_modes(
+    templates: Templates, readings: Floats, covariance: Floats, usable: Mask, scaled: bool
+) -> Modes:
+    """Modes of readings (4, n) with covariance (4, n, n), of the ``usable`` spots (4,).
+
+    ``scaled``: the templates are in units of the readings, so that reflectances can be judged.
+    """
+    spot, node, place = _search(templates, readings, covariance, usable)
+    found = _refine(templates, readings, covariance, spot, node, place, scaled)
+    return found.and_those(_without_target(templates, readings, covariance, usable))
+
+
+def _without_target(
+    templates: Templates, readings: Floats, covariance: Floats, usable: Mask
+) -> Modes:
+    """Fog alone, at any range: what remains likely where the target is too weak to tell."""
+    spot, node = (each.ravel() for each in np.indices(templates.fog.shape[:2]))
+    kept = usable[spot]
+    spot, node = spot[kept], node[kept]
+    beta = expected_backscatter(templates.extinction_per_m)[node]
+    noise = covariance[spot] + (beta**2)[:, None, None] * templates.uneven[spot, node, -1]
+    white = np.linalg.inv(np.linalg.cholesky(noise))
+    y, g = (
+        np.einsum("cij,cj->ci", white, each)
+        for each in (readings[spot], templates.fog[spot, node, :, -1])
+    )
+    residual = y - beta[:, None] * g
+    longest = templates.range_m[-1]
+    misfit, nothing = (residual**2).sum(axis=1), np.zeros(len(spot))
+    return Modes(
+        spot=spot,
+        node=node,
+        range_m=np.full(len(spot), np.nan),
+        backscatter=beta,
+        log_weight=np.log(EMPTY * longest) - (misfit + np.linalg.slogdet(noise)[1]) / 2,
+        slope=(g * residual).sum(axis=1),
+        curvature=(g * g).sum(axis=1),
+        drift=nothing,
+        variance_m2=nothing,
+        strength=nothing,
+        misfit=misfit,
+    )
+
+
+def _search(
+    templates: Templates, readings: Floats, covariance: Floats, usable: Mask
+) -> tuple[Floats, Floats, Floats]:
+    """Spot, extinction and place in the tables of all minima."""
+    guess = expected_backscatter(templates.extinction_per_m)
+    typical = templates.uneven[:, :, templates.uneven.shape[2] // 2]
+    noise = covariance[:, None] + guess[:, None, None] ** 2 * typical
+    white = np.linalg.inv(np.linalg.cholesky(noise))  # (4, K, n, n)
+    a = white @ templates.target[..., ::SEARCH]
+    g = white @ templates.fog[..., ::SEARCH]
+    y = white @ readings[:, None, :, None]
+    prior = 1 / (guess * LOG_DEVIATION) ** 2
+    aa, ag = (a * a).sum(axis=2), (a * g).sum(axis=2)
+    gg = (g * g).sum(axis=2) + prior[:, None]
+    ya, yg = (y * a).sum(axis=2), (y * g).sum(axis=2) + (prior * guess)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        determinant = aa * gg - ag**2
+        rho = (ya * gg - yg * ag) / determinant
+        beta = np.maximum((yg * aa - ya * ag) / determinant, 0)
+        rho = np.where(beta > 0, rho, ya / aa)
+        misfit = (y**2).sum(axis=2) + (prior * guess**2)[:, None] - rho * ya - beta * yg
+    range_m = templates.range_m[::SEARCH]
+    misfit = np.where((rho > 0) & (range_m > NEAREST_M), misfit, np.inf)
+    inner = misfit[..., 1:-1]
+    least = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
+    least &= inner < inner.min(axis=(1, 2), keepdims=True) + CUTOFF
+    spot, node, place = np.nonzero(least & usable[:, None, None])
+    return spot, node, (place + 1) * SEARCH
+
+
+def _refine(
+    templates: Templates,
+    readings: Floats,
+    covariance: Floats,
+    spot: Floats,
+    node: Floats,
+    place: Floats,
+    scaled: bool,
+) -> Modes:
+    guess = expected_backscatter(templates.extinction_per_m)[node]
+    prior = 1 / (guess * LOG_DEVIATION) ** 2
+    beta, at = guess, place.astype(np.float64)
+    longest = templates.range_m.size - 2.0
+    patches = templates.uneven.shape[2] - 1
+    noise = np.zeros((len(spot), *covariance.shape[1:]))
+    for step in range(STEPS + 1):
+        below = np.clip(at.astype(int), 0, int(longest))
+        share = (at - below)[:, None]
+        target, slope = _between(templates.target, spot, node, below, share)
+        fog, _ = _between(templates.fog, spot, node, below, share)
+        if step < 3:
+            patch = np.minimum(below // PATCH_STEP, patches)
+            uneven = templates.uneven[spot, node, patch]
+            noise = covariance[spot] + (beta**2)[:, None, None] * uneven
+            white = np.linalg.inv(np.linalg.cholesky(noise))
+        y, a, da, g = (
+            np.einsum("cij,cj->ci", white, each)
+            for each in (readings[spot], target, slope, fog)
+        )
+        if step == 0:
+            rho = np.maximum((a * (y - beta[:, None] * g)).sum(axis=1) / (a * a).sum(axis=1), 1e-6)
+        along = rho[:, None] * da + np.pi * beta[:, None] * a  # more fog in front, too
+        jacobian = np.stack([along, a, g], axis=-1)
+        residual = y - rho[:, None] * a - beta[:, None] * g
+        information = jacobian.swapaxes(1, 2) @ jacobian
+        gradient = (jacobian.swapaxes(1, 2) @ residual[..., None])[..., 0]
+        if step == STEPS:
+            break
+        regular = information.copy()
+        regular[:, 2, 2] += prior
+        pull = gradient.copy()
+        pull[:, 2] += prior * (guess - beta)
+        move = _solved(regular, pull)
+        at = np.clip(at + np.clip(move[:, 0], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, longest)
+        rho = np.maximum(rho + move[:, 1], 1e-9)
+        beta = np.maximum(beta + move[:, 2], 0)
+    regular = information.copy()
+    regular[:, 2, 2] += prior
+    strength = rho / np.sqrt(_inverse(regular)[:, 1, 1])
+    inner, cross = information[:, :2, :2], information[:, :2, 2]
+    across = _solved(inner, cross)
+    misfit = (residual**2).sum(axis=1)
+    log_weight = -(misfit + np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1]) / 2
+    if scaled:
+        log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
+    found = Modes(
+        spot=spot,
+        node=node,
+        range_m=templates.range_m[0] + STEP_M * at,
+        backscatter=beta,
+        log_weight=log_weight,
+        slope=gradient[:, 2] - (across * gradient[:, :2]).sum(axis=1),
+        curvature=information[:, 2, 2] - (across * cross).sum(axis=1),
+        drift=-across[:, 0],
+        variance_m2=_inverse(inner)[:, 0, 0],
+        strength=strength,
+        misfit=misfit,
+    )
+    return found.only((strength > FAINT) & (at > 1) & (at < longest))
+
+
+def _between(
+    table: Floats, spot: Floats, node: Floats, below: Floats, share: Floats
+) -> tuple[Floats, Floats]:
+    """Rows (C, n) of a table between two of its ranges, and their slope per metre."""
+    here, there = table[spot, node, :, below], table[spot, node, :, below + 1]
+    return here + share * (there - here), (there - here) / STEP_M
+
+
+def _solved(matrix: Floats, vector: Floats) -> Floats:
+    """Solutions (C, p) of systems (C, p, p), scaled so that their units do not matter."""
+    scale = _scale(matrix)
+    scaled = matrix / (scale[:, :, None] * scale[:, None]) + 1e-12 * np.eye(matrix.shape[-1])
+    return np.linalg.solve(scaled, (vector / scale)[..., None])[..., 0] / scale
+
+
+def _inverse(matrix: Floats) -> Floats:
+    scale = _scale(matrix)
+    both = scale[:, :, None] * scale[:, None]
+    return np.linalg.inv(matrix / both + 1e-12 * np.eye(matrix.shape[-1])) / both
+
+
+def _scale(matrix: Floats) -> Floats:
+    return np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-300))

@@ -1,0 +1,121 @@
+"""All modes of four spots, and the fog that they share: what is known of each range.
+
+Extinction and backscattering are common to the spots and integrated over: the extinction over the
+nodes of the tables, the backscattering over a grid on which the modes' parabolas are summed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Floats
+from .modes import LOG_DEVIATION, Modes, expected_backscatter
+
+GRID = np.geomspace(1e-6, 0.1, 160)
+"""Backscattering, 1 / (m sr), at first; then the finer grid around where it may be."""
+FINE = 33
+NEGLIGIBLE = 1e-4
+"""Share of the whole below which a mode does not count."""
+SPREAD = 3.0
+"""Modes whose ranges, give or take so many standard deviations, touch are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """One range that the readings allow, and the probability that it is that one."""
+
+    range_m: float
+    sigma_m: float
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """What is known of four ranges: alternatives of each, likeliest first; none where not usable.
+
+    ``targets`` (4,) are the probabilities that there is a target at all, ``strength`` (4,) is the target's signal in standard deviations, ``misfit`` (4,) chi squared,
+    both of the likeliest mode.
+    """
+
+    alternatives: tuple[tuple[Alternative, ...], ...]
+    targets: Floats
+    strength: Floats
+    misfit: Floats
+    log_backscatter: tuple[float, float]
+
+
+def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
+    """Posterior of the modes of all spots, of fog of these extinctions (K,) equally likely."""
+    medians = expected_backscatter(extinction_per_m)
+    beta = GRID
+    weight, by_mode = _weighted(modes, medians, beta)
+    for _ in range(2):
+        likely = np.flatnonzero(weight.sum(axis=0) > 1e-5 * weight.sum())
+        low, high = beta[max(likely[0] - 1, 0)], beta[min(likely[-1] + 1, len(beta) - 1)]
+        beta = np.linspace(low, high, FINE)
+        weight, by_mode = _weighted(modes, medians, beta)
+    total = by_mode.sum(axis=1)
+    offset = beta - modes.backscatter[:, None]
+    moved = modes.range_m[:, None] + modes.drift[:, None] * offset
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = (by_mode * moved).sum(axis=1) / total
+        spread = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
+    variance = modes.variance_m2 + spread
+    spots = range(4)
+    seen = np.isfinite(modes.range_m) & (total > NEGLIGIBLE)
+    of = [(modes.spot == spot) & seen for spot in spots]
+    best = [int(np.argmax(np.where(of[spot], total, -1))) if of[spot].any() else -1 for spot in spots]
+    shares = weight.sum(axis=0) / weight.sum()
+    log_beta = np.log(beta)
+    centre = float(shares @ log_beta)
+    return Posterior(
+        alternatives=tuple(
+            _alternatives(mean[here], variance[here], total[here]) for here in of
+        ),
+        targets=np.array([total[here].sum() for here in of]),
+        strength=np.array([modes.strength[at] if at >= 0 else 0.0 for at in best]),
+        misfit=np.array([modes.misfit[at] if at >= 0 else np.inf for at in best]),
+        log_backscatter=(centre, float(np.sqrt(shares @ (log_beta - centre) ** 2))),
+    )
+
+
+def _weighted(modes: Modes, medians: Floats, beta: Floats) -> tuple[Floats, Floats]:
+    """Weights (K, B) of fogs on a grid (B,), and of each mode (C, B), which sum to one per spot."""
+    offset = beta - modes.backscatter[:, None]
+    log = modes.log_weight[:, None] + modes.slope[:, None] * offset
+    log -= modes.curvature[:, None] * offset**2 / 2
+    away = (np.log(beta) - np.log(medians)[:, None]) / LOG_DEVIATION
+    fog = -(away**2) / 2 + np.log(np.gradient(np.log(beta)))
+    evidence = np.full((4, len(medians), len(beta)), -np.inf)
+    np.maximum.at(evidence, (modes.spot, modes.node), log)
+    peak = np.where(np.isfinite(evidence), evidence, 0.0)  # of spots that are not usable
+    summed = np.zeros_like(evidence)
+    relative = np.exp(log - peak[modes.spot, modes.node])
+    np.add.at(summed, (modes.spot, modes.node), relative)
+    seen = np.unique(modes.spot)
+    with np.errstate(divide="ignore"):
+        fog = fog + (peak + np.log(summed))[seen].sum(axis=0)
+    weight = np.exp(fog - fog.max())
+    weight /= weight.sum()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        of_spot = np.nan_to_num(relative / summed[modes.spot, modes.node])
+    return weight, of_spot * weight[modes.node]
+
+
+def _alternatives(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
+    """Modes that touch joined into one each, likeliest first."""
+    order = np.argsort(mean)
+    mean, variance, weight = mean[order], variance[order], weight[order]
+    deviation = SPREAD * np.sqrt(variance)
+    reach = np.maximum.accumulate(mean + deviation)
+    starts = np.concatenate([[True], (mean - deviation)[1:] > reach[:-1]])
+    group = np.cumsum(starts) - 1
+    total = np.bincount(group, weight)
+    centre = np.bincount(group, weight * mean) / total
+    around = np.bincount(group, weight * (variance + (mean - centre[group]) ** 2)) / total
+    share = total / weight.sum()
+    return tuple(
+        Alternative(float(centre[k]), float(np.sqrt(around[k])), float(share[k]))
+        for k in np.argsort(-share)
+        if share[k] > NEGLIGIBLE
+    )

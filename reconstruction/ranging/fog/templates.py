@@ -1,0 +1,85 @@
+"""What unit reflectance and unit backscattering leave in the readings, at every range."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Floats
+from ...capture.spots import SpotOptics
+from .overlap import overlap
+
+STEP_M = 0.01
+"""Between ranges in the tables."""
+INTEGRATION_STEPS = 4
+"""Steps of the fog's integral within one of the table."""
+PATCH_STEP = 25
+"""Steps of the table between ranges at which the echo of uneven fog is known."""
+EXTINCTIONS_PER_M = np.array([0.002, 0.01, 0.025, 0.045, 0.07, 0.1, 0.15, 0.22, 0.32])
+"""From what no range feels to 10 m of visibility."""
+UNEVENNESS = 0.15
+"""Rms deviation of the fog's density along a beam from its mean, relative."""
+PATCH_M = 1.0
+"""Length over which densities resemble each other: correlation exp(-distance / PATCH_M)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Templates:
+    """Tables over spots, K extinctions and R ranges, in n combinations of readings.
+
+    ``target`` (4, K, n, R) for unit reflectance, ``fog`` (4, K, n, R) for unit backscattering up to
+    that range, ``uneven`` (4, K, P, n, n) the covariance that unevenness adds to it per squared
+    backscattering, at every PATCH_STEP-th range.
+    """
+
+    range_m: Floats
+    extinction_per_m: Floats
+    target: Floats
+    fog: Floats
+    uneven: Floats
+
+
+def make_templates(
+    optics: SpotOptics, response: Callable[[Floats], Floats], longest_m: float
+) -> Templates:
+    """Tables up to a range; ``response`` gives readings (n, ...) of all light by its path (...)."""
+    fine_m = np.arange(STEP_M / INTEGRATION_STEPS, longest_m, STEP_M / INTEGRATION_STEPS)
+    weight, path_m = overlap(optics, fine_m)
+    told = np.stack([response(path) for path in path_m])  # (4, n, fine)
+    keep = slice(INTEGRATION_STEPS - 1, None, INTEGRATION_STEPS)
+    target, fog, uneven = [], [], []
+    for extinction in EXTINCTIONS_PER_M:
+        seen = (weight * np.exp(-extinction * path_m))[:, None] * told
+        density = seen * (STEP_M / INTEGRATION_STEPS)
+        target.append(seen[..., keep] / np.pi)
+        fog.append((np.cumsum(density, axis=-1) - density / 2)[..., keep])
+        uneven.append(_uneven(density[..., : len(fine_m) // INTEGRATION_STEPS * INTEGRATION_STEPS]))
+    return Templates(
+        range_m=fine_m[keep],
+        extinction_per_m=EXTINCTIONS_PER_M,
+        target=np.stack(target, axis=1),
+        fog=np.stack(fog, axis=1),
+        uneven=np.stack(uneven, axis=1),
+    )
+
+
+def _uneven(density: Floats) -> Floats:
+    """Covariance (4, P, n, n) of the echo up to every PATCH_STEP-th range, of cells (4, n, fine).
+
+    The exponential correlation lets it grow cell by cell: what a new cell shares with all before is
+    carried along, and fades by exp(-step / PATCH_M).
+    """
+    cells = density.reshape(*density.shape[:2], -1, INTEGRATION_STEPS).sum(axis=-1)
+    fade = np.exp(-STEP_M / PATCH_M)
+    carried = np.zeros(cells.shape[:2])
+    total = np.zeros((*cells.shape[:2], cells.shape[1]))
+    found = []
+    for number in range(cells.shape[-1]):
+        cell = cells[..., number]
+        carried *= fade
+        shared = np.einsum("si,sj->sij", cell, carried)
+        total = total + shared + shared.swapaxes(1, 2) + np.einsum("si,sj->sij", cell, cell)
+        carried += cell
+        if number % PATCH_STEP == 0:
+            found.append(total)
+    return UNEVENNESS**2 * np.stack(found, axis=1)
