@@ -10,6 +10,8 @@ NO_RANGE = {
     "saturated": "is saturated",
     "no signal": "shows no signal",
     "too close": "is too close to tell its path from the way between laser and detector",
+    "weak": "is too weak to tell from noise and fog",
+    "fog": "is lost in fog: its range is too uncertain",
     "ambiguous": "is ambiguous (its frequencies disagree, or its pulse may lie outside of windows)",
 }
 

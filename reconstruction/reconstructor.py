@@ -227,7 +227,7 @@ def _checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
 
 
 def _checked_ranges(name: str, ranges: Any) -> Ranges:
-    if not (isinstance(ranges, Ranges) and all(np.shape(v) == (4,) for v in vars(ranges).values())):
+    if not (isinstance(ranges, Ranges) and all(len(v) == 4 for v in vars(ranges).values())):
         raise InputError(f"ranging method {name!r} gave {type(ranges).__name__}, not four ranges")
     unknown = set(ranges.status) - set(get_args(Status))
     if unknown:

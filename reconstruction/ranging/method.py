@@ -15,8 +15,8 @@ class RangingMethod(Protocol):
 
     title: str
     """A few words for plots and tables."""
-    reads: type[Spots]
-    """The kind of readings that it understands."""
+    reads: type[Spots] | tuple[type[Spots], ...]
+    """The kinds of readings that it understands."""
 
     def compile(self, spots: Spots) -> RangingSolver:
         """Solver of readings of this recording, of which ``spots`` holds none.

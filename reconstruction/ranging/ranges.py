@@ -1,7 +1,7 @@
 """What every method of ranging gives, and when a spot counts as seen."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from ..arrays import Floats, Mask
 from ..capture import Spots
 from .geometry import range_from_path
 
-Status = Literal["ok", "saturated", "no signal", "too close", "ambiguous"]
+Status = Literal["ok", "saturated", "no signal", "too close", "ambiguous", "fog", "weak"]
 
 MIN_SIGNAL = 3.0
 """A spot counts as seen when its signal exceeds its own standard deviation this many times."""
@@ -32,6 +32,17 @@ class Paths:
     ambiguous: Mask
 
 
+class Alternative(NamedTuple):
+    """One of the ranges that a spot may have, with its standard deviation.
+
+    ``weight`` is its probability, or of several echoes that are there at once, its share of them.
+    """
+
+    range_m: float
+    sigma_m: float
+    weight: float
+
+
 @dataclass(frozen=True, eq=False)
 class Ranges:
     """Ranges of the four spots of one frame, each (4,).
@@ -39,12 +50,16 @@ class Ranges:
     ``range_m`` from the projector's pinhole along the spot's direction, ``sigma_m`` its standard
     deviation from shot and electronics noise, without the bias of light that came another way, such
     as the echo of fog; both nan where ``status`` is not "ok": "saturated", "no signal", "too close"
-    (the path is no longer than the way from laser to detector) or "ambiguous" (frequencies that
-    contradict each other, a pulse outside of windows or bins).
+    (the path is no longer than the way from laser to detector), "ambiguous" (frequencies that
+    contradict each other, a pulse outside of windows or bins, several ranges nearly as likely),
+    "weak" (a target that may as well be noise or fog) or "fog" (one that fog leaves too uncertain).
 
     ``signal_electrons`` and ``background_electrons`` are A and B of a tap of the first frequency
     (cw), the whole pulse and the background of one window (pulsed), or arrivals of the pulse and
     background arrivals per bin (dtof).
+
+    ``alternatives`` are all ranges that a spot may have, likeliest first, also where ``status`` is
+    not "ok"; none of methods that know of one only.
     """
 
     range_m: Floats
@@ -52,6 +67,23 @@ class Ranges:
     signal_electrons: Floats
     background_electrons: Floats
     status: tuple[Status, ...]
+    alternatives: tuple[tuple[Alternative, ...], ...] = ((), (), (), ())
+
+    @property
+    def likeliest(self) -> tuple[Floats, Floats]:
+        """Ranges and their standard deviations, each (4,), also of spots that are not valid.
+
+        Of several alternatives their mean, with their spread in its deviation; nan where nothing is
+        known.
+        """
+        mean, sigma = self.range_m.copy(), self.sigma_m.copy()
+        for spot, known in enumerate(self.alternatives):
+            if known and not np.isfinite(mean[spot]):
+                ranges_m, sigmas_m, weights = np.array(known).T
+                weights = weights / weights.sum()
+                mean[spot] = weights @ ranges_m
+                sigma[spot] = np.sqrt(weights @ (sigmas_m**2 + (ranges_m - mean[spot]) ** 2))
+        return mean, sigma
 
     @property
     def valid(self) -> NDArray[np.bool_]:

@@ -5,8 +5,9 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import c
 
-from ...arrays import Mask
+from ...arrays import Floats, Mask
 from ...errors import InputError
 from ..schema import Stored
 from ..spots import Spots
@@ -49,6 +50,11 @@ class HistogramSpots(Spots):
         """How they were measured, in a few words."""
         bins = self.counts.shape[-1]
         return f"histograms, {bins} bins of {1e9 * self.bin_width_s:.4g} ns"
+
+    def delay(self, path_m: Floats) -> Floats:
+        """When light of a path (...) arrives, in bins from the first one's lower edge."""
+        arrival_s = path_m / c + self.delay_offset_s - self.start_s
+        return np.asarray(arrival_s / self.bin_width_s)
 
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and the histograms can be true."""

@@ -9,6 +9,6 @@ over the path L(r) = r + |r d - b| is
 with w(r) what the aperture's area, cosine, 1/distance^2 and the overlap of beam and field make of
 it (`overlap`), rho the target's reflectance along its spot, and common to the four: sigma, the
 extinction, and beta, scattering times phase function at 180 degrees. Light scattered more often is
-a few percent of the fog's echo, and shifts the target's phase by less than 1 cm up to 9 m in 50 m of
-visibility.
+a few percent of the fog's echo, and shifts the target's phase by less than 1 cm up to 9 m in 50 m
+of visibility.
 """

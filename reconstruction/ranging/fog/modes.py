@@ -8,10 +8,10 @@ range, reflectance and backscattering. Around each, the misfit is a parabola.
 from dataclasses import dataclass
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from ...arrays import Floats, Mask
+from .algebra import inverse, solved
 from .templates import PATCH_STEP, STEP_M, Templates
 
 Places = NDArray[np.intp]
@@ -24,7 +24,7 @@ SEARCH = 3
 """Steps of the table between ranges where minima are looked for."""
 NEAREST_M = 0.3
 CUTOFF = 60.0
-"""Minima whose misfit (chi squared) is worse than the best of a spot by this much are dropped."""
+"""Minima worse than the best of their spot and extinction by this much, in chi squared, count not."""
 FAINT = 0.3
 """Modes of targets weaker than this, in standard deviations, are no better than none."""
 STEPS = 4
@@ -41,8 +41,8 @@ class Modes:
 
     With all else at its best, the log likelihood at backscattering beta is
     ``log_weight + slope x - curvature x^2 / 2``, x = beta - ``backscatter``; the range then is
-    ``range_m + drift x`` with variance ``variance_m2``, nan where there is no target. ``strength`` is the target's signal in
-    standard deviations, ``misfit`` chi squared.
+    ``range_m + drift x`` with variance ``variance_m2``, nan where there is no target. ``strength``
+    is the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared.
     """
 
     spot: Places
@@ -55,6 +55,7 @@ class Modes:
     drift: Floats
     variance_m2: Floats
     strength: Floats
+    signal: Floats
     misfit: Floats
 
     def only(self, chosen: Mask) -> "Modes":
@@ -112,13 +113,14 @@ def _without_target(
         drift=nothing,
         variance_m2=nothing,
         strength=nothing,
+        signal=nothing,
         misfit=misfit,
     )
 
 
 def _search(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Places, Places, Places]:
     """Spot, extinction and place in the tables of all minima."""
     guess = expected_backscatter(templates.extinction_per_m)
     typical = templates.uneven[:, :, templates.uneven.shape[2] // 2]
@@ -141,7 +143,7 @@ def _search(
     misfit = np.where((rho > 0) & (range_m > NEAREST_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
     least = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
-    least &= inner < inner.min(axis=(1, 2), keepdims=True) + CUTOFF
+    least &= inner < inner.min(axis=-1, keepdims=True) + CUTOFF
     spot, node, place = np.nonzero(least & usable[:, None, None])
     return spot, node, (place + 1) * SEARCH
 
@@ -150,9 +152,9 @@ def _refine(
     templates: Templates,
     readings: Floats,
     covariance: Floats,
-    spot: Floats,
-    node: Floats,
-    place: Floats,
+    spot: Places,
+    node: Places,
+    place: Places,
     scaled: bool,
 ) -> Modes:
     guess = expected_backscatter(templates.extinction_per_m)[node]
@@ -172,8 +174,7 @@ def _refine(
             noise = covariance[spot] + (beta**2)[:, None, None] * uneven
             white = np.linalg.inv(np.linalg.cholesky(noise))
         y, a, da, g = (
-            np.einsum("cij,cj->ci", white, each)
-            for each in (readings[spot], target, slope, fog)
+            np.einsum("cij,cj->ci", white, each) for each in (readings[spot], target, slope, fog)
         )
         if step == 0:
             rho = np.maximum((a * (y - beta[:, None] * g)).sum(axis=1) / (a * a).sum(axis=1), 1e-6)
@@ -188,15 +189,15 @@ def _refine(
         regular[:, 2, 2] += prior
         pull = gradient.copy()
         pull[:, 2] += prior * (guess - beta)
-        move = _solved(regular, pull)
+        move = solved(regular, pull)
         at = np.clip(at + np.clip(move[:, 0], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, longest)
         rho = np.maximum(rho + move[:, 1], 1e-9)
         beta = np.maximum(beta + move[:, 2], 0)
     regular = information.copy()
     regular[:, 2, 2] += prior
-    strength = rho / np.sqrt(_inverse(regular)[:, 1, 1])
+    strength = rho / np.sqrt(inverse(regular)[:, 1, 1])
     inner, cross = information[:, :2, :2], information[:, :2, 2]
-    across = _solved(inner, cross)
+    across = solved(inner, cross)
     misfit = (residual**2).sum(axis=1)
     log_weight = -(misfit + np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1]) / 2
     if scaled:
@@ -210,33 +211,17 @@ def _refine(
         slope=gradient[:, 2] - (across * gradient[:, :2]).sum(axis=1),
         curvature=information[:, 2, 2] - (across * cross).sum(axis=1),
         drift=-across[:, 0],
-        variance_m2=_inverse(inner)[:, 0, 0],
+        variance_m2=inverse(inner)[:, 0, 0],
         strength=strength,
+        signal=rho * np.linalg.norm(target, axis=1),
         misfit=misfit,
     )
     return found.only((strength > FAINT) & (at > 1) & (at < longest))
 
 
 def _between(
-    table: Floats, spot: Floats, node: Floats, below: Floats, share: Floats
+    table: Floats, spot: Places, node: Places, below: Places, share: Floats
 ) -> tuple[Floats, Floats]:
     """Rows (C, n) of a table between two of its ranges, and their slope per metre."""
     here, there = table[spot, node, :, below], table[spot, node, :, below + 1]
     return here + share * (there - here), (there - here) / STEP_M
-
-
-def _solved(matrix: Floats, vector: Floats) -> Floats:
-    """Solutions (C, p) of systems (C, p, p), scaled so that their units do not matter."""
-    scale = _scale(matrix)
-    scaled = matrix / (scale[:, :, None] * scale[:, None]) + 1e-12 * np.eye(matrix.shape[-1])
-    return np.linalg.solve(scaled, (vector / scale)[..., None])[..., 0] / scale
-
-
-def _inverse(matrix: Floats) -> Floats:
-    scale = _scale(matrix)
-    both = scale[:, :, None] * scale[:, None]
-    return np.linalg.inv(matrix / both + 1e-12 * np.eye(matrix.shape[-1])) / both
-
-
-def _scale(matrix: Floats) -> Floats:
-    return np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-300))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Floats
+from ..ranges import Alternative
 from .modes import LOG_DEVIATION, Modes, expected_backscatter
 
 GRID = np.geomspace(1e-6, 0.1, 160)
@@ -21,25 +22,18 @@ SPREAD = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Alternative:
-    """One range that the readings allow, and the probability that it is that one."""
-
-    range_m: float
-    sigma_m: float
-    weight: float
-
-
-@dataclass(frozen=True, eq=False)
 class Posterior:
     """What is known of four ranges: alternatives of each, likeliest first; none where not usable.
 
-    ``targets`` (4,) are the probabilities that there is a target at all, ``strength`` (4,) is the target's signal in standard deviations, ``misfit`` (4,) chi squared,
-    both of the likeliest mode.
+    ``targets`` (4,) are the probabilities that there is a target at all, ``strength`` (4,) its
+    signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared, all of the
+    likeliest mode; ``log_backscatter`` mean and standard deviation of the fog's.
     """
 
     alternatives: tuple[tuple[Alternative, ...], ...]
     targets: Floats
     strength: Floats
+    signal: Floats
     misfit: Floats
     log_backscatter: tuple[float, float]
 
@@ -64,16 +58,17 @@ def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
     spots = range(4)
     seen = np.isfinite(modes.range_m) & (total > NEGLIGIBLE)
     of = [(modes.spot == spot) & seen for spot in spots]
-    best = [int(np.argmax(np.where(of[spot], total, -1))) if of[spot].any() else -1 for spot in spots]
+    best = [
+        int(np.argmax(np.where(of[spot], total, -1))) if of[spot].any() else -1 for spot in spots
+    ]
     shares = weight.sum(axis=0) / weight.sum()
     log_beta = np.log(beta)
     centre = float(shares @ log_beta)
     return Posterior(
-        alternatives=tuple(
-            _alternatives(mean[here], variance[here], total[here]) for here in of
-        ),
+        alternatives=tuple(_alternatives(mean[here], variance[here], total[here]) for here in of),
         targets=np.array([total[here].sum() for here in of]),
         strength=np.array([modes.strength[at] if at >= 0 else 0.0 for at in best]),
+        signal=np.array([modes.signal[at] if at >= 0 else 0.0 for at in best]),
         misfit=np.array([modes.misfit[at] if at >= 0 else np.inf for at in best]),
         log_backscatter=(centre, float(np.sqrt(shares @ (log_beta - centre) ** 2))),
     )
@@ -104,6 +99,8 @@ def _weighted(modes: Modes, medians: Floats, beta: Floats) -> tuple[Floats, Floa
 
 def _alternatives(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
     """Modes that touch joined into one each, likeliest first."""
+    if not mean.size:
+        return ()
     order = np.argsort(mean)
     mean, variance, weight = mean[order], variance[order], weight[order]
     deviation = SPREAD * np.sqrt(variance)

@@ -19,8 +19,10 @@ def ranging_method(name: str, spots: Spots) -> RangingMethod:
         fitting = [
             name for name, each in RANGING_METHODS.loadable() if isinstance(spots, each.reads)
         ]
+        kinds = method.reads if isinstance(method.reads, tuple) else (method.reads,)
         raise InputError(
-            f"ranging method {name!r} reads {method.reads.method!r} spots, not those of "
+            f"ranging method {name!r} reads {' and '.join(repr(kind.method) for kind in kinds)} "
+            f"spots, not those of "
             f"{spots.method!r}; allowed: {', '.join(fitting)}"
         )
     return method

@@ -1,0 +1,291 @@
+"""Target and fog in histograms of first arrivals: the same modes, by the likelihood of counts.
+
+The mean number of arrivals in a bin per cycle is rho a + beta g + b: the target's pulse, the fog in
+front of it, and a steady background. Counts are binomial among the cycles that saw the bin (see
+`reconstruction.ranging.histogram`); Fisher scoring finds range, rho, beta and b together.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.special import ndtr
+
+from ...arrays import Floats, Mask
+from ...capture.readings.dtof import HistogramSpots
+from ..histogram import coates
+from .algebra import inverse, solved
+from .modes import (
+    BRIGHT,
+    CUTOFF,
+    EMPTY,
+    FAINT,
+    LOG_DEVIATION,
+    NEAREST_M,
+    Modes,
+    Places,
+    expected_backscatter,
+)
+from .overlap import overlap
+from .templates import EXTINCTIONS_PER_M
+
+STEP_M = 0.005
+"""Between ranges over which the fog is summed up."""
+REACH = 1.5
+"""Arrivals are counted so many standard deviations of the pulse to either side of a place."""
+PEAKS = 8
+"""Most places of a target that are tried for one spot and extinction."""
+STEPS = 6
+SMOOTH_BINS = 21
+"""Over which counts are averaged for a first guess of their variance."""
+OUTLIER = 4.0
+"""Bins above the fog by so many deviations are no fog."""
+
+
+@dataclass(frozen=True, eq=False)
+class HistogramTemplates:
+    """Tables over spots, K extinctions, R ranges and B bins, in arrivals per cycle.
+
+    ``target`` (4, K, R): a whole pulse, for unit reflectance; ``delay`` (4, R) of its centre, in
+    bins; ``fog`` (4, K, B) for unit backscattering; ``width`` of the pulse, rms in bins.
+    """
+
+    range_m: Floats
+    extinction_per_m: Floats
+    target: Floats
+    delay: Floats
+    fog: Floats
+    width: float
+
+
+def make_histogram_templates(
+    spots: HistogramSpots, arrivals: float, longest_m: float
+) -> HistogramTemplates:
+    """Tables up to a range; ``arrivals`` per cycle if a detector got all of the laser's light."""
+    range_m = np.arange(STEP_M, longest_m, STEP_M)
+    weight, path_m = overlap(spots, range_m)
+    bins = spots.counts.shape[-1]
+    width = spots.response_sigma_s / spots.bin_width_s
+    delay = spots.delay(path_m)
+    damped = weight[:, None] * np.exp(-EXTINCTIONS_PER_M[:, None] * path_m[:, None])
+    edges = np.arange(bins + 1)
+    fog = [
+        arrivals * STEP_M * each @ np.diff(ndtr((edges - at[:, None]) / width), axis=-1)
+        for each, at in zip(damped, delay, strict=True)
+    ]
+    return HistogramTemplates(
+        range_m=range_m,
+        extinction_per_m=EXTINCTIONS_PER_M,
+        target=arrivals * damped / np.pi,
+        delay=delay,
+        fog=np.array(fog),
+        width=width,
+    )
+
+
+def find_histogram_modes(
+    templates: HistogramTemplates, counts: Floats, cycles: int, usable: Mask, scaled: bool
+) -> Modes:
+    """Modes of histograms (4, B) of the ``usable`` spots (4,); see `modes.find_modes`."""
+    rate, watched = coates(counts, cycles)
+    fitted = _without_target(templates, rate, watched, cycles)
+    spot, node, place = _search(templates, rate, watched, fitted, usable)
+    found = _refine(templates, counts, watched, fitted, spot, node, place, scaled)
+    return found.and_those(_empty(templates, counts, watched, fitted, usable))
+
+
+def _without_target(
+    templates: HistogramTemplates, rate: Floats, watched: Floats, cycles: int
+) -> tuple[Floats, Floats, Floats]:
+    """Backscattering and background (4, K) of all but what sticks out; bins' variance (4, B)."""
+    smooth = uniform_filter1d(rate, SMOOTH_BINS, axis=-1, mode="nearest")
+    variance = (np.maximum(smooth, 0) + 1 / cycles) / np.maximum(watched, 1)
+    guess = expected_backscatter(templates.extinction_per_m)
+    prior = 1 / (guess * LOG_DEVIATION) ** 2
+    kept = np.ones((*templates.fog.shape[:2], rate.shape[-1]), bool)
+    beta = background = np.zeros(kept.shape[:2])
+    for _ in range(3):
+        weight = kept / variance[:, None]
+        gg = (weight * templates.fog**2).sum(axis=-1) + prior
+        g1, w1 = (weight * templates.fog).sum(axis=-1), weight.sum(axis=-1)
+        yg = (weight * templates.fog * rate[:, None]).sum(axis=-1) + prior * guess
+        y1 = (weight * rate[:, None]).sum(axis=-1)
+        determinant = gg * w1 - g1**2
+        beta = np.maximum((yg * w1 - y1 * g1) / determinant, 0)
+        background = np.maximum((y1 - beta * g1) / w1, 0.1 / cycles / rate.shape[-1])
+        excess = rate[:, None] - beta[..., None] * templates.fog - background[..., None]
+        kept = excess < OUTLIER * np.sqrt(variance[:, None])
+    return beta, background, variance
+
+
+def _search(
+    templates: HistogramTemplates,
+    rate: Floats,
+    watched: Floats,
+    fitted: tuple[Floats, Floats, Floats],
+    usable: Mask,
+) -> tuple[Places, Places, Places]:
+    """Spot, extinction and bin of peaks above fog and background, by the deviance of Poisson."""
+    beta, background, _ = fitted
+    model = beta[..., None] * templates.fog + background[..., None]
+    window = 2 * int(np.ceil(REACH * templates.width)) + 1
+    found = window * uniform_filter1d(watched * rate, window, axis=-1, mode="constant")[:, None]
+    expected = window * uniform_filter1d(
+        watched[:, None] * model, window, axis=-1, mode="constant"
+    )
+    found = np.maximum(found, expected)
+    gain = 2 * (found * np.log(found / expected) - (found - expected))
+    nearest = np.interp(NEAREST_M, templates.range_m, templates.delay[0])
+    gain[..., : max(int(nearest), 1)] = 0
+    inner = gain[..., 1:-1]
+    peak = (inner >= gain[..., :-2]) & (inner > gain[..., 2:])
+    best = np.where(peak, inner, 0.0)
+    least = np.sort(best, axis=-1)[..., -PEAKS][..., None]
+    kept = (best >= least) & (best > 1) & (best > best.max(axis=-1, keepdims=True) - CUTOFF)
+    spot, node, place = np.nonzero(kept & usable[:, None, None])
+    return spot, node, place + 1
+
+
+def _refine(
+    templates: HistogramTemplates,
+    counts: Floats,
+    watched: Floats,
+    fitted: tuple[Floats, Floats, Floats],
+    spot: Places,
+    node: Places,
+    place: Places,
+    scaled: bool,
+) -> Modes:
+    guess = expected_backscatter(templates.extinction_per_m)[node]
+    prior = 1 / (guess * LOG_DEVIATION) ** 2
+    beta, background = fitted[0][spot, node], fitted[1][spot, node]
+    seen, cycles, fog = counts[spot], watched[spot], templates.fog[spot, node]
+    centres = np.arange(counts.shape[-1]) + 0.5
+    edges = np.arange(counts.shape[-1] + 1)
+    width, step = templates.width, templates.range_m[1] - templates.range_m[0]
+    # A bin of delay in range, alike everywhere but next to the instrument.
+    metres = np.gradient(templates.range_m, templates.delay[0])[-1]
+    at = np.array(
+        [np.interp(p + 0.5, templates.delay[s], templates.range_m)
+         for p, s in zip(place, spot, strict=True)]
+    )  # fmt: skip
+    longest = templates.range_m[-2]
+    rho = np.zeros(len(spot))
+    for number in range(STEPS + 1):
+        row = np.clip(at / step - 1, 0, templates.range_m.size - 2)
+        low = row.astype(int)
+        share = row - low
+        strength = _mixed(templates.target[spot, node], low, share)
+        delay = _mixed(templates.delay[spot], low, share)
+        towards = (edges - delay[:, None]) / width
+        whole = np.diff(ndtr(towards), axis=-1)
+        before = ndtr((delay[:, None] - centres) / width)
+        bell = np.diff(np.exp(-(towards**2) / 2), axis=-1) / np.sqrt(2 * np.pi)
+        a, g = strength[:, None] * whole, fog * before
+        if number == 0:
+            top = _at(seen / np.maximum(cycles, 1) - beta[:, None] * g, place) - background
+            rho = np.maximum(top / np.maximum(_at(a, place), 1e-12), 1e-6)
+        rate = np.maximum(rho[:, None] * a + beta[:, None] * g + background[:, None], 1e-12)
+        moved = -bell / width  # of the pulse, per bin of delay
+        d_before = np.exp(-(((delay[:, None] - centres) / width) ** 2) / 2) / (
+            width * np.sqrt(2 * np.pi)
+        )
+        along = rho[:, None] * strength[:, None] * moved + beta[:, None] * fog * d_before
+        jacobian = np.stack([along / metres, a, g, np.ones_like(a)], axis=-1)
+        excess = seen / -np.expm1(-rate) - cycles
+        information = jacobian.swapaxes(1, 2) @ (jacobian * (cycles / np.expm1(rate))[..., None])
+        gradient = (jacobian.swapaxes(1, 2) @ excess[..., None])[..., 0]
+        regular = information.copy()
+        regular[:, 2, 2] += prior
+        if number == STEPS:
+            break
+        pull = gradient.copy()
+        pull[:, 2] += prior * (guess - beta)
+        move = solved(regular, pull)
+        at = np.clip(at + np.clip(move[:, 0], -width * metres, width * metres), step, longest)
+        rho = np.clip(rho + move[:, 1], rho / 3, 3 * rho + 1e-9)
+        beta = np.maximum(beta + move[:, 2], 0.2 * beta)
+        background = np.maximum(background + move[:, 3], 0.2 * background)
+    likelihood = (seen * np.log(-np.expm1(-rate)) - (cycles - seen) * rate).sum(axis=-1)
+    free = [0, 1, 3]
+    inner, cross = information[:, free][:, :, free], information[:, free, 2]
+    across = solved(inner, cross)
+    log_weight = likelihood - np.linalg.slogdet(inner)[1] / 2 + 1.5 * np.log(2 * np.pi)
+    if scaled:
+        log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
+    strength = rho / np.sqrt(inverse(regular)[:, 1, 1])
+    found = Modes(
+        spot=spot,
+        node=node,
+        range_m=at,
+        backscatter=beta,
+        log_weight=log_weight,
+        slope=gradient[:, 2] - (across * gradient[:, free]).sum(axis=1),
+        curvature=information[:, 2, 2] - (across * cross).sum(axis=1),
+        drift=-across[:, 0],
+        variance_m2=inverse(inner)[:, 0, 0],
+        strength=strength,
+        signal=rho * a.sum(axis=-1),
+        misfit=((seen - cycles * -np.expm1(-rate)) ** 2 / np.maximum(cycles * rate, 1e-12)).sum(-1),
+    )
+    return found.only((strength > FAINT) & (at > NEAREST_M) & (at < longest))
+
+
+def _empty(
+    templates: HistogramTemplates,
+    counts: Floats,
+    watched: Floats,
+    fitted: tuple[Floats, Floats, Floats],
+    usable: Mask,
+) -> Modes:
+    """Fog and background alone."""
+    beta, background, _ = fitted
+    spot, node = (each.ravel() for each in np.indices(beta.shape))
+    kept = usable[spot]
+    spot, node = spot[kept], node[kept]
+    fog, seen, cycles = templates.fog[spot, node], counts[spot], watched[spot]
+    at, level = beta[spot, node], background[spot, node]
+    guess = expected_backscatter(templates.extinction_per_m)[node]
+    prior = 1 / (guess * LOG_DEVIATION) ** 2
+    for number in range(STEPS + 1):
+        rate = np.maximum(at[:, None] * fog + level[:, None], 1e-12)
+        jacobian = np.stack([fog, np.ones_like(fog)], axis=-1)
+        excess = seen / -np.expm1(-rate) - cycles
+        information = jacobian.swapaxes(1, 2) @ (jacobian * (cycles / np.expm1(rate))[..., None])
+        gradient = (jacobian.swapaxes(1, 2) @ excess[..., None])[..., 0]
+        if number == STEPS:
+            break
+        regular, pull = information.copy(), gradient.copy()
+        regular[:, 0, 0] += prior
+        pull[:, 0] += prior * (guess - at)
+        move = solved(regular, pull)
+        at = np.maximum(at + move[:, 0], 0.2 * at)
+        level = np.maximum(level + move[:, 1], 0.2 * level)
+    likelihood = (seen * np.log(-np.expm1(-rate)) - (cycles - seen) * rate).sum(axis=-1)
+    shape = information[:, 0, 1] / information[:, 1, 1]
+    nothing = np.zeros(len(spot))
+    room = np.log(EMPTY * templates.range_m[-1]) + np.log(2 * np.pi) / 2
+    return Modes(
+        spot=spot,
+        node=node,
+        range_m=np.full(len(spot), np.nan),
+        backscatter=at,
+        log_weight=likelihood - np.log(information[:, 1, 1]) / 2 + room,
+        slope=gradient[:, 0] - shape * gradient[:, 1],
+        curvature=information[:, 0, 0] - shape * information[:, 0, 1],
+        drift=nothing,
+        variance_m2=nothing,
+        strength=nothing,
+        signal=nothing,
+        misfit=nothing,
+    )
+
+
+def _mixed(table: Floats, low: Places, share: Floats) -> Floats:
+    """Values (C,) of rows (C, R) between two of their places."""
+    here, there = _at(table, low), _at(table, low + 1)
+    return here + share * (there - here)
+
+
+def _at(rows: Floats, place: Places) -> Floats:
+    return np.take_along_axis(rows, place[:, None], axis=1)[:, 0]
