@@ -12,7 +12,7 @@ from ...arrays import Floats
 from ..ranges import Alternative
 from .modes import LOG_DEVIATION, Modes, expected_backscatter
 
-GRID = np.geomspace(1e-6, 0.1, 160)
+GRID = np.geomspace(1e-6, 0.1, 96)
 """Backscattering, 1 / (m sr), at first; then the finer grid around where it may be."""
 FINE = 33
 NEGLIGIBLE = 1e-4
@@ -40,6 +40,10 @@ class Posterior:
 
 def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
     """Posterior of the modes of all spots, of fog of these extinctions (K,) equally likely."""
+    if not modes.spot.size:
+        nothing = np.zeros(4)
+        return Posterior(((), (), (), ()), nothing, nothing, nothing, nothing, (np.nan, np.nan))
+    modes = modes.only(np.lexsort((modes.node, modes.spot)))
     medians = expected_backscatter(extinction_per_m)
     beta = GRID
     weight, by_mode = _weighted(modes, medians, beta)
@@ -81,20 +85,17 @@ def _weighted(modes: Modes, medians: Floats, beta: Floats) -> tuple[Floats, Floa
     log -= modes.curvature[:, None] * offset**2 / 2
     away = (np.log(beta) - np.log(medians)[:, None]) / LOG_DEVIATION
     fog = -(away**2) / 2 + np.log(np.gradient(np.log(beta)))
-    evidence = np.full((4, len(medians), len(beta)), -np.inf)
-    np.maximum.at(evidence, (modes.spot, modes.node), log)
-    peak = np.where(np.isfinite(evidence), evidence, 0.0)  # of spots that are not usable
-    summed = np.zeros_like(evidence)
-    relative = np.exp(log - peak[modes.spot, modes.node])
-    np.add.at(summed, (modes.spot, modes.node), relative)
-    seen = np.unique(modes.spot)
-    with np.errstate(divide="ignore"):
-        fog = fog + (peak + np.log(summed))[seen].sum(axis=0)
+    # Every usable spot has modes at every extinction, in this order.
+    changes = np.diff(modes.node, prepend=-1) != 0
+    starts, group = np.flatnonzero(changes), np.cumsum(changes) - 1
+    peak = np.maximum.reduceat(log, starts, axis=0)
+    relative = np.exp(log - peak[group])
+    summed = np.add.reduceat(relative, starts, axis=0)
+    evidence = peak + np.log(summed)
+    fog = fog + evidence.reshape(-1, len(medians), len(beta)).sum(axis=0)
     weight = np.exp(fog - fog.max())
     weight /= weight.sum()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        of_spot = np.nan_to_num(relative / summed[modes.spot, modes.node])
-    return weight, of_spot * weight[modes.node]
+    return weight, relative / summed[group] * weight[modes.node]
 
 
 def _alternatives(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
