@@ -14,6 +14,8 @@ from .modes import LOG_DEVIATION, Modes, expected_backscatter
 
 GRID = np.geomspace(1e-6, 0.1, 96)
 """Backscattering, 1 / (m sr), at first; then the finer grid around where it may be."""
+CLEAR = 0.5
+"""Probability beforehand that the air is clear; all fogs are equally likely."""
 FINE = 33
 NEGLIGIBLE = 1e-4
 """Share of the whole below which a mode does not count."""
@@ -26,8 +28,9 @@ class Posterior:
     """What is known of four ranges: alternatives of each, likeliest first; none where not usable.
 
     ``targets`` (4,) are the probabilities that there is a target at all, ``strength`` (4,) its
-    signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared, all of the
-    likeliest mode; ``log_backscatter`` mean and standard deviation of the fog's.
+    signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared and ``noise_m`` the
+    range's deviation were the fog known, all of the likeliest mode; ``log_backscatter`` mean and
+    standard deviation of the fog's.
     """
 
     alternatives: tuple[tuple[Alternative, ...], ...]
@@ -35,14 +38,15 @@ class Posterior:
     strength: Floats
     signal: Floats
     misfit: Floats
+    noise_m: Floats
     log_backscatter: tuple[float, float]
 
 
 def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
-    """Posterior of the modes of all spots, of fog of these extinctions (K,) equally likely."""
+    """Posterior of the modes of all spots, in fog of these extinctions (K,), the first none."""
     if not modes.spot.size:
         nothing = np.zeros(4)
-        return Posterior(((), (), (), ()), nothing, nothing, nothing, nothing, (np.nan, np.nan))
+        return Posterior(((), (), (), ()), nothing, nothing, nothing, nothing, nothing, (np.nan, np.nan))
     modes = modes.only(np.lexsort((modes.node, modes.spot)))
     medians = expected_backscatter(extinction_per_m)
     beta = GRID
@@ -74,6 +78,7 @@ def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
         strength=np.array([modes.strength[at] if at >= 0 else 0.0 for at in best]),
         signal=np.array([modes.signal[at] if at >= 0 else 0.0 for at in best]),
         misfit=np.array([modes.misfit[at] if at >= 0 else np.inf for at in best]),
+        noise_m=np.sqrt([modes.variance_m2[at] if at >= 0 else np.inf for at in best]),
         log_backscatter=(centre, float(np.sqrt(shares @ (log_beta - centre) ** 2))),
     )
 
@@ -85,6 +90,7 @@ def _weighted(modes: Modes, medians: Floats, beta: Floats) -> tuple[Floats, Floa
     log -= modes.curvature[:, None] * offset**2 / 2
     away = (np.log(beta) - np.log(medians)[:, None]) / LOG_DEVIATION
     fog = -(away**2) / 2 + np.log(np.gradient(np.log(beta)))
+    fog[0] += np.log((len(medians) - 1) * CLEAR / (1 - CLEAR))
     # Every usable spot has modes at every extinction, in this order.
     changes = np.diff(modes.node, prepend=-1) != 0
     starts, group = np.flatnonzero(changes), np.cumsum(changes) - 1

@@ -22,7 +22,7 @@ from ..fog.overlap import check_known
 from ..fog.posterior import posterior
 from ..fog.templates import make_templates
 from ..method import RangingSolver
-from ..ranges import Ranges
+from ..ranges import MIN_SIGNAL, Ranges
 from ..unwrap import unambiguous_path_m
 
 LONGEST_M = 40.0
@@ -60,9 +60,11 @@ class Fog:
             variance = spots.variance(readings)
             saturated = spots.saturated[0].any(axis=1)
             covariance = (combine * variance[:, None]) @ combine.T
-            modes = find_modes(templates, readings @ combine.T, covariance, ~saturated, scaled)
+            echoes = readings @ combine.T
+            dark = _deviations(echoes, covariance) < MIN_SIGNAL
+            modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
             known = posterior(modes, templates.extinction_per_m)
-            return ranges_of(known, saturated, known.signal, readings.mean(axis=1))
+            return ranges_of(known, saturated, dark, known.signal, readings.mean(axis=1))
 
         return solve
 
@@ -86,7 +88,9 @@ class Fog:
             modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
             known = posterior(modes, templates.extinction_per_m)
             background = np.median(counts, axis=1)
-            return ranges_of(known, saturated, spots.pulses * known.signal, background)
+            dark = known.strength < MIN_SIGNAL
+            signal = spots.pulses * known.signal
+            return ranges_of(known, saturated, dark, signal, background)
 
         return solve
 
@@ -99,6 +103,13 @@ class Fog:
             return float(c * (gate_s - spots.delay_offset_s) / 2)
         assert isinstance(spots, PulsedSpots)
         return float(c * (spots.window_starts_s[-1] - spots.delay_offset_s) / 2)
+
+
+def _deviations(echoes: Floats, covariance: Floats) -> Floats:
+    """How much more than noise echoes (4, n) are, in standard deviations of its chi squared."""
+    n = echoes.shape[1]
+    squares = (echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1)
+    return np.asarray((squares - n) / np.sqrt(2 * n))
 
 
 def _combinations(spots: CwSpots | PulsedSpots, longest_m: float) -> Floats:
