@@ -5,6 +5,8 @@ taken to be alike in all directions and of unknown extinction and backscattering
 from that counts as noise. See `reconstruction.ranging.fog`.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.constants import c
 from scipy.linalg import null_space
@@ -16,6 +18,7 @@ from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...errors import InputError
 from ..fog.answer import ranges_of
+from ..fog.edges import explained
 from ..fog.histograms import find_histogram_modes, make_histogram_templates
 from ..fog.modes import find_modes
 from ..fog.overlap import check_known
@@ -64,7 +67,15 @@ class Fog:
             dark = _deviations(echoes, covariance) < MIN_SIGNAL
             modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
             known = posterior(modes, templates.extinction_per_m)
-            return ranges_of(known, saturated, dark, known.signal, readings.mean(axis=1))
+            spots_known = zip(known.spots, echoes, covariance, range(4), strict=True)
+            known = replace(
+                known,
+                spots=tuple(
+                    explained(each, templates, echo, noise, spot)
+                    for each, echo, noise, spot in spots_known
+                ),
+            )
+            return ranges_of(known, saturated, dark, readings.mean(axis=1))
 
         return solve
 
@@ -88,9 +99,8 @@ class Fog:
             modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
             known = posterior(modes, templates.extinction_per_m)
             background = np.median(counts, axis=1)
-            dark = known.strength < MIN_SIGNAL
-            signal = spots.pulses * known.signal
-            return ranges_of(known, saturated, dark, signal, background)
+            dark = np.array([spot.strength < MIN_SIGNAL for spot in known.spots])
+            return ranges_of(known, saturated, dark, background)
 
         return solve
 
