@@ -13,7 +13,7 @@ CERTAIN = 0.9
 NARROW_M = 0.3
 """give or take so much."""
 GUESSED = 0.5
-"""Where backscattering is known by more than this share of what is known beforehand it is a guess,"""
+"""Where backscattering is as uncertain as this share of what is known before, it is a guess,"""
 SPOILT = 1.15
 """and ranges that are less certain for it by this factor rest on the guess."""
 
@@ -47,6 +47,8 @@ def ranges_of(known: Posterior, saturated: Mask, dark: Mask, background: Floats)
 def _status(spot: SpotPosterior, guessed: bool) -> Status:
     if not spot.alternatives or spot.target < CERTAIN or spot.strength < MIN_SIGNAL:
         return "fog"
+    if spot.on_edge:
+        return "ambiguous"
     likeliest = spot.alternatives[0]
     if guessed and likeliest.sigma_m > SPOILT * spot.noise_m:
         return "fog"
