@@ -45,10 +45,10 @@ def ranges_of(known: Posterior, saturated: Mask, dark: Mask, background: Floats)
 
 
 def _status(spot: SpotPosterior, guessed: bool) -> Status:
-    if not spot.alternatives or spot.target < CERTAIN or spot.strength < MIN_SIGNAL:
-        return "fog"
     if spot.on_edge:
         return "ambiguous"
+    if not spot.alternatives or spot.target < CERTAIN or spot.strength < MIN_SIGNAL:
+        return "fog"
     likeliest = spot.alternatives[0]
     if guessed and likeliest.sigma_m > SPOILT * spot.noise_m:
         return "fog"

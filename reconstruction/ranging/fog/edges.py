@@ -37,7 +37,7 @@ def explained(
         return known
     pair = _two_targets(known, templates, readings, covariance, spot)
     if pair:
-        return replace(known, alternatives=pair)
+        return replace(known, alternatives=pair, on_edge=True)
     growth = np.sqrt(known.misfit / freedom)
     wider = tuple(each._replace(sigma_m=growth * each.sigma_m) for each in known.alternatives)
     return replace(known, alternatives=wider, noise_m=growth * known.noise_m)
