@@ -33,6 +33,8 @@ NUGGET = 0.05
 """Share of the variance that an anchor has to itself, whatever is around it."""
 MIN_BRIGHTNESS = 0.2
 """Pixels are taken to be at least this bright, relative to the 90th percentile."""
+UNCERTAIN = 0.05
+"""Ranges of a larger relative deviation do not bound the map where they are."""
 MAX_NEARER = 1.3
 """The map goes nearer than the nearest anchor by this factor at most, and not beyond the farthest:
 what is bright must be near, what is dark may just be dark."""
@@ -56,7 +58,7 @@ class Anchored:
             ranges = view.ranges
             if ranges is None:
                 return None
-            depth_m, sigma_m = ranges.range_m * forward, ranges.sigma_m * forward
+            depth_m, sigma_m = (each * forward for each in ranges.likeliest)
             return anchored_depth(view.image, anchors, depth_m, sigma_m)
 
         return solve
@@ -68,16 +70,19 @@ def anchored_depth(
     """Depth map (H, W) in metres from an image (H, W) and depths (K,) at pixels (K, 2).
 
     ``anchors`` are fractional rows and columns, ``sigma_m`` (K,) the depths' standard deviations;
-    depths that are not finite are ignored. None if there is none left or the image is dark.
+    depths that are not finite are ignored, and those that are uncertain count as little as they
+    tell. None if there is none left or the image is dark.
     """
     usable = np.isfinite(depth_m) & (depth_m > 0)
     reference = float(np.percentile(image, 90))
     if not usable.any() or reference <= 0:
         return None
     anchors, depth_m, sigma_m = anchors[usable], depth_m[usable], sigma_m[usable]
-    log_depth = np.log(depth_m)
-    scatter = ((log_depth - log_depth.mean()) ** 2).sum()
-    depth_variance = (LOG_DEPTH_DEVIATION**2 + scatter) / len(log_depth)
+    log_depth, log_sigma = np.log(depth_m), sigma_m / depth_m
+    weight = 1 / (1 + (log_sigma / LOG_DEPTH_DEVIATION) ** 2)
+    mean = weight @ log_depth / weight.sum()
+    scatter = weight @ (log_depth - mean) ** 2
+    depth_variance = (LOG_DEPTH_DEVIATION**2 + scatter) / max(weight.sum(), 1.0)
     share = 4 * depth_variance / (4 * depth_variance + LOG_REFLECTANCE_DEVIATION**2)
 
     brightness = np.log(np.maximum(image, MIN_BRIGHTNESS * reference))
@@ -85,9 +90,11 @@ def anchored_depth(
     at_anchors = map_coordinates(around, anchors.T, order=1, mode="nearest")
     residual = log_depth + share / 2 * at_anchors
     unexplained = (1 - share) * depth_variance
-    kriged = _krige(around, anchors, at_anchors, residual, unexplained, sigma_m / depth_m)
+    kriged = _krige(around, anchors, at_anchors, residual, unexplained, log_sigma)
     depth = np.exp(kriged - share / 2 * brightness)
-    return np.clip(depth, depth_m.min() / MAX_NEARER, depth_m.max())
+    # An uncertain range may be anywhere within its deviation.
+    factor = np.where(log_sigma > UNCERTAIN, np.exp(log_sigma), 1.0)
+    return np.clip(depth, (depth_m / factor).min() / MAX_NEARER, (depth_m * factor).max())
 
 
 def _krige(
