@@ -163,7 +163,7 @@ def test_the_look_of_plots_is_their_own() -> None:
 @pytest.mark.parametrize(
     ("spots", "words"),
     [
-        (PULSED, "pulsed, three windows of 65 ns"),
+        (PULSED, "pulsed, 3 windows of 65 ns"),
         (HISTOGRAMS, "histograms, 50 bins of 1 ns"),
     ],
 )
