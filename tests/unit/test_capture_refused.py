@@ -186,8 +186,16 @@ def windows(starts_s):
 @pytest.mark.parametrize(
     ("method", "changes", "message"),
     [
-        ("pulsed", {"taps": np.zeros((2, 4, 4))}, r"spots/(taps|saturated|window_starts_s) has shape"),
-        ("pulsed", {"window_starts_s": np.array([-70e-9, 0, 60e-9])}, "window 2 must start where the one before ends"),
+        (
+            "pulsed",
+            {"taps": np.zeros((2, 4, 4))},
+            r"spots/(taps|saturated|window_starts_s) has shape",
+        ),
+        (
+            "pulsed",
+            {"window_starts_s": np.array([-70e-9, 0, 60e-9])},
+            "window 2 must start where the one before ends",
+        ),
         ("pulsed", windows([-70e-9, 0]), "has 2 windows; .* at least two"),
         ("pulsed", windows([-70e-9, 0, 65e-9, 140e-9]), "window 3 must start .* 2 pulse_width_s"),
         ("pulsed", windows([65e-9, 0, 65e-9, 130e-9]), "background window overlaps"),
