@@ -5,38 +5,51 @@ from scipy.special import ndtr
 
 from ...arrays import Floats, Mask
 from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
-from .posterior import Posterior
+from .modes import LOG_DEVIATION
+from .posterior import Posterior, SpotPosterior
 
 CERTAIN = 0.9
 """Probability from which on a range counts as known,"""
 NARROW_M = 0.3
 """give or take so much."""
+GUESSED = 0.5
+"""Where backscattering is known by more than this share of what is known beforehand it is a guess,"""
+SPOILT = 1.15
+"""and ranges that are less certain for it by this factor rest on the guess."""
+
+UNKNOWN = Alternative(np.nan, np.nan, np.nan)
 
 
-def ranges_of(known: Posterior, saturated: Mask, signal: Floats, background: Floats) -> Ranges:
-    """Ranges, or the reasons why there are none."""
-    status = tuple(
-        "saturated" if saturated[spot] else _status(known, spot) for spot in range(len(saturated))
-    )
+def ranges_of(known: Posterior, saturated: Mask, dark: Mask, background: Floats) -> Ranges:
+    """Ranges, or the reasons why there are none; ``dark`` (4,) where readings are but noise."""
+    guessed = known.log_backscatter_sigma > GUESSED * LOG_DEVIATION
+
+    def status(spot: int) -> Status:
+        if saturated[spot]:
+            return "saturated"
+        return "weak" if dark[spot] else _status(known.spots[spot], guessed)
+
+    statuses = tuple(map(status, range(4)))
     best = [
-        found[0] if state == "ok" else Alternative(np.nan, np.nan, np.nan)
-        for found, state in zip(known.alternatives, status, strict=True)
+        spot.alternatives[0] if each == "ok" else UNKNOWN
+        for spot, each in zip(known.spots, statuses, strict=True)
     ]
     return Ranges(
         range_m=np.array([each.range_m for each in best]),
         sigma_m=np.array([each.sigma_m for each in best]),
-        signal_electrons=signal,
+        signal_electrons=np.array([spot.signal for spot in known.spots]),
         background_electrons=background,
-        status=status,
-        alternatives=known.alternatives,
+        status=statuses,
+        alternatives=tuple(spot.alternatives for spot in known.spots),
     )
 
 
-def _status(known: Posterior, spot: int) -> Status:
-    alternatives = known.alternatives[spot]
-    if not alternatives or known.targets[spot] < CERTAIN or known.strength[spot] < MIN_SIGNAL:
-        return "weak"
-    likeliest = alternatives[0]
+def _status(spot: SpotPosterior, guessed: bool) -> Status:
+    if not spot.alternatives or spot.target < CERTAIN or spot.strength < MIN_SIGNAL:
+        return "fog"
+    likeliest = spot.alternatives[0]
+    if guessed and likeliest.sigma_m > SPOILT * spot.noise_m:
+        return "fog"
     within = 2 * ndtr(NARROW_M / likeliest.sigma_m) - 1
     if likeliest.weight * within >= CERTAIN:
         return "ok"

@@ -20,14 +20,16 @@ BACKSCATTER_PER_SR = 0.035
 """Albedo times phase function at 180 degrees, median of fogs (Mie, 1550 nm)."""
 LOG_DEVIATION = 0.6
 """Of the logarithm of that, over kinds of fog."""
-SEARCH = 3
+SEARCH = 4
 """Steps of the table between ranges where minima are looked for."""
 NEAREST_M = 0.3
-CUTOFF = 60.0
-"""Minima worse than the best of their spot and extinction by this much, in chi squared, count not."""
+CUTOFF = 40.0
+"""Minima worse than the best of spot and extinction by this much, in chi squared, do not count."""
 FAINT = 0.3
 """Modes of targets weaker than this, in standard deviations, are no better than none."""
-STEPS = 4
+STEPS = 3
+UNEVEN_STEPS = 2
+"""Steps in which the noise of uneven fog follows backscattering and range."""
 MAX_STEP_M = 0.05
 BRIGHT = 1.0
 """Reflectance beyond which it becomes unlikely."""
@@ -58,7 +60,7 @@ class Modes:
     signal: Floats
     misfit: Floats
 
-    def only(self, chosen: Mask) -> "Modes":
+    def only(self, chosen: Mask | Places) -> "Modes":
         """Some of them."""
         return Modes(*(values[chosen] for values in vars(self).values()))
 
@@ -168,21 +170,22 @@ def _refine(
         share = (at - below)[:, None]
         target, slope = _between(templates.target, spot, node, below, share)
         fog, _ = _between(templates.fog, spot, node, below, share)
-        if step < 3:
+        if step < UNEVEN_STEPS:
             patch = np.minimum(below // PATCH_STEP, patches)
             uneven = templates.uneven[spot, node, patch]
             noise = covariance[spot] + (beta**2)[:, None, None] * uneven
-            white = np.linalg.inv(np.linalg.cholesky(noise))
-        y, a, da, g = (
-            np.einsum("cij,cj->ci", white, each) for each in (readings[spot], target, slope, fog)
-        )
+            precision = np.linalg.inv(noise)
         if step == 0:
-            rho = np.maximum((a * (y - beta[:, None] * g)).sum(axis=1) / (a * a).sum(axis=1), 1e-6)
-        along = rho[:, None] * da + np.pi * beta[:, None] * a  # more fog in front, too
-        jacobian = np.stack([along, a, g], axis=-1)
-        residual = y - rho[:, None] * a - beta[:, None] * g
-        information = jacobian.swapaxes(1, 2) @ jacobian
-        gradient = (jacobian.swapaxes(1, 2) @ residual[..., None])[..., 0]
+            left = readings[spot] - beta[:, None] * fog
+            rho = np.maximum(
+                _product(target, precision, left) / _product(target, precision, target), 1e-6
+            )
+        along = rho[:, None] * slope + np.pi * beta[:, None] * target  # more fog in front, too
+        jacobian = np.stack([along, target, fog], axis=-1)
+        residual = readings[spot] - rho[:, None] * target - beta[:, None] * fog
+        weighted = (precision @ jacobian).swapaxes(1, 2)
+        information = weighted @ jacobian
+        gradient = (weighted @ residual[..., None])[..., 0]
         if step == STEPS:
             break
         regular = information.copy()
@@ -198,7 +201,7 @@ def _refine(
     strength = rho / np.sqrt(inverse(regular)[:, 1, 1])
     inner, cross = information[:, :2, :2], information[:, :2, 2]
     across = solved(inner, cross)
-    misfit = (residual**2).sum(axis=1)
+    misfit = _product(residual, precision, residual)
     log_weight = -(misfit + np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1]) / 2
     if scaled:
         log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
@@ -217,6 +220,11 @@ def _refine(
         misfit=misfit,
     )
     return found.only((strength > FAINT) & (at > 1) & (at < longest))
+
+
+def _product(left: Floats, matrix: Floats, right: Floats) -> Floats:
+    """Products (C,) of vectors (C, n) with matrices (C, n, n) between them."""
+    return np.asarray((left * (matrix @ right[..., None])[..., 0]).sum(axis=1))
 
 
 def _between(

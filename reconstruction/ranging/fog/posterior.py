@@ -12,8 +12,10 @@ from ...arrays import Floats
 from ..ranges import Alternative
 from .modes import LOG_DEVIATION, Modes, expected_backscatter
 
-GRID = np.geomspace(1e-6, 0.1, 160)
+GRID = np.geomspace(1e-6, 0.1, 96)
 """Backscattering, 1 / (m sr), at first; then the finer grid around where it may be."""
+CLEAR = 0.5
+"""Probability beforehand that the air is clear; all fogs are equally likely."""
 FINE = 33
 NEGLIGIBLE = 1e-4
 """Share of the whole below which a mode does not count."""
@@ -21,56 +23,79 @@ SPREAD = 3.0
 """Modes whose ranges, give or take so many standard deviations, touch are one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Posterior:
-    """What is known of four ranges: alternatives of each, likeliest first; none where not usable.
+@dataclass(frozen=True)
+class SpotPosterior:
+    """What is known of one range: its alternatives, likeliest first.
 
-    ``targets`` (4,) are the probabilities that there is a target at all, ``strength`` (4,) its
-    signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared, all of the
-    likeliest mode; ``log_backscatter`` mean and standard deviation of the fog's.
+    ``target`` is the probability that there is a target at all. Of the likeliest mode: ``strength``
+    of the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared,
+    ``noise_m`` the range's deviation were the fog known, ``node`` and ``backscatter`` the fog.
+    ``on_edge`` where two targets at once explain the readings and one does not.
     """
 
-    alternatives: tuple[tuple[Alternative, ...], ...]
-    targets: Floats
-    strength: Floats
-    signal: Floats
-    misfit: Floats
-    log_backscatter: tuple[float, float]
+    alternatives: tuple[Alternative, ...] = ()
+    target: float = 0.0
+    strength: float = 0.0
+    signal: float = 0.0
+    misfit: float = np.inf
+    noise_m: float = np.inf
+    node: int = 0
+    backscatter: float = 0.0
+    on_edge: bool = False
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What is known of four ranges, and of the logarithm of the fog's backscattering."""
+
+    spots: tuple[SpotPosterior, ...]
+    log_backscatter: float
+    log_backscatter_sigma: float
 
 
 def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
-    """Posterior of the modes of all spots, of fog of these extinctions (K,) equally likely."""
+    """Posterior of the modes of all spots, in fog of these extinctions (K,), the first none."""
+    if not modes.spot.size:
+        return Posterior((SpotPosterior(),) * 4, np.nan, np.nan)
+    modes = modes.only(np.lexsort((modes.node, modes.spot)))
     medians = expected_backscatter(extinction_per_m)
     beta = GRID
     weight, by_mode = _weighted(modes, medians, beta)
     for _ in range(2):
-        likely = np.flatnonzero(weight.sum(axis=0) > 1e-5 * weight.sum())
+        likely = np.flatnonzero(weight.sum(axis=0) > 1e-5)
         low, high = beta[max(likely[0] - 1, 0)], beta[min(likely[-1] + 1, len(beta) - 1)]
         beta = np.linspace(low, high, FINE)
         weight, by_mode = _weighted(modes, medians, beta)
     total = by_mode.sum(axis=1)
-    offset = beta - modes.backscatter[:, None]
-    moved = modes.range_m[:, None] + modes.drift[:, None] * offset
+    moved = modes.range_m[:, None] + modes.drift[:, None] * (beta - modes.backscatter[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (by_mode * moved).sum(axis=1) / total
         spread = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
     variance = modes.variance_m2 + spread
-    spots = range(4)
     seen = np.isfinite(modes.range_m) & (total > NEGLIGIBLE)
-    of = [(modes.spot == spot) & seen for spot in spots]
-    best = [
-        int(np.argmax(np.where(of[spot], total, -1))) if of[spot].any() else -1 for spot in spots
-    ]
-    shares = weight.sum(axis=0) / weight.sum()
-    log_beta = np.log(beta)
+    shares, log_beta = weight.sum(axis=0), np.log(beta)
     centre = float(shares @ log_beta)
+
+    def of(spot: int) -> SpotPosterior:
+        here = np.flatnonzero(seen & (modes.spot == spot))
+        if not here.size:
+            return SpotPosterior()
+        best = here[np.argmax(total[here])]
+        return SpotPosterior(
+            alternatives=joined(mean[here], variance[here], total[here]),
+            target=float(total[here].sum()),
+            strength=float(modes.strength[best]),
+            signal=float(modes.signal[best]),
+            misfit=float(modes.misfit[best]),
+            noise_m=float(np.sqrt(modes.variance_m2[best])),
+            node=int(modes.node[best]),
+            backscatter=float(modes.backscatter[best]),
+        )
+
     return Posterior(
-        alternatives=tuple(_alternatives(mean[here], variance[here], total[here]) for here in of),
-        targets=np.array([total[here].sum() for here in of]),
-        strength=np.array([modes.strength[at] if at >= 0 else 0.0 for at in best]),
-        signal=np.array([modes.signal[at] if at >= 0 else 0.0 for at in best]),
-        misfit=np.array([modes.misfit[at] if at >= 0 else np.inf for at in best]),
-        log_backscatter=(centre, float(np.sqrt(shares @ (log_beta - centre) ** 2))),
+        spots=tuple(of(spot) for spot in range(4)),
+        log_backscatter=centre,
+        log_backscatter_sigma=float(np.sqrt(shares @ (log_beta - centre) ** 2)),
     )
 
 
@@ -81,26 +106,22 @@ def _weighted(modes: Modes, medians: Floats, beta: Floats) -> tuple[Floats, Floa
     log -= modes.curvature[:, None] * offset**2 / 2
     away = (np.log(beta) - np.log(medians)[:, None]) / LOG_DEVIATION
     fog = -(away**2) / 2 + np.log(np.gradient(np.log(beta)))
-    evidence = np.full((4, len(medians), len(beta)), -np.inf)
-    np.maximum.at(evidence, (modes.spot, modes.node), log)
-    peak = np.where(np.isfinite(evidence), evidence, 0.0)  # of spots that are not usable
-    summed = np.zeros_like(evidence)
-    relative = np.exp(log - peak[modes.spot, modes.node])
-    np.add.at(summed, (modes.spot, modes.node), relative)
-    seen = np.unique(modes.spot)
-    with np.errstate(divide="ignore"):
-        fog = fog + (peak + np.log(summed))[seen].sum(axis=0)
+    fog[0] += np.log((len(medians) - 1) * CLEAR / (1 - CLEAR))
+    # Every usable spot has modes at every extinction, in this order.
+    changes = np.diff(modes.node, prepend=-1) != 0
+    starts, group = np.flatnonzero(changes), np.cumsum(changes) - 1
+    peak = np.maximum.reduceat(log, starts, axis=0)
+    relative = np.exp(log - peak[group])
+    summed = np.add.reduceat(relative, starts, axis=0)
+    evidence = peak + np.log(summed)
+    fog = fog + evidence.reshape(-1, len(medians), len(beta)).sum(axis=0)
     weight = np.exp(fog - fog.max())
     weight /= weight.sum()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        of_spot = np.nan_to_num(relative / summed[modes.spot, modes.node])
-    return weight, of_spot * weight[modes.node]
+    return weight, relative / summed[group] * weight[modes.node]
 
 
-def _alternatives(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
+def joined(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
     """Modes that touch joined into one each, likeliest first."""
-    if not mean.size:
-        return ()
     order = np.argsort(mean)
     mean, variance, weight = mean[order], variance[order], weight[order]
     deviation = SPREAD * np.sqrt(variance)

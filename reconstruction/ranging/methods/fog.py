@@ -5,6 +5,8 @@ taken to be alike in all directions and of unknown extinction and backscattering
 from that counts as noise. See `reconstruction.ranging.fog`.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.constants import c
 from scipy.linalg import null_space
@@ -16,13 +18,14 @@ from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...errors import InputError
 from ..fog.answer import ranges_of
+from ..fog.edges import explained
 from ..fog.histograms import find_histogram_modes, make_histogram_templates
 from ..fog.modes import find_modes
 from ..fog.overlap import check_known
 from ..fog.posterior import posterior
 from ..fog.templates import make_templates
 from ..method import RangingSolver
-from ..ranges import Ranges
+from ..ranges import MIN_SIGNAL, Ranges
 from ..unwrap import unambiguous_path_m
 
 LONGEST_M = 40.0
@@ -60,9 +63,19 @@ class Fog:
             variance = spots.variance(readings)
             saturated = spots.saturated[0].any(axis=1)
             covariance = (combine * variance[:, None]) @ combine.T
-            modes = find_modes(templates, readings @ combine.T, covariance, ~saturated, scaled)
+            echoes = readings @ combine.T
+            dark = _deviations(echoes, covariance) < MIN_SIGNAL
+            modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
             known = posterior(modes, templates.extinction_per_m)
-            return ranges_of(known, saturated, known.signal, readings.mean(axis=1))
+            spots_known = zip(known.spots, echoes, covariance, range(4), strict=True)
+            known = replace(
+                known,
+                spots=tuple(
+                    explained(each, templates, echo, noise, spot)
+                    for each, echo, noise, spot in spots_known
+                ),
+            )
+            return ranges_of(known, saturated, dark, readings.mean(axis=1))
 
         return solve
 
@@ -86,7 +99,8 @@ class Fog:
             modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
             known = posterior(modes, templates.extinction_per_m)
             background = np.median(counts, axis=1)
-            return ranges_of(known, saturated, spots.pulses * known.signal, background)
+            dark = np.array([spot.strength < MIN_SIGNAL for spot in known.spots])
+            return ranges_of(known, saturated, dark, background)
 
         return solve
 
@@ -99,6 +113,13 @@ class Fog:
             return float(c * (gate_s - spots.delay_offset_s) / 2)
         assert isinstance(spots, PulsedSpots)
         return float(c * (spots.window_starts_s[-1] - spots.delay_offset_s) / 2)
+
+
+def _deviations(echoes: Floats, covariance: Floats) -> Floats:
+    """How much more than noise echoes (4, n) are, in standard deviations of its chi squared."""
+    n = echoes.shape[1]
+    squares = (echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1)
+    return np.asarray((squares - n) / np.sqrt(2 * n))
 
 
 def _combinations(spots: CwSpots | PulsedSpots, longest_m: float) -> Floats:
