@@ -13,7 +13,7 @@ CERTAIN = 0.9
 NARROW_M = 0.3
 """give or take so much."""
 GUESSED = 0.5
-"""Where backscattering is known by more than this share of what is known beforehand it is a guess,"""
+"""Where backscattering is as uncertain as this share of what is known before, it is a guess,"""
 SPOILT = 1.15
 """and ranges that are less certain for it by this factor rest on the guess."""
 
@@ -45,6 +45,8 @@ def ranges_of(known: Posterior, saturated: Mask, dark: Mask, background: Floats)
 
 
 def _status(spot: SpotPosterior, guessed: bool) -> Status:
+    if spot.on_edge:
+        return "ambiguous"
     if not spot.alternatives or spot.target < CERTAIN or spot.strength < MIN_SIGNAL:
         return "fog"
     likeliest = spot.alternatives[0]

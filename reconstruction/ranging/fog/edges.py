@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from ...arrays import Floats
 from ..ranges import Alternative
 from .algebra import inverse, solved
-from .modes import MAX_STEP_M, NEAREST_M, SEARCH
+from .modes import MAX_STEP_M, NEAREST_M, SEARCH, Places
 from .posterior import SpotPosterior, joined
 from .templates import STEP_M, Templates
 
@@ -37,7 +37,7 @@ def explained(
         return known
     pair = _two_targets(known, templates, readings, covariance, spot)
     if pair:
-        return replace(known, alternatives=pair)
+        return replace(known, alternatives=pair, on_edge=True)
     growth = np.sqrt(known.misfit / freedom)
     wider = tuple(each._replace(sigma_m=growth * each.sigma_m) for each in known.alternatives)
     return replace(known, alternatives=wider, noise_m=growth * known.noise_m)
@@ -72,7 +72,7 @@ def _two_targets(
     return joined(range_m.ravel(), variance.ravel(), share.ravel())
 
 
-def _best_pairs(a: Floats, y: Floats) -> tuple[Floats, Floats]:
+def _best_pairs(a: Floats, y: Floats) -> tuple[Places, Places]:
     """Columns of the pairs of targets (n, R) that leave least of readings (n,)."""
     gram, ya = a.T @ a, y @ a
     own = np.diagonal(gram)
@@ -81,10 +81,8 @@ def _best_pairs(a: Floats, y: Floats) -> tuple[Floats, Floats]:
         one = (ya[:, None] * own - ya * gram) / determinant
         other = (ya * own[:, None] - ya[:, None] * gram) / determinant
         gained = one * ya[:, None] + other * ya
-    gained = np.where(
-        (one > 0) & (other > 0) & (determinant > 1e-9 * np.outer(own, own)), gained, 0
-    )
-    gained = np.triu(gained, 1)
+    possible = (one > 0) & (other > 0) & (determinant > 1e-9 * np.outer(own, own))
+    gained = np.triu(np.where(possible, gained, 0), 1)
     inner = gained[1:-1, 1:-1]
     peak = inner > 0
     for rows in (slice(0, -2), slice(1, -1), slice(2, None)):
