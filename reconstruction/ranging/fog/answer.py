@@ -53,6 +53,7 @@ def _status(spot: SpotPosterior, guessed: bool) -> Status:
     if guessed and likeliest.sigma_m > SPOILT * spot.noise_m:
         return "fog"
     within = 2 * ndtr(NARROW_M / likeliest.sigma_m) - 1
-    if likeliest.weight * within >= CERTAIN:
+    probability = 1.0 if spot.echoes > 1 else likeliest.weight
+    if probability * within >= CERTAIN:
         return "ok"
-    return "ambiguous" if likeliest.weight < CERTAIN else "fog"
+    return "ambiguous" if probability < CERTAIN else "fog"

@@ -30,7 +30,8 @@ class SpotPosterior:
     ``target`` is the probability that there is a target at all. Of the likeliest mode: ``strength``
     of the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared,
     ``noise_m`` the range's deviation were the fog known, ``node`` and ``backscatter`` the fog.
-    ``on_edge`` where two targets at once explain the readings and one does not.
+    ``on_edge`` where two targets at once explain the readings and one does not; ``echoes`` as many
+    alternatives are there at once, told apart.
     """
 
     alternatives: tuple[Alternative, ...] = ()
@@ -42,6 +43,7 @@ class SpotPosterior:
     node: int = 0
     backscatter: float = 0.0
     on_edge: bool = False
+    echoes: int = 1
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...errors import InputError
 from ..fog.answer import ranges_of
+from ..fog.echoes import with_echoes
 from ..fog.edges import explained
 from ..fog.histograms import find_histogram_modes, make_histogram_templates
 from ..fog.modes import find_modes
@@ -98,6 +99,13 @@ class Fog:
             counts, saturated = spots.counts[0].astype(np.float64), spots.saturated[0]
             modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
             known = posterior(modes, templates.extinction_per_m)
+            known = replace(
+                known,
+                spots=tuple(
+                    with_echoes(each, templates, counts[spot], spots.pulses, spot)
+                    for spot, each in enumerate(known.spots)
+                ),
+            )
             background = np.median(counts, axis=1)
             dark = np.array([spot.strength < MIN_SIGNAL for spot in known.spots])
             return ranges_of(known, saturated, dark, background)

@@ -1,0 +1,134 @@
+"""Further echoes in a histogram: a twig before the wall, a pane before the room, an edge.
+
+What arrives beyond the fitted target and fog is looked through for further pulses; echoes that
+cannot be told apart make the one pulse wider, and its range less certain.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.special import ndtr
+
+from ...arrays import Floats
+from ..histogram import coates
+from ..ranges import Alternative
+from .histograms import REACH, HistogramTemplates
+from .modes import NEAREST_M
+from .posterior import SpotPosterior
+
+DEVIANCE = 30.0
+"""Least deviance of an echo: so strong a one is in no histogram of a thousand by chance."""
+FEWEST = 5.0
+"""Arrivals of an echo."""
+UNEVEN = 0.5
+"""Patches of fog may be so much denser, relative."""
+STEADY = 0.9
+"""Share of the bins that hold no more than background, echoes that are not known yet or not."""
+MOST = 4
+"""Echoes of one spot."""
+WIDER = 4.0
+"""Standard deviations by which a pulse must be wider than one echo's to count as several."""
+
+
+def with_echoes(
+    known: SpotPosterior,
+    templates: HistogramTemplates,
+    counts: Floats,
+    cycles: int,
+    spot: int,
+) -> SpotPosterior:
+    """What is known of a spot with a histogram (B,), all its echoes considered.
+
+    Echoes become alternatives by their share of the light, the likeliest range first.
+    """
+    if not known.alternatives:
+        return known
+    rate, watched = coates(counts[None], cycles)
+    first = known.alternatives[0]
+    around = _Around(templates, spot, watched[0])
+    found = [(first.range_m, first.sigma_m, known.signal)]
+    pulse = around.pulse(*found[0])
+    fog = known.backscatter * templates.fog[spot, known.node]
+    steady = np.sort(rate[0] - fog - pulse)[: int(STEADY * counts.size)].mean()
+    model = fog + pulse + max(steady, 0.5 / cycles / counts.size)
+    spread_m = around.excess_width_m(rate[0] - model + pulse, found[0], model)
+    while len(found) < MOST:
+        echo = around.strongest(rate[0], model, fog)
+        if echo is None:
+            break
+        found.append(echo)
+        model = model + around.pulse(*echo)
+    if len(found) == 1 and not spread_m:
+        return known
+    shares = np.array([signal for *_, signal in found])
+    shares = shares / shares.sum()
+    echoes = [
+        Alternative(range_m, sigma_m, float(share))
+        for (range_m, sigma_m, _), share in zip(found, shares, strict=True)
+    ]
+    echoes[0] = echoes[0]._replace(sigma_m=float(np.hypot(first.sigma_m, spread_m)))
+    return replace(known, alternatives=tuple(echoes), echoes=len(echoes))
+
+
+class _Around:
+    """Pulses in the bins of one spot."""
+
+    def __init__(self, templates: HistogramTemplates, spot: int, watched: Floats) -> None:
+        self._range_m = templates.range_m
+        self._delay = templates.delay[spot]
+        self._width = templates.width
+        self._watched = watched
+        self._metres = np.gradient(templates.range_m, self._delay)[-1]  # per bin
+        self._window = 2 * int(np.ceil(REACH * templates.width)) + 1
+        self._nearest = int(np.interp(NEAREST_M, templates.range_m, self._delay))
+
+    def pulse(self, range_m: float, _sigma_m: float, signal: float) -> Floats:
+        """Arrivals per cycle (B,) of an echo."""
+        edges = np.arange(self._watched.size + 1) - np.interp(range_m, self._range_m, self._delay)
+        return np.asarray(signal * np.diff(ndtr(edges / self._width)))
+
+    def strongest(
+        self, rate: Floats, model: Floats, fog: Floats
+    ) -> tuple[float, float, float] | None:
+        """Range, its deviation and arrivals of the strongest echo beyond a model, if any.
+
+        What may be a denser patch of fog is none.
+        """
+        found, expected, uneven = (
+            self._window * uniform_filter1d(self._watched * each, self._window, mode="constant")
+            for each in (rate, model, UNEVEN * fog)
+        )
+        more = np.where(found - expected > np.maximum(uneven, FEWEST), found, expected)
+        deviance = 2 * (more * np.log(more / expected) - (more - expected))
+        deviance[: self._nearest] = 0
+        place = int(deviance.argmax())
+        arrivals = float(found[place] - expected[place])
+        if deviance[place] < DEVIANCE:
+            return None
+        inside = 2 * ndtr(self._window / 2 / self._width) - 1  # share of a pulse in the window
+        at = slice(max(place - self._window // 2, 0), place + self._window // 2 + 1)
+        excess = np.maximum((rate - model)[at], 0)
+        centre = float(excess @ (np.arange(rate.size)[at] + 0.5) / excess.sum())
+        sigma = self._width * np.sqrt(found[place]) / arrivals
+        signal = arrivals / inside / float(self._watched[place])
+        range_m = float(np.interp(centre, self._delay, self._range_m))
+        return range_m, float(sigma * self._metres), signal
+
+    def excess_width_m(
+        self, pulse: Floats, echo: tuple[float, float, float], model: Floats
+    ) -> float:
+        """By how much the arrivals of a pulse (B,) spread more than an echo's, 0 if by chance."""
+        centre = np.interp(echo[0], self._range_m, self._delay)
+        offset = np.arange(pulse.size) + 0.5 - centre
+        at = np.abs(offset) < 3 * self._width
+        light = pulse[at].sum()
+        if light <= 0:
+            return 0.0
+        squares = float(pulse[at] @ offset[at] ** 2 / light)
+        bell = self.pulse(*echo)[at]
+        expected = float(bell @ offset[at] ** 2 / bell.sum())
+        noise = np.sqrt(model[at] / self._watched[at] @ (offset[at] ** 2 - expected) ** 2) / light
+        if squares - expected < WIDER * noise:
+            return 0.0
+        return float(np.sqrt(squares - expected) * self._metres)
