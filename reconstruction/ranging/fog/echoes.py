@@ -20,7 +20,9 @@ from .posterior import SpotPosterior
 DEVIANCE = 30.0
 """Least deviance of an echo: so strong a one is in no histogram of a thousand by chance."""
 FEWEST = 5.0
-"""Arrivals of an echo."""
+"""Arrivals of an echo,"""
+FAINT = 0.02
+"""and its light over that of the likeliest one, at least."""
 UNEVEN = 0.5
 """Patches of fog may be so much denser, relative."""
 STEADY = 0.9
@@ -54,7 +56,7 @@ def with_echoes(
     model = fog + pulse + max(steady, 0.5 / cycles / counts.size)
     spread_m = around.excess_width_m(rate[0] - model + pulse, found[0], model)
     while len(found) < MOST:
-        echo = around.strongest(rate[0], model, fog)
+        echo = around.strongest(rate[0], model, UNEVEN * fog + FAINT * known.signal / around.window)
         if echo is None:
             break
         found.append(echo)
@@ -80,7 +82,7 @@ class _Around:
         self._width = templates.width
         self._watched = watched
         self._metres = np.gradient(templates.range_m, self._delay)[-1]  # per bin
-        self._window = 2 * int(np.ceil(REACH * templates.width)) + 1
+        self.window = 2 * int(np.ceil(REACH * templates.width)) + 1
         self._nearest = int(np.interp(NEAREST_M, templates.range_m, self._delay))
 
     def pulse(self, range_m: float, _sigma_m: float, signal: float) -> Floats:
@@ -89,25 +91,25 @@ class _Around:
         return np.asarray(signal * np.diff(ndtr(edges / self._width)))
 
     def strongest(
-        self, rate: Floats, model: Floats, fog: Floats
+        self, rate: Floats, model: Floats, least: Floats
     ) -> tuple[float, float, float] | None:
         """Range, its deviation and arrivals of the strongest echo beyond a model, if any.
 
-        What may be a denser patch of fog is none.
+        It has more than ``least`` (B,) arrivals per cycle in the bins of its window.
         """
-        found, expected, uneven = (
-            self._window * uniform_filter1d(self._watched * each, self._window, mode="constant")
-            for each in (rate, model, UNEVEN * fog)
+        found, expected, needed = (
+            self.window * uniform_filter1d(self._watched * each, self.window, mode="constant")
+            for each in (rate, model, least)
         )
-        more = np.where(found - expected > np.maximum(uneven, FEWEST), found, expected)
+        more = np.where(found - expected > np.maximum(needed, FEWEST), found, expected)
         deviance = 2 * (more * np.log(more / expected) - (more - expected))
         deviance[: self._nearest] = 0
         place = int(deviance.argmax())
         arrivals = float(found[place] - expected[place])
         if deviance[place] < DEVIANCE:
             return None
-        inside = 2 * ndtr(self._window / 2 / self._width) - 1  # share of a pulse in the window
-        at = slice(max(place - self._window // 2, 0), place + self._window // 2 + 1)
+        inside = 2 * ndtr(self.window / 2 / self._width) - 1  # share of a pulse in the window
+        at = slice(max(place - self.window // 2, 0), place + self.window // 2 + 1)
         excess = np.maximum((rate - model)[at], 0)
         centre = float(excess @ (np.arange(rate.size)[at] + 0.5) / excess.sum())
         sigma = self._width * np.sqrt(found[place]) / arrivals

@@ -20,11 +20,9 @@ from .modes import (
     CUTOFF,
     EMPTY,
     FAINT,
-    LOG_DEVIATION,
     NEAREST_M,
     Modes,
     Places,
-    expected_backscatter,
 )
 from .overlap import overlap
 from .templates import EXTINCTIONS_PER_M
@@ -36,6 +34,8 @@ REACH = 1.5
 PEAKS = 8
 """Most places of a target that are tried for one spot and extinction."""
 STEPS = 6
+FREE = 1.0
+"""Precision of backscattering beforehand, next to nothing: counts tell it, or do not need it."""
 SMOOTH_BINS = 21
 """Over which counts are averaged for a first guess of their variance."""
 OUTLIER = 4.0
@@ -100,15 +100,13 @@ def _without_target(
     """Backscattering and background (4, K) of all but what sticks out; bins' variance (4, B)."""
     smooth = uniform_filter1d(rate, SMOOTH_BINS, axis=-1, mode="nearest")
     variance = (np.maximum(smooth, 0) + 1 / cycles) / np.maximum(watched, 1)
-    guess = expected_backscatter(templates.extinction_per_m)
-    prior = 1 / (guess * LOG_DEVIATION) ** 2
     kept = np.ones((*templates.fog.shape[:2], rate.shape[-1]), bool)
     beta = background = np.zeros(kept.shape[:2])
     for _ in range(3):
         weight = kept / variance[:, None]
-        gg = (weight * templates.fog**2).sum(axis=-1) + prior
+        gg = (weight * templates.fog**2).sum(axis=-1) + FREE
         g1, w1 = (weight * templates.fog).sum(axis=-1), weight.sum(axis=-1)
-        yg = (weight * templates.fog * rate[:, None]).sum(axis=-1) + prior * guess
+        yg = (weight * templates.fog * rate[:, None]).sum(axis=-1)
         y1 = (weight * rate[:, None]).sum(axis=-1)
         determinant = gg * w1 - g1**2
         beta = np.maximum((yg * w1 - y1 * g1) / determinant, 0)
@@ -154,8 +152,6 @@ def _refine(
     place: Places,
     scaled: bool,
 ) -> Modes:
-    guess = expected_backscatter(templates.extinction_per_m)[node]
-    prior = 1 / (guess * LOG_DEVIATION) ** 2
     beta, background = fitted[0][spot, node], fitted[1][spot, node]
     seen, cycles, fog = counts[spot], watched[spot], templates.fog[spot, node]
     centres = np.arange(counts.shape[-1]) + 0.5
@@ -194,12 +190,10 @@ def _refine(
         information = jacobian.swapaxes(1, 2) @ (jacobian * (cycles / np.expm1(rate))[..., None])
         gradient = (jacobian.swapaxes(1, 2) @ excess[..., None])[..., 0]
         regular = information.copy()
-        regular[:, 2, 2] += prior
+        regular[:, 2, 2] += FREE
         if number == STEPS:
             break
-        pull = gradient.copy()
-        pull[:, 2] += prior * (guess - beta)
-        move = solved(regular, pull)
+        move = solved(regular, gradient)
         at = np.clip(at + np.clip(move[:, 0], -width * metres, width * metres), step, longest)
         rho = np.clip(rho + move[:, 1], rho / 3, 3 * rho + 1e-9)
         beta = np.maximum(beta + move[:, 2], 0.2 * beta)
@@ -243,8 +237,6 @@ def _empty(
     spot, node = spot[kept], node[kept]
     fog, seen, cycles = templates.fog[spot, node], counts[spot], watched[spot]
     at, level = beta[spot, node], background[spot, node]
-    guess = expected_backscatter(templates.extinction_per_m)[node]
-    prior = 1 / (guess * LOG_DEVIATION) ** 2
     for number in range(STEPS + 1):
         rate = np.maximum(at[:, None] * fog + level[:, None], 1e-12)
         jacobian = np.stack([fog, np.ones_like(fog)], axis=-1)
@@ -253,10 +245,9 @@ def _empty(
         gradient = (jacobian.swapaxes(1, 2) @ excess[..., None])[..., 0]
         if number == STEPS:
             break
-        regular, pull = information.copy(), gradient.copy()
-        regular[:, 0, 0] += prior
-        pull[:, 0] += prior * (guess - at)
-        move = solved(regular, pull)
+        regular = information.copy()
+        regular[:, 0, 0] += FREE
+        move = solved(regular, gradient)
         at = np.maximum(at + move[:, 0], 0.2 * at)
         level = np.maximum(level + move[:, 1], 0.2 * level)
     likelihood = (seen * np.log(-np.expm1(-rate)) - (cycles - seen) * rate).sum(axis=-1)
