@@ -150,6 +150,14 @@ def test_a_faint_target_in_clear_air_is_weak() -> None:
     assert "ok" not in {each.status[3] for each in found}
 
 
+@pytest.mark.parametrize("name", ["fog", "windows", "photons"])
+def test_without_fog_and_targets_there_is_no_range(name: str) -> None:
+    found = measure(record(name, ranges_m=np.inf, frames=10))
+    statuses = [status for each in found for status in each.status]
+    assert "ok" not in statuses
+    assert statuses.count("weak") > 0.8 * len(statuses)
+
+
 def test_fog_without_a_target_gives_no_range() -> None:
     found = measure(record(ranges_m=[3.0, 4.5, 5.5, np.inf], frames=10, **FOG))
     assert {each.status[:3] for each in found} == {("ok",) * 3}
