@@ -22,7 +22,7 @@ UNKNOWN = Alternative(np.nan, np.nan, np.nan)
 
 def ranges_of(known: Posterior, saturated: Mask, dark: Mask, background: Floats) -> Ranges:
     """Ranges, or the reasons why there are none; ``dark`` (4,) where readings are but noise."""
-    guessed = known.log_backscatter_sigma > GUESSED * LOG_DEVIATION
+    guessed = known.fog.log_backscatter_sigma > GUESSED * LOG_DEVIATION
 
     def status(spot: int) -> Status:
         if saturated[spot]:

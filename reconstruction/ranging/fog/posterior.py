@@ -10,12 +10,11 @@ import numpy as np
 
 from ...arrays import Floats
 from ..ranges import Alternative
-from .modes import LOG_DEVIATION, Modes, expected_backscatter
+from .belief import FogBelief
+from .modes import Modes
 
 GRID = np.geomspace(1e-6, 0.1, 96)
 """Backscattering, 1 / (m sr), at first; then the finer grid around where it may be."""
-CLEAR = 0.5
-"""Probability beforehand that the air is clear; all fogs are equally likely."""
 FINE = 33
 NEGLIGIBLE = 1e-4
 """Share of the whole below which a mode does not count."""
@@ -48,26 +47,24 @@ class SpotPosterior:
 
 @dataclass(frozen=True)
 class Posterior:
-    """What is known of four ranges, and of the logarithm of the fog's backscattering."""
+    """What is known of four ranges, and of the fog."""
 
     spots: tuple[SpotPosterior, ...]
-    log_backscatter: float
-    log_backscatter_sigma: float
+    fog: FogBelief
 
 
-def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
-    """Posterior of the modes of all spots, in fog of these extinctions (K,), the first none."""
+def posterior(modes: Modes, belief: FogBelief) -> Posterior:
+    """Posterior of the modes of all spots, and of the fog of which so much is held beforehand."""
     if not modes.spot.size:
-        return Posterior((SpotPosterior(),) * 4, np.nan, np.nan)
+        return Posterior((SpotPosterior(),) * 4, belief)
     modes = modes.only(np.lexsort((modes.node, modes.spot)))
-    medians = expected_backscatter(extinction_per_m)
     beta = GRID
-    weight, by_mode = _weighted(modes, medians, beta)
+    weight, by_mode = _weighted(modes, belief, beta)
     for _ in range(2):
         likely = np.flatnonzero(weight.sum(axis=0) > 1e-5)
         low, high = beta[max(likely[0] - 1, 0)], beta[min(likely[-1] + 1, len(beta) - 1)]
         beta = np.linspace(low, high, FINE)
-        weight, by_mode = _weighted(modes, medians, beta)
+        weight, by_mode = _weighted(modes, belief, beta)
     total = by_mode.sum(axis=1)
     moved = modes.range_m[:, None] + modes.drift[:, None] * (beta - modes.backscatter[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -75,8 +72,6 @@ def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
         spread = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
     variance = modes.variance_m2 + spread
     seen = np.isfinite(modes.range_m) & (total > NEGLIGIBLE)
-    shares, log_beta = weight.sum(axis=0), np.log(beta)
-    centre = float(shares @ log_beta)
 
     def of(spot: int) -> SpotPosterior:
         here = np.flatnonzero(seen & (modes.spot == spot))
@@ -96,19 +91,16 @@ def posterior(modes: Modes, extinction_per_m: Floats) -> Posterior:
 
     return Posterior(
         spots=tuple(of(spot) for spot in range(4)),
-        log_backscatter=centre,
-        log_backscatter_sigma=float(np.sqrt(shares @ (log_beta - centre) ** 2)),
+        fog=belief.updated(weight, beta),
     )
 
 
-def _weighted(modes: Modes, medians: Floats, beta: Floats) -> tuple[Floats, Floats]:
+def _weighted(modes: Modes, belief: FogBelief, beta: Floats) -> tuple[Floats, Floats]:
     """Weights (K, B) of fogs on a grid (B,), and of each mode (C, B), which sum to one per spot."""
     offset = beta - modes.backscatter[:, None]
     log = modes.log_weight[:, None] + modes.slope[:, None] * offset
     log -= modes.curvature[:, None] * offset**2 / 2
-    away = (np.log(beta) - np.log(medians)[:, None]) / LOG_DEVIATION
-    fog = -(away**2) / 2 + np.log(np.gradient(np.log(beta)))
-    fog[0] += np.log((len(medians) - 1) * CLEAR / (1 - CLEAR))
+    fog = belief.log_density(beta)
     # Every usable spot has modes at every extinction, in this order.
     changes = np.diff(modes.node, prepend=-1) != 0
     starts, group = np.flatnonzero(changes), np.cumsum(changes) - 1
@@ -116,7 +108,7 @@ def _weighted(modes: Modes, medians: Floats, beta: Floats) -> tuple[Floats, Floa
     relative = np.exp(log - peak[group])
     summed = np.add.reduceat(relative, starts, axis=0)
     evidence = peak + np.log(summed)
-    fog = fog + evidence.reshape(-1, len(medians), len(beta)).sum(axis=0)
+    fog = fog + evidence.reshape(-1, *fog.shape).sum(axis=0)
     weight = np.exp(fog - fog.max())
     weight /= weight.sum()
     return weight, relative / summed[group] * weight[modes.node]

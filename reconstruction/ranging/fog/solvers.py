@@ -1,0 +1,122 @@
+"""From the readings of a frame and what is held of the fog to ranges, and what is held then."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import null_space
+
+from ...arrays import Floats
+from ...capture import Spots
+from ...capture.readings.cw import CwSpots
+from ...capture.readings.dtof import HistogramSpots
+from ...capture.readings.pulsed import PulsedSpots
+from ...errors import InputError
+from ..ranges import MIN_SIGNAL, Ranges
+from .answer import ranges_of
+from .belief import FogBelief
+from .echoes import with_echoes
+from .edges import explained
+from .histograms import find_histogram_modes, make_histogram_templates
+from .modes import find_modes
+from .overlap import check_known
+from .posterior import posterior
+from .templates import make_templates
+
+FogSolver = Callable[[Spots, FogBelief], tuple[Ranges, FogBelief]]
+
+
+def fog_solver(spots: Spots, longest_m: float) -> FogSolver:
+    """Solver of one recording's readings, of targets up to a range.
+
+    Raises InputError where the recording does not tell what the detectors see of the beams, or how
+    much light the lasers send.
+    """
+    check_known(spots)
+    if isinstance(spots, HistogramSpots):
+        return _of_histograms(spots, longest_m)
+    assert isinstance(spots, CwSpots | PulsedSpots)
+    return _of_charge(spots, longest_m)
+
+
+def _of_charge(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
+    scaled = bool(np.isfinite(spots.electrons_per_joule))
+    electrons = spots.electrons_per_joule if scaled else 1.0
+    combine = _combinations(spots, longest_m)
+
+    def response(path_m: Floats) -> Floats:
+        return combine @ (electrons * spots.response(path_m))
+
+    templates = make_templates(spots, response, longest_m)
+
+    def solve(spots: Spots, belief: FogBelief) -> tuple[Ranges, FogBelief]:
+        assert isinstance(spots, CwSpots | PulsedSpots)
+        readings = spots.electrons(spots.taps[0])
+        variance = spots.variance(readings)
+        saturated = spots.saturated[0].any(axis=1)
+        covariance = (combine * variance[:, None]) @ combine.T
+        echoes = readings @ combine.T
+        dark = _deviations(echoes, covariance) < MIN_SIGNAL
+        modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
+        known = posterior(modes, belief)
+        of_each = zip(known.spots, echoes, covariance, range(4), strict=True)
+        revised = tuple(
+            explained(each, templates, echo, noise, spot) for each, echo, noise, spot in of_each
+        )
+        known = replace(known, spots=revised)
+        return ranges_of(known, saturated, dark, readings.mean(axis=1)), known.fog
+
+    return solve
+
+
+def _of_histograms(spots: HistogramSpots, longest_m: float) -> FogSolver:
+    if not spots.piles_up:
+        raise InputError(
+            "ranging in fog needs histograms of single photons; stamps of whole pulses, as those "
+            "of a threshold, do not show how much light the fog sends back"
+        )
+    for name in ("response_sigma_s", "laser_energy_j"):
+        if np.isnan(getattr(spots, name)):
+            raise InputError(f"spots/{name} is not known (nan), and ranging in fog needs it")
+    scaled = bool(np.isfinite(spots.electrons_per_joule))
+    arrivals = (spots.electrons_per_joule if scaled else 1.0) * spots.laser_energy_j
+    templates = make_histogram_templates(spots, arrivals / spots.pulses, longest_m)
+
+    def solve(spots: Spots, belief: FogBelief) -> tuple[Ranges, FogBelief]:
+        assert isinstance(spots, HistogramSpots)
+        counts, saturated = spots.counts[0].astype(np.float64), spots.saturated[0]
+        modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
+        known = posterior(modes, belief)
+        revised = tuple(
+            with_echoes(each, templates, counts[spot], spots.pulses, spot)
+            for spot, each in enumerate(known.spots)
+        )
+        known = replace(known, spots=revised)
+        dark = np.array([spot.strength < MIN_SIGNAL for spot in known.spots])
+        return ranges_of(known, saturated, dark, np.median(counts, axis=1)), known.fog
+
+    return solve
+
+
+def _deviations(echoes: Floats, covariance: Floats) -> Floats:
+    """How much more than noise echoes (4, n) are, in standard deviations of its chi squared."""
+    n = echoes.shape[1]
+    squares = (echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1)
+    return np.asarray((squares - n) / np.sqrt(2 * n))
+
+
+def _combinations(spots: CwSpots | PulsedSpots, longest_m: float) -> Floats:
+    """Combinations (n, readings) of readings that steady light leaves at 0 and an echo does not.
+
+    Raises InputError where the laser's light is not known, and where all echoes look alike.
+    """
+    told = spots.response(np.linspace(0, 2 * longest_m, 4001))
+    if np.isnan(told).any():
+        raise InputError(
+            "the energy of the laser in each reading, or its contrast, is not known (nan), and "
+            "ranging in fog needs it: echoes of different readings are compared"
+        )
+    free = null_space(spots.steady.T).T
+    left, strength, _ = np.linalg.svd(free @ told, full_matrices=False)
+    combine: Floats = left[:, strength > 1e-9 * strength[0]].T @ free
+    return combine

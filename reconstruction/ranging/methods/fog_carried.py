@@ -1,0 +1,37 @@
+"""Ranges through fog that changes slowly: what a frame tells of the fog helps with the next.
+
+For recordings whose frames are reconstructed in their order, as of a flight. The extinction and
+backscattering of each frame are those of the one before but for a drift, and now and then another
+fog altogether: a Bayesian filter over the extinctions, each with a log-normal backscattering.
+"""
+
+from ...capture import Spots
+from ..fog.belief import FogBelief
+from ..fog.solvers import fog_solver
+from ..fog.templates import EXTINCTIONS_PER_M
+from ..method import RangingSolver
+from ..ranges import Ranges
+from .fog import LONGEST_M, Fog
+
+
+class FogCarried(Fog):
+    """The joint likelihood of `Fog`, with the fog of the frame before in place of any fog."""
+
+    title = "fog of the last frame and target"
+
+    def compile(self, spots: Spots) -> RangingSolver:
+        """Solver that remembers the fog of the frame that it solved last; InputError as `Fog`."""
+        solver = fog_solver(spots, min(self.unambiguous_range_m(spots), LONGEST_M))
+        beforehand = FogBelief.beforehand(EXTINCTIONS_PER_M)
+        belief = beforehand
+
+        def solve(spots: Spots) -> Ranges:
+            nonlocal belief
+            ranges, after = solver(spots, belief)
+            belief = after.later(beforehand)
+            return ranges
+
+        return solve
+
+
+METHOD = FogCarried()
