@@ -207,7 +207,12 @@ def test_what_a_depth_method_needs_is_told(capture):
 
 
 @pytest.mark.parametrize(
-    ("method", "fitting"), [("cw", "cw, fog"), ("pulsed", "fog, pulsed"), ("dtof", "dtof, fog")]
+    ("method", "fitting"),
+    [
+        ("cw", "cw, fog, fog-carried"),
+        ("pulsed", "fog, fog-carried, pulsed"),
+        ("dtof", "dtof, fog, fog-carried"),
+    ],
 )
 def test_ranging_methods_read_their_own_kind(method, fitting):
     capture = replace(full_capture(), spots=make_spots(method))

@@ -133,7 +133,7 @@ def test_an_entry_that_cannot_be_loaded_is_told_with_its_package(
         ),
         (
             RANGING_METHODS,
-            {"cw", "pulsed", "dtof", "fog"},
+            {"cw", "pulsed", "dtof", "fog", "fog-carried"},
             lambda found: all(issubclass(kind, Spots) for kind in np.atleast_1d(found.reads)),
         ),
         (READINGS, {"cw", "pulsed", "dtof"}, lambda found: issubclass(found, Spots)),
