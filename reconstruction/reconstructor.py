@@ -11,7 +11,7 @@ from .capture import Frames, Recording, Setup
 from .depth import DEPTH_METHODS, Context, View, depth_method, lacks, range_over_depth
 from .errors import InputError
 from .image import IMAGE_METHODS, Coefficients, Imaging, UsableReadings, image_method
-from .ranging import RANGING_METHODS, Ranges, Status, ranging_method, reads
+from .ranging import RANGING_METHODS, Ranges, RangingSolver, Status, ranging_method, reads
 from .result import Image, Result
 from .timing import timed
 
@@ -42,11 +42,7 @@ class Reconstructor:
         self._imaging = Imaging(setup.plan)
         everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
         self._images = _image_names(image, everything)
-        self._rangings = {
-            name: ranging_method(name, setup.spots).compile(setup.spots)
-            for name in _ranging_names(ranging, setup)
-            if setup.spots is not None
-        }
+        self._rangings = _rangings(ranging, setup)
         context = Context(setup, self._imaging)
         self._depths = {
             name: depth_method(name, setup).compile(context) for name in _depth_names(depth, setup)
@@ -184,14 +180,27 @@ def _image_names(names: Names, readings: UsableReadings) -> list[str]:
     return chosen
 
 
-def _ranging_names(names: Names, setup: Setup) -> list[str]:
+def _rangings(names: Names, setup: Setup) -> dict[str, RangingSolver]:
     spots = setup.spots
     if spots is None:
         for name in _listed(names, (), (), bool):
             RANGING_METHODS[name]  # an unknown one is told first
             raise InputError(f"ranging method {name!r} needs spots, which the recording lacks")
-        return []
-    return _listed(names, [spots.method], RANGING_METHODS, lambda name: reads(name, spots))
+        return {}
+    solvers: dict[str, RangingSolver] = {}
+
+    def fits(name: str) -> bool:
+        try:
+            if reads(name, spots):
+                solvers[name] = RANGING_METHODS[name].compile(spots)
+        except InputError:
+            return False
+        return name in solvers
+
+    chosen = _listed(names, [spots.method], RANGING_METHODS, fits)
+    return {
+        name: solvers.get(name) or ranging_method(name, spots).compile(spots) for name in chosen
+    }
 
 
 def _depth_names(names: Names, setup: Setup) -> list[str]:
@@ -227,7 +236,7 @@ def _checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
 
 
 def _checked_ranges(name: str, ranges: Any) -> Ranges:
-    if not (isinstance(ranges, Ranges) and all(len(v) == 4 for v in vars(ranges).values())):
+    if not (isinstance(ranges, Ranges) and _are_of_four_spots(ranges)):
         raise InputError(f"ranging method {name!r} gave {type(ranges).__name__}, not four ranges")
     unknown = set(ranges.status) - set(get_args(Status))
     if unknown:
@@ -238,6 +247,12 @@ def _checked_ranges(name: str, ranges: Any) -> Ranges:
     if not np.isfinite(ranges.range_m[ranges.valid]).all():
         raise InputError(f"ranging method {name!r} gave a range that is not finite as 'ok'")
     return ranges
+
+
+def _are_of_four_spots(ranges: Ranges) -> bool:
+    values = dict(vars(ranges))
+    lists = values.pop("status"), values.pop("alternatives")
+    return all(np.shape(v) == (4,) for v in values.values()) and all(len(v) == 4 for v in lists)
 
 
 def _single(arrays: Mapping[str, Floats]) -> dict[str, Image]:

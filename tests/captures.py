@@ -28,7 +28,17 @@ CHARGE = {
 def make_spots(method):
     """Readings of two frames by any method."""
     rng = np.random.default_rng(1)
-    common = {"directions": DIRECTIONS, "detector_positions_m": rng.random((4, 3))}
+    common = {
+        "directions": DIRECTIONS,
+        "detector_positions_m": rng.random((4, 3)),
+        "detector_axes": DIRECTIONS[::-1],
+        "half_fields_rad": np.array([0.01, 0.02, np.nan, np.nan]),
+        "falloffs": np.array([0.0, 0.0, 3.0, np.nan]),
+        "aperture_radii_m": np.array([0.0, 1e-3, 2e-3, np.nan]),
+        "beam_divergence_rad": 1e-3,
+        "beam_waist_m": 2e-3,
+        "electrons_per_joule": 5e18,
+    }
     if method == "cw":
         return CwSpots(
             **common,
@@ -38,7 +48,9 @@ def make_spots(method):
             tap_frequencies_hz=np.full(3, 15e6),
             tap_phases_rad=np.array([0.0, 2.0, 4.0]),
             phase_offsets_rad=np.full(3, 0.1),
-            periods=1000,
+            periods=np.array([1000, 2000, 3000]),
+            laser_energies_j=np.array([1e-6, 2e-6, 3e-6]),
+            contrasts=np.array([0.9, 0.8, np.nan]),
         )
     if method == "pulsed":
         return PulsedSpots(
@@ -50,6 +62,7 @@ def make_spots(method):
             pulse_width_s=65e-9,
             pulses=1000,
             delay_offset_s=1e-9,
+            laser_energy_j=2e-6,
         )
     return HistogramSpots(
         **common,
@@ -60,6 +73,7 @@ def make_spots(method):
         pulses=10_000,
         response_sigma_s=0.5e-9,
         delay_offset_s=1e-9,
+        laser_energy_j=2e-6,
     )
 
 

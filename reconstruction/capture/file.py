@@ -238,7 +238,7 @@ def _spots_class(file: h5py.File) -> type[Spots] | None:
 def _check_shapes(file: h5py.File, group: str, part: type, sizes: dict[str, int]) -> None:
     for name, stored in _told_fields(file, group, part):
         shape = hdf5.get_shape(file, f"{group}/{name}", stored.units)
-        if not stored.axes and set(shape) == {1}:
+        if (stored.one_for_all or not stored.axes) and set(shape) == {1}:
             shape = ()  # a scalar may be an array of one element
         check_shape(f"{group}/{name}", shape, stored, sizes)
 
@@ -250,8 +250,8 @@ def _read(file: h5py.File, group: str, part: type[Part], rows: slice | None = No
 
 
 def _told_fields(file: h5py.File, group: str, part: type) -> list[tuple[str, Stored]]:
-    """The datasets of a part that a file has, or must have as there is no default for them."""
-    optional = {
+    """The datasets of a part but those that a file lacks, as what they tell is not known."""
+    default = {
         field.name
         for field in fields(part)
         if not (field.default is MISSING and field.default_factory is MISSING)
@@ -259,14 +259,15 @@ def _told_fields(file: h5py.File, group: str, part: type) -> list[tuple[str, Sto
     return [
         (name, stored)
         for name, stored in stored_fields(part)
-        if name not in optional or hdf5.has(file, f"{group}/{name}")
+        if not (stored.nan and name in default) or hdf5.has(file, f"{group}/{name}")
     ]
 
 
 def _value(file: h5py.File, where: str, stored: Stored, rows: slice | None) -> Any:
     value = hdf5.get(file, where, stored.units, rows if stored.by_frame else None)
     array = stored.kept(where, value)
-    return array.item() if not stored.axes and array.size == 1 else array
+    scalar = array.size == 1 and (stored.one_for_all or not stored.axes)
+    return array.item() if scalar else array
 
 
 def _truth_of_the_first_frame(file: h5py.File, *, still: bool) -> Truth:

@@ -17,13 +17,17 @@ _known: dict[type, tuple[tuple[str, "Stored"], ...]] = {}
 
 
 class Stored(NamedTuple):
-    """How a field is stored: unit, axes (named or of fixed size), type, and what is allowed."""
+    """How a field is stored: unit, axes (named or of fixed size), type, and what is allowed.
+
+    ``one_for_all``: a single value may stand for all along the axis.
+    """
 
     units: str
     axes: tuple[str | int, ...] = ()
     dtype: Literal["float64", "float32", "int64", "bool", "int32 or float64"] = "float64"
     sign: Literal["any", "not negative", "positive"] = "any"
     nan: bool = False
+    one_for_all: bool = False
 
     @property
     def by_frame(self) -> bool:
@@ -73,12 +77,8 @@ def between(part: Part, start: int, stop: int) -> Part:
 
 
 def check_shape(name: str, shape: tuple[int, ...], stored: Stored, sizes: dict[str, int]) -> None:
-    """Check the shape of one dataset; the first to use a named axis sets its size.
-
-    A single value may stand for all along a named axis that is not that of frames.
-    """
-    named = len(stored.axes) == 1 and isinstance(stored.axes[0], str) and not stored.by_frame
-    if shape == () and named:
+    """Check the shape of one dataset; the first to use a named axis sets its size."""
+    if stored.one_for_all and shape == ():
         return
     if len(shape) == len(stored.axes):
         for axis, size in zip(stored.axes, shape, strict=True):

@@ -15,7 +15,7 @@ from ..capture import Capture, first_patterns, open_capture
 from ..depth import DEPTH_METHODS
 from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
-from ..evaluation.methods import method_title
+from ..evaluation import method_title, no_range
 from ..files import require_folder
 from ..image import IMAGE_METHODS
 from ..operators import ORDERS
@@ -108,9 +108,10 @@ def _spots(ranges: Ranges) -> list[dict[str, Any]]:
             "range_m": float(range_m) if status == "ok" else None,
             "sigma_m": float(sigma_m) if status == "ok" else None,
             "status": status,
+            "alternatives": [each._asdict() for each in alternatives],
         }
-        for range_m, sigma_m, status in zip(
-            ranges.range_m, ranges.sigma_m, ranges.status, strict=True
+        for range_m, sigma_m, status, alternatives in zip(
+            ranges.range_m, ranges.sigma_m, ranges.status, ranges.alternatives, strict=True
         )
     ]
 
@@ -142,11 +143,13 @@ def _print(result: Result, capture: Capture, files: dict[str, Path]) -> None:
 def _print_ranges(name: str, ranges: Ranges) -> None:
     rows = [(name, "range / m", "sigma / m", "signal / electrons", "background / electrons")]
     for spot, status in enumerate(ranges.status):
+        known = status == "ok"
+        others = ranges.alternatives[spot]
         rows.append(
             (
                 f"spot {spot}",
-                f"{ranges.range_m[spot]:.3f}" if status == "ok" else status,
-                f"{ranges.sigma_m[spot]:.3f}" if status == "ok" else "",
+                f"{ranges.range_m[spot]:.3f}" if known else no_range(status, others),
+                f"{ranges.sigma_m[spot]:.3f}" if known else "",
                 f"{ranges.signal_electrons[spot]:.4g}",
                 f"{ranges.background_electrons[spot]:.4g}",
             )

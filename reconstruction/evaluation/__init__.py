@@ -2,5 +2,6 @@
 
 from .methods import METHODS, method_title
 from .metrics import depth_metrics, evaluate, image_metrics
+from .words import no_range
 
-__all__ = ["METHODS", "depth_metrics", "evaluate", "image_metrics", "method_title"]
+__all__ = ["METHODS", "depth_metrics", "evaluate", "image_metrics", "method_title", "no_range"]

@@ -16,8 +16,9 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
 
     ``frame``: its number. ``images``, by method: correlation, nrmse and psnr_db. ``truth``: the
     rms standard error of its image over the image's rms, ``image_error``, below which an nrmse
-    tells nothing. ``spots``, by method: for each spot range_m, true_m, error_m, sigma_m and status.
-    ``depths``, by method: see `depth_metrics`. What does not exist is empty or None.
+    tells nothing. ``spots``, by method: for each spot range_m, true_m, error_m, sigma_m, status
+    and alternatives, each with range_m, sigma_m and weight. ``depths``, by method: see
+    `depth_metrics`. What does not exist is empty or None.
 
     Raises InputError where the result is of other readings than this capture's frame of the same
     number, and where the truth of that frame is not known.
@@ -91,7 +92,7 @@ def depth_metrics(depth_m: ArrayLike, true_m: ArrayLike) -> dict[str, float | No
     }
 
 
-def _spots(ranges: Ranges, truth: FrameTruth) -> list[dict[str, float | str | None]]:
+def _spots(ranges: Ranges, truth: FrameTruth) -> list[dict[str, Any]]:
     return [
         {
             "range_m": _number(measured),
@@ -99,9 +100,15 @@ def _spots(ranges: Ranges, truth: FrameTruth) -> list[dict[str, float | str | No
             "error_m": _number(measured - true),
             "sigma_m": _number(sigma),
             "status": status,
+            "alternatives": [each._asdict() for each in alternatives],
         }
-        for measured, true, sigma, status in zip(
-            ranges.range_m, truth.spot_range_m, ranges.sigma_m, ranges.status, strict=True
+        for measured, true, sigma, status, alternatives in zip(
+            ranges.range_m,
+            truth.spot_range_m,
+            ranges.sigma_m,
+            ranges.status,
+            ranges.alternatives,
+            strict=True,
         )
     ]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..capture import Unit, hdf5
 from ..errors import InputError
-from ..ranging import Ranges, Status
+from ..ranging import Alternative, Ranges, Status
 from ..result import Result
 
 FORMAT = "spisim-result"
@@ -20,6 +20,8 @@ RANGES = {
     "signal_electrons": "electron",
     "background_electrons": "electron",
 }
+ALTERNATIVES = {"range_m": "m", "sigma_m": "m", "weight": "1"}
+"""Of each spot a row, likeliest first, nan behind the last; not there if no spot has any."""
 GROUPS = ("images", "rangings", "depths")
 
 
@@ -84,7 +86,25 @@ def _ranges(file: h5py.File, group: str) -> Ranges:
     unknown = set(status) - set(get_args(Status))
     if unknown:
         raise InputError(f"dataset {group}/status holds {', '.join(map(repr, unknown))}")
-    return Ranges(**values, status=status)  # type: ignore[arg-type]
+    alternatives = _alternatives(file, f"{group}/alternatives", len(status))
+    return Ranges(**values, status=status, alternatives=alternatives)  # type: ignore[arg-type]
+
+
+def _alternatives(file: h5py.File, group: str, spots: int) -> tuple[tuple[Alternative, ...], ...]:
+    if not hdf5.has(file, group):
+        return ((),) * spots
+    columns = [
+        hdf5.get_numbers(file, f"{group}/{name}", units) for name, units in ALTERNATIVES.items()
+    ]
+    for name, array in zip(ALTERNATIVES, columns, strict=True):
+        if array.ndim != 2 or array.shape != (spots, columns[0].shape[1]):
+            raise InputError(
+                f"dataset {group}/{name} has shape {array.shape}, expected ({spots}, n)"
+            )
+    return tuple(
+        tuple(Alternative(*each) for each in row if np.isfinite(each).all())
+        for row in np.stack(columns, axis=-1).tolist()
+    )
 
 
 def _write(file: h5py.File, result: Result) -> None:
@@ -102,7 +122,19 @@ def _write(file: h5py.File, result: Result) -> None:
         for quantity, units in RANGES.items():
             hdf5.put(file, f"rangings/{name}/{quantity}", getattr(ranges, quantity), units)
         hdf5.put(file, f"rangings/{name}/status", np.array(ranges.status, dtype="S"), "1")
+        if any(ranges.alternatives):
+            _write_alternatives(file, f"rangings/{name}/alternatives", ranges)
     if result.range_over_depth is not None:
         hdf5.put(file, "range_over_depth", result.range_over_depth, "1")
     for stage, seconds in result.timings_s.items():
         hdf5.put(file, f"timings_s/{stage}", seconds, "s")
+
+
+def _write_alternatives(file: h5py.File, group: str, ranges: Ranges) -> None:
+    longest = max(map(len, ranges.alternatives))
+    table = np.full((len(ranges.status), longest, len(ALTERNATIVES)), np.nan)
+    for spot, alternatives in enumerate(ranges.alternatives):
+        for place, each in enumerate(alternatives):
+            table[spot, place] = each
+    for column, (name, units) in enumerate(ALTERNATIVES.items()):
+        hdf5.put(file, f"{group}/{name}", table[..., column], units)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from reconstruction.evaluation import method_title
+from reconstruction.evaluation import method_title, no_range
+from reconstruction.ranging import Alternative
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ def compared_spots(metrics: Mapping[str, Any]) -> list[Comparison]:
 
 
 def _spot(place: int, spot: Mapping[str, Any]) -> tuple[str, ...]:
-    measured = written(spot["range_m"]) if spot["status"] == "ok" else spot["status"]
+    alternatives = (Alternative(**each) for each in spot["alternatives"])
+    known = spot["status"] == "ok"
+    measured = written(spot["range_m"]) if known else no_range(spot["status"], alternatives)
     errors = (written(spot[key], 100, "{:.1f}") for key in ("error_m", "sigma_m"))
     return f"spot {place}", written(spot["true_m"]), measured, *errors

@@ -191,9 +191,9 @@ def recorded(name: str, frames: int):
         one.path_length_m,
         np.broadcast_to(one.echo_per_s, (frames, *one.echo_per_s.shape[1:])),
         np.broadcast_to(one.steady_per_s, (frames, 4)),
+        one.laser_power_w,
     )
-    directions = instrument.lasers.directions
-    return instrument.tof.record(many, directions, np.random.default_rng(5))
+    return instrument.tof.record(many, instrument.spot_optics, np.random.default_rng(5))
 
 
 def z_of_variance(values: np.ndarray, sigma: float) -> float:

@@ -14,12 +14,15 @@ from scipy.special import ndtr
 
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import stored_fields
+from reconstruction.capture.spots import SpotOptics
 from reconstruction.ranging import measure_ranges
 from spisim.instrument import CwTof, Instrument, SpotLight, load_instrument
 
 FRAMES = 5000  # of four spots each
 PATHS = np.arange(1001) * 0.02
 AHEAD = np.tile([0.0, 0.0, 1.0], (4, 1))
+OPTICS = SpotOptics(directions=AHEAD, detector_positions_m=np.tile([1e-6, 0.0, 0.0], (4, 1)))
+LASER_W = 1e-3
 
 
 def with_tof(instrument: Instrument, **changes: object):
@@ -38,11 +41,12 @@ def light(range_m: float, echo_per_s: float, steady_per_s: float, frames: int = 
         PATHS,
         np.broadcast_to(histogram, (frames, 4, PATHS.size)),
         np.full((frames, 4), steady_per_s),
+        LASER_W,
     )
 
 
 def ranges_of(tof, given: SpotLight, seed: int = 7):
-    spots = tof.record(given, AHEAD, np.random.default_rng(seed))
+    spots = tof.record(given, OPTICS, np.random.default_rng(seed))
     found = measure_ranges(in_one_frame(spots))
     assert set(found.status) == {"ok"}
     return found.range_m, found.sigma_m
@@ -142,7 +146,7 @@ def test_wiggling_of_square_waves(pair: tuple[str, str]) -> None:
     tof = tof.model_copy(update={"modulation": modulation})
     errors = []
     for range_m in np.arange(0.625, 9.5, 0.3125):
-        spots = tof.record(light(range_m, 2e10, 8e10, 1), AHEAD, None)
+        spots = tof.record(light(range_m, 2e10, 8e10, 1), OPTICS, None)
         errors.append(measure_ranges(spots).range_m[0] - range_m)
     largest = np.abs(errors).max()
     if pair[0] == "sine":
@@ -178,7 +182,7 @@ def test_slow_pulses_and_amplifiers_keep_the_range_between_the_ends() -> None:
     detector = tof.detector.model_copy(update={"amplifier": amplifier})
     tof = tof.model_copy(update={"detector": detector})
     for range_m in (1.0, 5.0, 8.0):
-        spots = tof.record(light(range_m, 8e11, 0.0, 1), AHEAD, None)
+        spots = tof.record(light(range_m, 8e11, 0.0, 1), OPTICS, None)
         assert measure_ranges(spots).range_m[0] == pytest.approx(range_m, abs=1e-3)
 
 
@@ -250,7 +254,7 @@ def test_too_much_sun_is_flagged() -> None:
     spad = with_tof(preset("spad"))
     area_s = spad.pulse_sigma_s * np.sqrt(2 * np.pi)
     given = light(4.0, 0.1 / area_s, 6e8, 1)
-    spots = spad.record(given, AHEAD, np.random.default_rng(0))
+    spots = spad.record(given, OPTICS, np.random.default_rng(0))
     assert spots.saturated.all()
     assert measure_ranges(spots).status == ("saturated",) * 4
 
@@ -260,7 +264,7 @@ def test_taps_of_several_frequencies_stand_one_after_the_other() -> None:
     given = light(3.0, 1e10, 0.0, 1)
     modulation = tof.modulation.model_copy(update={"frequencies_hz": (10e6, 15e6)})
     tof = tof.model_copy(update={"modulation": modulation})
-    spots = tof.record(given, AHEAD, None)
+    spots = tof.record(given, OPTICS, None)
     epc, offset = spots.electrons_per_count, spots.offset_counts
     for number, frequency in enumerate((10e6, 15e6)):
         part = (spots.taps[..., 4 * number : 4 * number + 4] - offset) * epc

@@ -64,6 +64,52 @@ def test_optional_parts_may_be_absent(capture, tmp_path):
     )
 
 
+NOT_NEEDED = (
+    "detector_axes",
+    "half_fields_rad",
+    "falloffs",
+    "aperture_radii_m",
+    "beam_divergence_rad",
+    "beam_waist_m",
+    "electrons_per_joule",
+    "laser_energies_j",
+    "contrasts",
+    "laser_energy_j",
+)
+
+
+@pytest.mark.parametrize("method", READINGS)
+def test_what_only_fog_needs_may_be_absent_and_is_then_nan(capture, path, method):
+    write_capture(replace(capture, spots=make_spots(method)), path)
+    with h5py.File(path, "r+") as file:
+        absent = [name for name in NOT_NEEDED if name in file["spots"]]
+        for name in absent:
+            del file[f"spots/{name}"]
+    assert len(absent) == {"cw": 9, "pulsed": 8, "dtof": 8}[method]
+    copy = read_capture(path).spots
+    for name, stored in stored_fields(type(copy)):
+        expected = getattr(make_spots(method), name)
+        if name in absent:
+            fixed = tuple(axis for axis in stored.axes if isinstance(axis, int))
+            expected = np.full(fixed, np.nan)
+        assert np.array_equal(getattr(copy, name), expected, equal_nan=True), name
+
+
+def test_one_value_may_stand_for_all_taps(capture, path):
+    alike = {"periods": 70, "noise_electrons": 9.0, "laser_energies_j": 1e-6, "contrasts": 0.5}
+    spots = replace(capture.spots, **alike)
+    write_capture(replace(capture, spots=spots), path)
+    with h5py.File(path, "r+") as file:  # as MATLAB has it
+        del file["spots/periods"]
+        file["spots/periods"] = np.array([[70.0]])
+        file["spots/periods"].attrs["units"] = "1"
+    copy = read_capture(path).spots
+    assert {name: getattr(copy, name) for name in alike} == alike
+    path_m = np.linspace(0, 30, 7)
+    each = replace(spots, **{name: np.full(3, value) for name, value in alike.items()})
+    assert np.array_equal(copy.response(path_m), each.response(path_m))
+
+
 def test_equal_captures_give_equal_bytes(capture, path, tmp_path):
     write_capture(capture, tmp_path / "again.h5")
     assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()

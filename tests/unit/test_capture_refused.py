@@ -131,6 +131,13 @@ def replace_dataset(path, name, value, units=None):
         ("spots/directions", np.tile([0, 0, 57.0], (4, 1)), "unit vectors"),
         ("spots/tap_frequencies_hz", np.full(3, -1.0), "must be positive"),
         ("spots/tap_frequencies_hz", [1e6, 1e6, 2e6], "1e.06 Hz has 2 tap.* at least 3"),
+        ("spots/tap_frequencies_hz", 15e6, r"shape \(\), expected \(taps = 3\)"),
+        ("spots/phase_offsets_rad", 0.1, r"shape \(\), expected \(taps = 3\)"),
+        ("spots/periods", [1000, 1000], r"shape \(2,\), expected \(taps = 3\)"),
+        ("spots/laser_energies_j", 0.0, "must be positive"),
+        ("spots/detector_axes", np.tile([0, 0, 57.0], (4, 1)), "unit vectors, or nan"),
+        ("spots/half_fields_rad", [0.1, np.nan, 30.0, 0.1], "half_fields_rad is 30.*at most pi/2"),
+        ("spots/aperture_radii_m", [0.1, np.nan, -1.0, 0.1], "must be not negative"),
         ("spots/tap_phases_rad", [0, 1, 1 + 2 * np.pi], "fewer than 3 different phases"),
         (
             "spots/method",
@@ -166,11 +173,33 @@ def test_a_wrong_dataset_is_named(path, name, value, message):
     assert str(error.value).count(str(path)) == 1
 
 
+def windows(starts_s):
+    """Readings in windows that start then."""
+    number = len(starts_s)
+    return {
+        "window_starts_s": np.array(starts_s),
+        "taps": np.zeros((2, 4, number)),
+        "saturated": np.zeros((2, 4, number), bool),
+    }
+
+
 @pytest.mark.parametrize(
     ("method", "changes", "message"),
     [
-        ("pulsed", {"taps": np.zeros((2, 4, 4))}, r"spots/taps has shape \(2, 4, 4\)"),
-        ("pulsed", {"window_starts_s": np.array([-70e-9, 0, 60e-9])}, "must start where the first"),
+        (
+            "pulsed",
+            {"taps": np.zeros((2, 4, 4))},
+            r"spots/(taps|saturated|window_starts_s) has shape",
+        ),
+        (
+            "pulsed",
+            {"window_starts_s": np.array([-70e-9, 0, 60e-9])},
+            "window 2 must start where the one before ends",
+        ),
+        ("pulsed", windows([-70e-9, 0]), "has 2 windows; .* at least two"),
+        ("pulsed", windows([-70e-9, 0, 65e-9, 140e-9]), "window 3 must start .* 2 pulse_width_s"),
+        ("pulsed", windows([65e-9, 0, 65e-9, 130e-9]), "background window overlaps"),
+        ("pulsed", {"laser_energy_j": -1.0}, "spots/laser_energy_j is -1.0, must be positive"),
         ("pulsed", {"window_starts_s": np.array([64e-9, 0, 65e-9])}, "background window overlaps"),
         ("pulsed", {"pulse_width_s": 0.0}, "spots/pulse_width_s is 0.0, must be positive"),
         ("dtof", {"counts": np.zeros((2, 4, 2))}, "spots/counts has 2 bins.*at least 3"),
@@ -185,9 +214,11 @@ def test_readings_that_cannot_be_are_refused(capture, method, changes, message):
         replace(capture, spots=replace(make_spots(method), **changes))
 
 
-@pytest.mark.parametrize("start", [-65e-9, 130e-9])
-def test_the_background_window_may_touch_the_others(capture, start):
-    spots = replace(make_spots("pulsed"), window_starts_s=np.array([start, 0, 65e-9]))
+@pytest.mark.parametrize(
+    "starts_s", [(-65e-9, 0, 65e-9), (130e-9, 0, 65e-9), (0, 65e-9, 130e-9, 195e-9)]
+)
+def test_the_background_window_may_touch_the_others(capture, starts_s):
+    spots = replace(make_spots("pulsed"), **windows(starts_s))
     assert replace(capture, spots=spots).spots is spots
 
 

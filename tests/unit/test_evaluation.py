@@ -16,9 +16,9 @@ from reconstruction import (
     reconstruct,
 )
 from reconstruction.capture import Buckets, FrameTruth, Provenance, Truth
-from reconstruction.evaluation import depth_metrics, image_metrics
+from reconstruction.evaluation import depth_metrics, image_metrics, no_range
 from reconstruction.operators import expose
-from reconstruction.ranging import Ranges
+from reconstruction.ranging import Alternative, Ranges
 
 IMAGE = np.arange(1.0, 9).reshape(2, 4)
 TRUTH = FrameTruth(IMAGE, IMAGE / 50, IMAGE, IMAGE, IMAGE, np.array([1.0, 2.0, 3.0, 4.0]))
@@ -57,7 +57,8 @@ def make_result(**changes):
         sigma_m=np.array([0.1, 0.1, np.nan, 0.1]),
         signal_electrons=np.ones(4),
         background_electrons=np.ones(4),
-        status=("ok", "ok", "saturated", "ok"),
+        status=("ok", "ok", "ambiguous", "ok"),
+        alternatives=((), (), (Alternative(2.5, 0.1, 0.75), Alternative(3.5, 0.2, 0.25)), ()),
     )
     values = {
         "images": {"pursuit": IMAGE, "zero-filled": IMAGE + 1},
@@ -129,11 +130,34 @@ def test_evaluate_compares_all_images_maps_and_rangings():
     assert metrics["depths"]["anchored"]["median_relative"] == pytest.approx(0.1)
     assert metrics["depths"]["nearest"]["within_25_percent"] == 0
     (spots,) = metrics["spots"].values()
+    assert spots[0].pop("alternatives") == []
     assert spots[0] == pytest.approx(
         {"range_m": 1.5, "true_m": 1.0, "error_m": 0.5, "sigma_m": 0.1, "status": "ok"}
     )
     nothing = dict.fromkeys(("range_m", "error_m", "sigma_m"))
-    assert spots[2] == nothing | {"true_m": 3, "status": "saturated"}
+    alternatives = [
+        {"range_m": 2.5, "sigma_m": 0.1, "weight": 0.75},
+        {"range_m": 3.5, "sigma_m": 0.2, "weight": 0.25},
+    ]
+    assert spots[2] == nothing | {
+        "true_m": 3,
+        "status": "ambiguous",
+        "alternatives": alternatives,
+    }
+
+
+@pytest.mark.parametrize(
+    ("alternatives", "words"),
+    [
+        ((), "fog"),
+        ([(5.104, 0.8, 1.0)], "fog: 5.10 ± 0.80 m"),
+        ([(2.312, 0.1, 0.7), (2.94, 0.1, 0.3)], "fog: 2.31 m (70 %), 2.94 m (30 %)"),
+        ([(5.104, 0.8, 0.995), (9, 0.1, 0.005)], "fog: 5.10 ± 0.80 m"),
+        ([(k, 0.1, 0.25) for k in range(1, 5)], "fog: 1.00 m (25 %), 2.00 m (25 %), 3.00 m (25 %)"),
+    ],
+)
+def test_the_ranges_that_a_spot_may_have_are_told(alternatives, words):
+    assert no_range("fog", [Alternative(*each) for each in alternatives]) == words
 
 
 def test_the_error_of_the_truth_is_relative_to_its_rms():

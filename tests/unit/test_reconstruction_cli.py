@@ -31,6 +31,7 @@ from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.cli import main
 from reconstruction.operators import expose
 from reconstruction.outputs.result_file import result_bytes
+from reconstruction.ranging import RANGING_METHODS, Alternative, Ranges
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 SHAPE = (16, 32)
@@ -300,6 +301,83 @@ def result_file(capture, tmp_path):
     path = tmp_path / "result.h5"
     path.write_bytes(result_bytes(reconstruct(capture)))
     return path
+
+
+AMBIGUOUS = Ranges(
+    range_m=np.array([2.0, np.nan, np.nan, 4.0]),
+    sigma_m=np.array([0.1, np.nan, np.nan, 0.1]),
+    signal_electrons=np.ones(4),
+    background_electrons=np.ones(4),
+    status=("ok", "ambiguous", "weak", "ok"),
+    alternatives=(
+        (Alternative(2.0, 0.1, 0.95), Alternative(7.0, 0.2, 0.05)),
+        (Alternative(2.314, 0.01, 0.7), Alternative(2.941, 0.02, 0.3)),
+        (),
+        (Alternative(4.0, 0.1, 1.0),),
+    ),
+)
+
+
+def test_ranges_that_a_spot_may_have_come_back(capture, tmp_path):
+    result = replace(reconstruct(capture), rangings={"cw": AMBIGUOUS})
+    path = tmp_path / "result.h5"
+    path.write_bytes(result_bytes(result))
+    assert read_result(path).ranges.alternatives == AMBIGUOUS.alternatives
+    with h5py.File(path, "r+") as content:
+        del content["rangings/cw/alternatives"]
+    copy = read_result(path).ranges
+    assert copy.alternatives == ((), (), (), ())
+    assert copy.status == AMBIGUOUS.status
+    plain = replace(result, rangings={"cw": replace(AMBIGUOUS, alternatives=((),) * 4)})
+    path.write_bytes(result_bytes(plain))
+    assert read_result(path).ranges.alternatives == ((), (), (), ())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("range_m", np.ones(4), r"alternatives/range_m has shape \(4,\)"),
+        ("sigma_m", np.ones((4, 3)), r"alternatives/sigma_m has shape \(4, 3\), expected \(4, n"),
+        ("weight", None, "alternatives/weight is missing"),
+    ],
+)
+def test_wrong_alternatives_are_named(capture, tmp_path, name, value, message):
+    path = tmp_path / "result.h5"
+    path.write_bytes(result_bytes(replace(reconstruct(capture), rangings={"cw": AMBIGUOUS})))
+    with h5py.File(path, "r+") as content:
+        group = content["rangings/cw/alternatives"]
+        units = group[name].attrs["units"]
+        del group[name]
+        if value is not None:
+            group[name] = value
+            group[name].attrs["units"] = units
+    with pytest.raises(InputError, match=message):
+        read_result(path)
+
+
+def test_ranges_that_a_spot_may_have_are_printed(path, tmp_path, monkeypatch, capsys):
+    class Unsure:
+        title = "test"
+        reads = CwSpots
+
+        def compile(self, spots):
+            return lambda spots: AMBIGUOUS
+
+    monkeypatch.setitem(RANGING_METHODS._loaded, "unsure", Unsure())
+    arguments = [str(path), "-o", str(tmp_path / "out"), "--ranging", "unsure"]
+    assert main(arguments) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (row,) = (line for line in lines if line.startswith("spot 1"))
+    assert "ambiguous: 2.31 m (70 %), 2.94 m (30 %)" in row
+    (row,) = (line for line in lines if line.startswith("spot 0"))
+    assert "%" not in row
+    assert main([*arguments, "--json"]) == 0
+    spots = json.loads(capsys.readouterr().out)["spots"]["unsure"]
+    assert spots[1]["alternatives"] == [
+        {"range_m": 2.314, "sigma_m": 0.01, "weight": 0.7},
+        {"range_m": 2.941, "sigma_m": 0.02, "weight": 0.3},
+    ]
+    assert spots[2]["alternatives"] == []
 
 
 def test_a_damaged_result_is_told(result_file):

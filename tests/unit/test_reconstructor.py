@@ -206,13 +206,26 @@ def test_what_a_depth_method_needs_is_told(capture):
         reconstruct(replace(capture, optics=None), depth="anchored")
 
 
-@pytest.mark.parametrize("method", ["cw", "pulsed", "dtof"])
-def test_ranging_methods_read_their_own_kind(method):
+@pytest.mark.parametrize(
+    ("method", "fitting"),
+    [
+        ("cw", "cw, fog, fog-carried"),
+        ("pulsed", "fog, fog-carried, pulsed"),
+        ("dtof", "dtof, fog, fog-carried"),
+    ],
+)
+def test_ranging_methods_read_their_own_kind(method, fitting):
     capture = replace(full_capture(), spots=make_spots(method))
     assert list(reconstruct(capture, ranging="all").rangings) == [method]
     for other in {"cw", "pulsed", "dtof"} - {method}:
-        with pytest.raises(InputError, match=f"not those of '{method}'; allowed: {method}$"):
+        with pytest.raises(InputError, match=f"not those of '{method}'; allowed: {fitting}$"):
             ranging_method(other, capture.spots)
+
+
+def test_all_rangings_are_those_that_know_enough(capture):
+    assert list(reconstruct(capture, ranging="all").rangings) == ["cw"]
+    with pytest.raises(InputError, match="spots/detector_axes is not known"):
+        reconstruct(capture, ranging="fog")
 
 
 def test_an_unknown_ranging_method_is_told_even_without_spots(capture):
@@ -305,6 +318,7 @@ def ranges(**changes):
         (ranges(status=("ok",) * 3), "not four ranges"),
         (ranges(range_m=np.ones(3)), "not four ranges"),
         (ranges(sigma_m=np.ones((4, 2))), "not four ranges"),
+        (ranges(alternatives=((),) * 3), "not four ranges"),
         (ranges(range_m=np.array([1, np.nan, 1, 1])), "a range that is not finite as 'ok'"),
     ],
 )

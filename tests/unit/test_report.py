@@ -20,6 +20,7 @@ from reconstruction.capture import Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from spisim.report import write_overview, write_report
+from spisim.report.comparison import compared_spots
 from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
 from spisim.report.spot_plots import arrival_figure, light_figure
 from spisim.report.style import file_of, plot_style
@@ -163,7 +164,7 @@ def test_the_look_of_plots_is_their_own() -> None:
 @pytest.mark.parametrize(
     ("spots", "words"),
     [
-        (PULSED, "pulsed, three windows of 65 ns"),
+        (PULSED, "pulsed, 3 windows of 65 ns"),
         (HISTOGRAMS, "histograms, 50 bins of 1 ns"),
     ],
 )
@@ -351,3 +352,14 @@ def test_recorded_arrivals_are_drawn_where_their_path_is(capture: Capture, tmp_p
     text = report_of(replace(capture, spots=HISTOGRAMS), tmp_path)
     assert "The arrivals as recorded." in text
     assert text.count("data:image/svg+xml;base64,") == 1
+
+
+def test_the_table_of_spots_tells_ranges_that_one_may_have() -> None:
+    nothing = dict.fromkeys(("range_m", "error_m", "sigma_m"))
+    alternatives = [
+        {"range_m": 2.314, "sigma_m": 0.01, "weight": 0.7},
+        {"range_m": 2.941, "sigma_m": 0.02, "weight": 0.3},
+    ]
+    spot = {"true_m": 2.3, "status": "ambiguous", "alternatives": alternatives} | nothing
+    (table,) = compared_spots({"spots": {"cw": [spot]}})
+    assert table.rows == [("spot 0", "2.300", "ambiguous: 2.31 m (70 %), 2.94 m (30 %)", "–", "–")]

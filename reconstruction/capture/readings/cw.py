@@ -30,16 +30,22 @@ class CwSpots(Charge, Spots):
     taps: Annotated[NDArray[Any], Stored("count", ("frames", 4, "taps"), "int32 or float64")]
     saturated: Annotated[Mask, Stored("1", ("frames", 4, "taps"), "bool")]
     noise_electrons: Annotated[
-        float | Floats, Stored("electron", ("taps",), sign="not negative", nan=True)
+        float | Floats,
+        Stored("electron", ("taps",), sign="not negative", nan=True, one_for_all=True),
     ]
     tap_frequencies_hz: Annotated[Floats, Stored("Hz", ("taps",), sign="positive")]
     tap_phases_rad: Annotated[Floats, Stored("rad", ("taps",))]
     phase_offsets_rad: Annotated[Floats, Stored("rad", ("taps",))]
-    periods: Annotated[int | NDArray[np.int64], Stored("1", ("taps",), "int64", sign="positive")]
+    periods: Annotated[
+        int | NDArray[np.int64],
+        Stored("1", ("taps",), "int64", sign="positive", one_for_all=True),
+    ]
     laser_energies_j: Annotated[
-        float | Floats, Stored("J", ("taps",), sign="positive", nan=True)
+        float | Floats, Stored("J", ("taps",), sign="positive", nan=True, one_for_all=True)
     ] = np.nan
-    contrasts: Annotated[float | Floats, Stored("1", ("taps",), sign="positive", nan=True)] = np.nan
+    contrasts: Annotated[
+        float | Floats, Stored("1", ("taps",), sign="positive", nan=True, one_for_all=True)
+    ] = np.nan
 
     @property
     def readings(self) -> NDArray[Any]:

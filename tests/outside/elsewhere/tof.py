@@ -82,7 +82,7 @@ class Stopwatch(Section):
     def check_bins(self, bin_width_m):
         pass
 
-    def record(self, light, directions, rng):
+    def record(self, light, optics, rng):
         echo = light.echo_per_s * self.pulse_s
         electrons = echo.sum(axis=-1)
         delay_s = echo @ light.path_length_m / np.maximum(electrons, 1e-9) / c
@@ -90,8 +90,7 @@ class Stopwatch(Section):
             electrons = rng.poisson(electrons).astype(float)
             delay_s = rng.normal(delay_s, self.tick_s / np.sqrt(np.maximum(electrons, 1)))
         return StopwatchSpots(
-            directions=directions,
-            detector_positions_m=self.detector.spot_positions_m,
+            **vars(optics),
             delay_s=delay_s,
             electrons=electrons,
             tick_s=self.tick_s,
