@@ -23,4 +23,4 @@ def inverse(matrix: Floats) -> Floats:
 
 
 def _scale(matrix: Floats) -> Floats:
-    return np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-300))
+    return np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-100))

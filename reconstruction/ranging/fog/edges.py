@@ -13,41 +13,89 @@ from scipy.stats import chi2
 from ...arrays import Floats
 from ..ranges import Alternative
 from .algebra import inverse, solved
-from .modes import MAX_STEP_M, NEAREST_M, SEARCH, Places
-from .posterior import SpotPosterior, joined
+from .belief import FogBelief
+from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, SEARCH, Modes, Places
+from .posterior import Posterior, SpotPosterior, joined, posterior
 from .templates import STEP_M, Templates
 
 UNLIKELY = 1e-3
 """Misfits that chance makes less often than this need another explanation."""
 GAIN = 12.0
 """Two targets have to explain so much more, in chi squared, than one."""
+CLOSEST_M = 0.05
+"""Two targets nearer to each other are one."""
 PAIRS = 24
 STEPS = 8
 
 
-def explained(
-    known: SpotPosterior, templates: Templates, readings: Floats, covariance: Floats, spot: int
-) -> SpotPosterior:
-    """What is known of a spot with readings (n,) of covariance (n, n), two targets considered.
+def with_edges(
+    known: Posterior,
+    modes: Modes,
+    belief: FogBelief,
+    templates: Templates,
+    readings: Floats,
+    covariance: Floats,
+) -> Posterior:
+    """What is known of spots with readings (4, n) of covariance (4, n, n), two targets considered.
 
-    Where not even two explain the readings, deviations grow with what is left unexplained.
+    Spots on edges tell nothing of the fog, which follows from the others alone. Where not even two
+    targets explain the readings, deviations grow with what is left unexplained.
     """
-    freedom = max(readings.size - 2, 1)
-    if not known.alternatives or known.misfit < chi2.isf(UNLIKELY, freedom):
+    n = readings.shape[1]
+    odd = [number for number, spot in enumerate(known.spots) if _is_odd(spot, n)]
+    if not odd:
         return known
-    pair = _two_targets(known, templates, readings, covariance, spot)
-    if pair:
-        return replace(known, alternatives=pair, on_edge=True)
-    growth = np.sqrt(known.misfit / freedom)
-    wider = tuple(each._replace(sigma_m=growth * each.sigma_m) for each in known.alternatives)
-    return replace(known, alternatives=wider, noise_m=growth * known.noise_m)
+    fog = _without(odd, modes, belief, known).fog
+    pairs = {
+        spot: _two_targets(
+            known.spots[spot].misfit, fog, templates, readings[spot], covariance[spot], spot
+        )
+        for spot in odd
+    }
+    edges = [spot for spot, pair in pairs.items() if pair]
+    others = _without(edges, modes, belief, known)
+
+    def revised(number: int) -> SpotPosterior:
+        if number in edges:
+            return replace(known.spots[number], alternatives=pairs[number], on_edge=True)
+        spot = others.spots[number]
+        return _wider(spot, n) if number in odd else spot
+
+    return Posterior(tuple(map(revised, range(4))), others.fog)
+
+
+def _without(spots: list[int], modes: Modes, belief: FogBelief, known: Posterior) -> Posterior:
+    """The posterior of other spots than these, what is known where there are no others."""
+    others = ~np.isin(modes.spot, spots)
+    return posterior(modes.only(others), belief) if spots and others.any() else known
+
+
+def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
+    growth = max(1.0, np.sqrt(spot.misfit / _freedom(readings)))
+    wider = tuple(each._replace(sigma_m=growth * each.sigma_m) for each in spot.alternatives)
+    return replace(spot, alternatives=wider, noise_m=growth * spot.noise_m)
+
+
+def _is_odd(spot: SpotPosterior, readings: int) -> bool:
+    """Whether one target explains the readings so badly that chance hardly does it."""
+    return bool(spot.alternatives and spot.misfit > chi2.isf(UNLIKELY, _freedom(readings)))
+
+
+def _freedom(readings: int) -> int:
+    return max(readings - 2, 1)
 
 
 def _two_targets(
-    known: SpotPosterior, templates: Templates, readings: Floats, covariance: Floats, spot: int
+    single: float,
+    belief: FogBelief,
+    templates: Templates,
+    readings: Floats,
+    covariance: Floats,
+    spot: int,
 ) -> tuple[Alternative, ...]:
-    """Ranges of two targets, none unless they are much better than one."""
-    node, backscatter = known.node, known.backscatter
+    """Ranges of two targets, none unless they are much better than a ``single`` one."""
+    node = int(belief.share.argmax())
+    backscatter = float(np.exp(belief.log_median[node]))
     target, fog = templates.target[spot, node], templates.fog[spot, node]
     patch = templates.uneven.shape[2] // 2
     noise = covariance + backscatter**2 * templates.uneven[spot, node, patch]
@@ -60,11 +108,13 @@ def _two_targets(
     at = np.stack([places[near], places[far]], axis=1).astype(np.float64)
     pair = _Pairs(white @ target, y)
     at, rho, misfit, information = pair.refined(at)
-    kept = (rho > 0).all(axis=1) & (misfit < known.misfit - GAIN)
+    apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > CLOSEST_M
+    kept = (rho > 0).all(axis=1) & (misfit < single - GAIN) & apart
     if not kept.any():
         return ()
     at, rho, misfit, information = at[kept], rho[kept], misfit[kept], information[kept]
     log_weight = -(misfit + np.linalg.slogdet(information)[1]) / 2
+    log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2).sum(axis=1)
     weight = np.exp(log_weight - log_weight.max())
     share = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
     variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]

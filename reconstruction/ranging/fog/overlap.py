@@ -27,6 +27,7 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
 
     w is the mean over the aperture, times its area, of cos / distance^2 and the field's response;
     light that a diffuser sends back with unit radiance per incident power is collected so.
+    Raises InputError for a detector that sees nothing of its beam.
     """
     weights, paths = [], []
     for number in range(4):
@@ -44,6 +45,11 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
                 seen = np.where(cosine >= limit, cosine, 0.0) / distance**2
             seen *= np.maximum(cosine, 0) ** optics.falloffs[number]
             total += share * np.nan_to_num(seen).mean(axis=1)
+        if not total.any():
+            raise InputError(
+                f"the detector of spot {number} sees nothing of its laser's beam up to "
+                f"{range_m[-1]:.3g} m: its position, axis or field in spots/ cannot be right"
+            )
         weights.append(np.pi * optics.aperture_radii_m[number] ** 2 * total)
         paths.append(range_m + np.linalg.norm(range_m[:, None] * direction - position, axis=1))
     return np.array(weights), np.array(paths)

@@ -116,7 +116,8 @@ def _weighted(modes: Modes, belief: FogBelief, beta: Floats) -> tuple[Floats, Fl
 
 def joined(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
     """Modes that touch joined into one each, likeliest first."""
-    order = np.argsort(mean)
+    seen = np.flatnonzero(weight > NEGLIGIBLE**2 * weight.sum())
+    order = seen[np.argsort(mean[seen])]
     mean, variance, weight = mean[order], variance[order], weight[order]
     deviation = SPREAD * np.sqrt(variance)
     reach = np.maximum.accumulate(mean + deviation)
