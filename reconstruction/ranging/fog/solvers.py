@@ -8,12 +8,13 @@ from scipy.linalg import null_space
 from scipy.special import ndtr
 from scipy.stats import chi2
 
-from ...arrays import Floats
+from ...arrays import Floats, Mask
 from ...capture import Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...errors import InputError
+from ..histogram import BLOCKS
 from ..ranges import MIN_SIGNAL, Ranges
 from .answer import ranges_of
 from .belief import FogBelief
@@ -94,8 +95,7 @@ def _of_histograms(spots: HistogramSpots, longest_m: float) -> FogSolver:
             for spot, each in enumerate(known.spots)
         )
         known = replace(known, spots=revised)
-        more = counts.sum(axis=1) - counts.shape[1] * np.median(counts, axis=1)
-        dark = more < MIN_SIGNAL * np.sqrt(counts.sum(axis=1) + 1)
+        dark = _is_even(counts)
         return ranges_of(known, saturated, dark, np.median(counts, axis=1)), known.fog
 
     return solve
@@ -104,6 +104,14 @@ def _of_histograms(spots: HistogramSpots, longest_m: float) -> FogSolver:
 def _squares(echoes: Floats, covariance: Floats) -> Floats:
     """Chi squared (4,) of echoes (4, n) that are but noise."""
     return np.asarray((echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1))
+
+
+def _is_even(counts: Floats) -> Mask:
+    """Whether histograms (4, B) show no more than arrivals at any time, (4,)."""
+    blocks = np.stack([part.sum(axis=1) for part in np.array_split(counts, BLOCKS, axis=1)])
+    mean = np.maximum(blocks.mean(axis=0), 1e-12)
+    squares = ((blocks - mean) ** 2 / mean).sum(axis=0)
+    return np.asarray(squares < chi2.isf(ndtr(-MIN_SIGNAL), BLOCKS - 1))
 
 
 def _combinations(spots: CwSpots | PulsedSpots, longest_m: float) -> Floats:
