@@ -13,6 +13,7 @@ from .options import Json, Wavelength, real_option
 from .tables import plain_table
 
 if TYPE_CHECKING:
+    from spisim.atmosphere import Atmosphere
     from spisim.budget import Target
     from spisim.instrument import Instrument
 
@@ -55,7 +56,7 @@ def command(
     if visibility is not None:
         air = fog(visibility, "moderate-radiation", wavelength_nm=carried.wavelength_nm)
     target = Target(distance, reflectance, illuminance, air.extinction_per_m)
-    figures = summarise(carried, target)
+    figures = summarise(carried, target, air)
     warn(warnings := budget_warnings(carried, target))
     if output is not None:
         from spisim.budget.plots import budget_figure
@@ -72,11 +73,12 @@ def command(
         say(f"Wrote {output}.")
 
 
-def summarise(instrument: Instrument, target: Target) -> dict[str, Any]:
+def summarise(instrument: Instrument, target: Target, air: Atmosphere) -> dict[str, Any]:
     """Everything about one target as plain numbers; spots are the mean of four, σ the worst."""
     from spisim.budget import (
         bucket_link,
         bucket_noise,
+        fog_budget,
         longest_range_m,
         range_sigma_m,
         spot_link,
@@ -115,6 +117,7 @@ def summarise(instrument: Instrument, target: Target) -> dict[str, Any]:
             "longest_m": float(longest),
             "unambiguous_m": instrument.tof.unambiguous_range_m,
         },
+        "fog": vars(fog_budget(instrument, target, air, LIMIT_M)) if air.extinction_per_m else None,
         "eye_safety": _safety(instrument),
     }
 
@@ -155,7 +158,7 @@ def _print(figures: dict[str, Any]) -> None:
     )
     _print_light(image, spots)
     _print_noise(image, spots)
-    _print_range(figures["range"])
+    _print_range(figures["range"], figures["fog"])
     _print_safety(figures["eye_safety"])
 
 
@@ -197,15 +200,30 @@ def _print_noise(image: dict[str, Any], spots: dict[str, Any]) -> None:
     results.print()
 
 
-def _print_range(ranges: dict[str, Any]) -> None:
-    table = plain_table("range", ranges["method"])
-    sigma, longest = ranges["sigma_m"], ranges["longest_m"]
-    table.add_row("standard deviation, cm", _short(100 * sigma))
+def _print_range(ranges: dict[str, Any], fog: dict[str, Any] | None) -> None:
+    """With a column of what a fit of wall and fog together may reach, where there is fog."""
+    table = plain_table("range", ranges["method"], *(["fog and wall fitted"] if fog else []))
     goal = f"longest with less than {100 * ranges['limit_m']:g} cm, m"
-    table.add_row(goal, _short(longest) if longest else "none")
-    table.add_row("unambiguous up to, m", _short(ranges["unambiguous_m"]))
-    table.add_row("time of a frame, ms", _short(1e3 * ranges["frame_time_s"]))
+    rows = [
+        ("standard deviation, cm", _centimetres(ranges["sigma_m"])),
+        (goal, _short(ranges["longest_m"]) if ranges["longest_m"] else "none"),
+        ("unambiguous up to, m", _short(ranges["unambiguous_m"])),
+        ("time of a frame, ms", _short(1e3 * ranges["frame_time_s"])),
+    ]
+    fitted: list[tuple[str, ...]] = [()] * len(rows)
+    if fog is not None:
+        longest = "none" if fog["longest_m"] == 0 else _short(fog["longest_m"])
+        rows.insert(0, ("bias by the echo of fog, cm", _bias(fog["plain_bias_m"])))
+        fitted = [("none",), (_centimetres(fog["sigma_m"]),), (longest,), ("",), ("",)]
+    for row, more in zip(rows, fitted, strict=True):
+        table.add_row(*row, *more)
     results.print(table)
+    if fog is not None:
+        results.print(
+            f"Of a laser's light on its detector {100 * fog['echo_share']:.2g} % is the fog's. "
+            "Fitted: the Cramér-Rao bound, echo and fog unknown.",
+            soft_wrap=True,
+        )
     results.print()
 
 
@@ -242,6 +260,14 @@ def _print_safety(safety: dict[str, Any]) -> None:
 
 def _declared(what: str, value: str | None) -> str:
     return "–" if value is None else f"{what} {value}"
+
+
+def _bias(value_m: float | None) -> str:
+    return "no range" if value_m is None else _centimetres(value_m)
+
+
+def _centimetres(value_m: float | None) -> str:
+    return _short(None if value_m is None else 100 * value_m)
 
 
 def _short(value: float | None) -> str:

@@ -28,6 +28,14 @@ def test_budget_as_json() -> None:
     assert report["range"]["sigma_m"] == pytest.approx(sigma)
     assert report["image"]["dominating"]["source"] == "amplifier"
     assert report["warnings"] == []
+    assert report["fog"]["plain_bias_m"] < 0 < report["fog"]["echo_share"]
+
+
+def test_budget_tells_what_fog_does_and_only_then() -> None:
+    clear, foggy = (spisim("budget", "paper", *fog).stdout for fog in ([], ["--visibility", "50"]))
+    assert "fog" not in clear
+    for part in ("bias by the echo of fog, cm", "fog and wall fitted", "% is the fog's"):
+        assert part in foggy
 
 
 @pytest.mark.slow

@@ -1,0 +1,195 @@
+"""How well ranges in fog can be known at all: the Cramer-Rao bound of targets and fog together.
+
+The mean of a reading is rho A(z) + beta G(z) + steady light, with A and G what unit reflectance
+at z and unit backscattering in front of it leave (see `reconstruction.ranging.fog`). Unknown are
+range, reflectance and steady light of every spot, and the extinction and backscattering that all
+share. What is known of those two beforehand adds to the information (H. L. Van Trees, "Detection,
+Estimation, and Modulation Theory", part I, Wiley 1968, section 2.4). The variance of readings is
+taken as known, for what it tells of the light is little. Fog that is even, and light that is
+scattered once, is assumed; a method that errs in neither cannot do better without bias.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from ..arrays import Floats
+from ..capture import Spots
+from ..capture.readings.cw import CwSpots
+from ..capture.readings.dtof import HistogramSpots
+from ..capture.readings.pulsed import PulsedSpots
+from ..capture.spots import SpotOptics
+from ..errors import InputError
+from .fog.algebra import inverse
+from .fog.modes import LOG_DEVIATION
+from .fog.overlap import check_known, overlap
+from .fog.templates import EXTINCTIONS_PER_M
+from .histogram import coates
+
+NEAREST_M, STEP_M = 0.01, 0.01
+"""Where the fog's integral begins, and its steps beyond 1 m; nearer ones are in proportion."""
+NEAR, OVERLAPS = 400, 300
+"""Steps below 1 m; ranges at which the overlap is computed, for between them it is smooth."""
+DIFFERENCE_M = 2e-4
+"""Of the ranges whose readings give the slope."""
+BEFOREHAND = float(np.log(EXTINCTIONS_PER_M).std()), LOG_DEVIATION
+"""Standard deviations of ln extinction and of ln (backscattering / extinction)."""
+
+Bound = Callable[["Targets", Floats], Floats]
+"""From targets and the mean readings (4, n) of one frame to standard deviations (4,) in metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """What four lasers meet: ranges and reflectances (4,), and fog of these coefficients.
+
+    ``reflectance`` includes the cosine of the angle of incidence. ``backscatter`` is scattering
+    times phase function at 180 degrees, 1 / (m sr).
+    """
+
+    range_m: Floats
+    reflectance: Floats
+    extinction_per_m: float = 0.0
+    backscatter: float = 0.0
+
+
+def make_bound(
+    spots: Spots, longest_m: float, beforehand: tuple[float, float] = BEFOREHAND
+) -> Bound:
+    """Bound for targets up to a range, with readings of which ``spots`` may hold none.
+
+    ``beforehand`` as BEFOREHAND; infinite for what is not known at all. Raises InputError where
+    the recording does not tell what `fog.overlap` needs, or the laser's light in each reading.
+    """
+    check_known(spots)
+    lights = _lights(spots, longest_m)
+    if any(np.isnan(light.table[:, -1]).any() for light in lights):
+        raise InputError(
+            "the laser's light in each reading is not known (nan), and the bound needs it"
+        )
+    steady, precision = _steady(spots), _precision(spots)
+    size = 2 + steady.shape[1]
+
+    def bound(targets: Targets, readings: Floats) -> Floats:
+        information = np.zeros((4 * size + 2, 4 * size + 2))
+        information[-2:, -2:] = _known_beforehand(*beforehand)
+        weights = precision(readings)
+        for spot, light in enumerate(lights):
+            of_spot, of_fog = _slopes(light, targets, spot)
+            jacobian = np.concatenate([of_spot, steady, of_fog], axis=1)
+            at = [*range(spot * size, (spot + 1) * size), 4 * size, 4 * size + 1]
+            information[np.ix_(at, at)] += (jacobian.T * weights[spot]) @ jacobian
+        return _deviations(information)[: 4 * size : size]
+
+    return bound
+
+
+@dataclass(frozen=True, eq=False)
+class _Light:
+    """What one laser's light leaves in n readings, by the range that it was sent back from."""
+
+    range_m: Floats  # (R,)
+    path_m: Floats  # (R,)
+    weight: Floats  # (R,): the overlap times range squared, which hardly changes
+    table: Floats  # (n, R): `kernel` of these paths
+    kernel: Callable[[Floats], Floats]  # (n, ...) for a detector that gets all, by path (...)
+
+    def collected(self, range_m: Floats, extinction_per_m: float) -> tuple[Floats, Floats]:
+        """Share that a detector gets of a diffuser of unit radiance, and the path to it, (...)."""
+        path_m = np.interp(range_m, self.range_m, self.path_m)
+        weight = np.interp(range_m, self.range_m, self.weight) / range_m**2
+        return weight * np.exp(-extinction_per_m * path_m), path_m
+
+
+def smooth_overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
+    """As `fog.overlap` at many ranges (R,), in less time: weights in sr and paths in m, (4, R)."""
+    coarse_m = np.geomspace(range_m.min() / 2, 2 * range_m.max(), OVERLAPS)
+    slowly = overlap(optics, coarse_m)[0] * coarse_m**2
+    weights = [np.interp(range_m, coarse_m, each) / range_m**2 for each in slowly]
+    points = range_m[:, None] * optics.directions[:, None]
+    back_m = np.linalg.norm(points - optics.detector_positions_m[:, None], axis=-1)
+    return np.array(weights), range_m + back_m
+
+
+def _lights(spots: Spots, longest_m: float) -> list[_Light]:
+    near = np.geomspace(NEAREST_M, 1.0, NEAR)
+    range_m = np.concatenate([near, np.arange(1 + STEP_M, longest_m + 2 * STEP_M, STEP_M)])
+    kernel = _kernel(spots)
+    return [
+        _Light(range_m, path_m, weight * range_m**2, kernel(path_m), kernel)
+        for weight, path_m in zip(*smooth_overlap(spots, range_m), strict=True)
+    ]
+
+
+def _slopes(light: _Light, targets: Targets, spot: int) -> tuple[Floats, Floats]:
+    """Change of readings with range and ln reflectance, and with ln of the fog's two, (n, 2)."""
+    z, radiance = float(targets.range_m[spot]), float(targets.reflectance[spot]) / np.pi
+    extinction, beta = targets.extinction_per_m, targets.backscatter
+    share, path_m = light.collected(z + DIFFERENCE_M * np.array([-1.0, 0.0, 1.0]), extinction)
+    before, here, after = (share * light.kernel(path_m)).T
+    along = radiance * (after - before) / (2 * DIFFERENCE_M) + beta * here
+
+    inner = int(np.searchsorted(light.range_m, z))
+    range_m = np.append(light.range_m[:inner], z)
+    shares, paths_m = light.collected(range_m, extinction)
+    steps = np.diff(range_m, prepend=range_m[0], append=range_m[-1])
+    fog = beta * shares * (steps[:-1] + steps[1:]) / 2  # trapezoids
+    table = np.concatenate([light.table[:, :inner], light.kernel(path_m[1:2])], axis=1)
+    echo, delayed = (table @ np.stack([fog, fog * paths_m], axis=1)).T
+    taken = radiance * here * path_m[1] + delayed
+    return np.stack([along, radiance * here], axis=1), np.stack([-extinction * taken, echo], axis=1)
+
+
+def _deviations(information: Floats) -> Floats:
+    """Standard deviations of all parameters; infinite of those that nothing tells of."""
+    told = np.flatnonzero(np.diagonal(information) > 0)
+    found = np.full(len(information), np.inf)
+    found[told] = np.sqrt(np.diagonal(inverse(information[None, told][:, :, told])[0]))
+    return found
+
+
+def _known_beforehand(log_extinction: float, log_ratio: float) -> Floats:
+    """Information (2, 2) about ln extinction and ln backscattering."""
+    together = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return np.diag([log_extinction**-2, 0.0]) + together * log_ratio**-2
+
+
+def _kernel(spots: Spots) -> Callable[[Floats], Floats]:
+    scale = spots.electrons_per_joule
+    if isinstance(spots, HistogramSpots):
+        arrivals = scale * spots.laser_energy_j / spots.pulses
+        width = spots.response_sigma_s / spots.bin_width_s
+        edges = np.arange(spots.counts.shape[-1] + 1.0)
+        return lambda path_m: (
+            arrivals
+            * np.diff(
+                ndtr((edges.reshape(-1, *[1] * np.ndim(path_m)) - spots.delay(path_m)) / width),
+                axis=0,
+            )
+        )
+    assert isinstance(spots, CwSpots | PulsedSpots)
+    return lambda path_m: scale * spots.response(path_m)
+
+
+def _steady(spots: Spots) -> Floats:
+    """What steady light of unknown size leaves (n, m)."""
+    if isinstance(spots, HistogramSpots):
+        return np.ones((spots.counts.shape[-1], 1))
+    assert isinstance(spots, CwSpots | PulsedSpots)
+    return spots.steady
+
+
+def _precision(spots: Spots) -> Callable[[Floats], Floats]:
+    """Information in each of the readings (4, n) about its mean."""
+    if isinstance(spots, HistogramSpots):
+        cycles = spots.pulses
+
+        def of_counts(counts: Floats) -> Floats:
+            rate, watched = coates(counts, cycles)
+            return np.asarray(watched / np.expm1(np.maximum(rate, 1e-12)))
+
+        return of_counts
+    assert isinstance(spots, CwSpots | PulsedSpots)
+    return lambda counts: 1 / spots.variance(spots.electrons(counts))

@@ -1,0 +1,136 @@
+"""Ranging in fog, in closed form: the fog's own echo, what it does to plain ranges, and the bound.
+
+Light that even fog in front of the wall scatters once, as in `reconstruction.ranging.fog`, is
+recorded by the instrument's own method without noise. Plain ranges of that have the bias of the
+echo, be it in a phase, in the shares of windows or in a histogram. The Cramér-Rao bound of wall and
+fog together, with the noise of readings that include the echo, is what a joint fit may reach.
+Breaks as the link does, and where light is scattered more often: in dense fog and wide fields.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.arrays import Floats
+from reconstruction.capture import Spots
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.capture.schema import between
+from reconstruction.ranging import measure_ranges, reads
+from reconstruction.ranging.bound import Targets, make_bound, smooth_overlap
+from spisim.atmosphere import Atmosphere
+from spisim.budget.link import Target, spot_link
+from spisim.budget.ranging import last_below
+from spisim.instrument import Instrument, SpotLight
+
+#: Steps of the path lengths into which light is sorted, and of the fog along the beam.
+PATH_STEP_M, FOG_STEP_M = 0.01, 0.0025
+#: Distances among which the longest is looked for.
+NEAREST_M, FARTHEST_M, DISTANCES = 0.3, 40.0, 60
+
+
+@dataclass(frozen=True)
+class FogBudget:
+    """Ranging of a wall in fog; None where a method tells nothing.
+
+    `echo_share` is the fog's part of a laser's light on its detector, `plain_bias_m` the error of
+    the instrument's own method without noise, both means over the spots that have one; `sigma_m`
+    and `longest_m` are those of the bound, for the worst of the four.
+    """
+
+    echo_share: float
+    plain_bias_m: float | None
+    sigma_m: float | None
+    longest_m: float | None
+
+
+def fog_budget(
+    instrument: Instrument, target: Target, air: Atmosphere, limit_m: float
+) -> FogBudget:
+    """Of one target: echo, bias and bound; and up to where the bound is below a limit."""
+    here = np.array([float(target.distance_m)])
+    light, share = _light(instrument, target, air, here)
+    spots = instrument.tof.record(light, instrument.spot_optics, None)
+    error_m = measure_ranges(spots).range_m - here / instrument.lasers.directions[:, 2]
+    farthest_m = min(instrument.tof.unambiguous_range_m, FARTHEST_M)
+    distances_m = np.geomspace(NEAREST_M, farthest_m, DISTANCES)
+    sigma_m = _bound_m(instrument, target, air, np.append(distances_m, here))
+    known = sigma_m is not None and np.isfinite(sigma_m[-1])
+    return FogBudget(
+        echo_share=share,
+        plain_bias_m=float(np.nanmean(error_m)) if np.isfinite(error_m).any() else None,
+        sigma_m=float(sigma_m[-1]) if sigma_m is not None and known else None,
+        longest_m=(
+            None if sigma_m is None else float(last_below(distances_m, sigma_m[:-1], limit_m))
+        ),
+    )
+
+
+def _light(
+    instrument: Instrument, target: Target, air: Atmosphere, distance_m: Floats
+) -> tuple[SpotLight, float]:
+    """Light of walls at distances (D,), as of so many frames; the share of the fog in it."""
+    link = spot_link(instrument, replace(target, distance_m=distance_m))
+    longest_m = float(distance_m.max()) / instrument.lasers.directions[:, 2].min()
+    range_m = np.arange(FOG_STEP_M / 2, longest_m, FOG_STEP_M)
+    weight, path_m = smooth_overlap(instrument.spot_optics, range_m)
+    per_watt = instrument.electrons_per_joule(instrument.tof.detector, "laser")
+    scattered = instrument.lasers.power_w * per_watt * _backscatter(air) * FOG_STEP_M
+    fog = scattered * weight * np.exp(-air.extinction_per_m * path_m)
+    ranges_m = distance_m[:, None] / instrument.lasers.directions[:, 2]
+    bins = int(np.ceil(link.path_m.max() / PATH_STEP_M)) + 2
+    echo, share = np.zeros((len(distance_m), 4, bins)), []
+    for frame, spot in np.ndindex(len(distance_m), 4):
+        before = range_m < ranges_m[frame, spot]
+        echo[frame, spot] = _sorted(path_m[spot, before], fog[spot, before], bins)
+        wall = link.echo_per_s[frame, spot]
+        share.append(echo[frame, spot].sum() / max(echo[frame, spot].sum() + wall, 1e-300))
+        echo[frame, spot] += _sorted(link.path_m[frame, spot, None], wall[None], bins)
+    lengths: Floats = PATH_STEP_M * np.arange(bins, dtype=np.float64)
+    light = SpotLight(lengths, echo, link.steady_per_s, instrument.lasers.power_w)
+    return light, float(np.mean(share))
+
+
+def _sorted(path_m: Floats, rate: Floats, bins: int) -> Floats:
+    """Rates (bins,) of light of these paths, each shared between neighbours by its place."""
+    place = path_m / PATH_STEP_M
+    low = place.astype(int)
+    above = rate * (place - low)
+    found = np.bincount(low, rate - above, bins) + np.bincount(low + 1, above, bins)
+    return np.asarray(found)
+
+
+def _bound_m(
+    instrument: Instrument, target: Target, air: Atmosphere, distance_m: Floats
+) -> Floats | None:
+    """Bounds (D,) of the worst spot; None for readings that the fit in fog does not understand."""
+    light, _ = _light(instrument, target, air, distance_m)
+    optics, tof = instrument.spot_optics, instrument.tof
+    told = _as_a_capture_tells(instrument, light)
+    if not reads("fog", told) or (isinstance(told, HistogramSpots) and not told.piles_up):
+        return None
+    mean: NDArray[Any] = tof.record(light, optics, None).readings
+    cosine = instrument.lasers.directions[:, 2]
+    bound = make_bound(told, float(distance_m.max() / cosine.min()))
+    reflectance = float(target.reflectance) * cosine
+    coefficients = air.extinction_per_m, _backscatter(air)
+    return np.array(
+        [
+            bound(Targets(each / cosine, reflectance, *coefficients), readings).max()
+            for each, readings in zip(distance_m, mean, strict=True)
+        ]
+    )
+
+
+def _as_a_capture_tells(instrument: Instrument, light: SpotLight) -> Spots:
+    """Readings of no frame, with the response and the noise that a capture has."""
+    one = replace(light, echo_per_s=light.echo_per_s[:1], steady_per_s=light.steady_per_s[:1])
+    spots = instrument.tof.record(one, instrument.spot_optics, np.random.default_rng(0))
+    return between(spots, 0, 0)
+
+
+def _backscatter(air: Atmosphere) -> float:
+    return air.scattering_per_m * air.backscatter_per_sr
