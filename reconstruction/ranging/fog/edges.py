@@ -109,15 +109,18 @@ def _two_targets(
     pair = _Pairs(white @ target, y)
     at, rho, misfit, information = pair.refined(at)
     apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > CLOSEST_M
-    kept = (rho > 0).all(axis=1) & (misfit < single - GAIN) & apart
+    variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]
+    told = (variance < CLOSEST_M**2).all(axis=1)  # not where the detector sees nothing
+    kept = (rho > 0).all(axis=1) & (misfit < single - GAIN) & apart & told
     if not kept.any():
         return ()
-    at, rho, misfit, information = at[kept], rho[kept], misfit[kept], information[kept]
+    at, rho, misfit, information, variance = (
+        each[kept] for each in (at, rho, misfit, information, variance)
+    )
     log_weight = -(misfit + np.linalg.slogdet(information)[1]) / 2
     log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2).sum(axis=1)
     weight = np.exp(log_weight - log_weight.max())
     share = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
-    variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]
     range_m = templates.range_m[0] + STEP_M * at
     return joined(range_m.ravel(), variance.ravel(), share.ravel())
 
