@@ -17,7 +17,7 @@ PATCH_STEP = 25
 """Steps of the table between ranges at which the echo of uneven fog is known."""
 EXTINCTIONS_PER_M = np.array([0.002, 0.01, 0.025, 0.045, 0.07, 0.1, 0.15, 0.22, 0.32])
 """From what no range feels to 10 m of visibility."""
-UNEVENNESS = 0.15
+UNEVENNESS = 0.25
 """Rms deviation of the fog's density along a beam from its mean, relative."""
 PATCH_M = 1.0
 """Length over which densities resemble each other: correlation exp(-distance / PATCH_M)."""
