@@ -155,6 +155,8 @@ class CaptureFile:
         known = np.flatnonzero(still | (frame >= start) & (frame < stop))
         if not known.size:
             return None
+        sizes = axis_sizes(self.setup.plan)
+        _check_shapes(file, "truth", Truth, sizes)
         truth = _read(file, "truth", Truth, slice(known[0], known[-1] + 1))
         check_part("truth", truth, axis_sizes(self.setup.plan))
         return truth if still else replace(truth, frame=truth.frame - start)

@@ -1,13 +1,19 @@
 """Files that configuration files refer to: pictures and tables of numbers."""
 
+import struct
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction import npy
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
+
+MAX_PIXELS = 2**24
+MAX_TABLE_BYTES = 2**26
 
 
 def check_is_there(path: Path, kind: str) -> None:
@@ -24,12 +30,9 @@ def read_npy(path: Path, kind: str) -> NDArray[Any]:
     """Array of real numbers, from an NPY file; InputError, naming its `kind`, for anything else."""
     try:
         with path.open("rb") as file:
-            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+            return npy.read_npy(file, path.stat().st_size)
+    except (OSError, InputError) as error:
         raise InputError(f"{kind} {path.name!r} cannot be read: {error}") from None
-    if array.dtype.kind not in "fiub":
-        raise InputError(f"{kind} {path.name!r} should hold real numbers; found {array.dtype}")
-    return array
 
 
 def read_picture(path: Path) -> NDArray[np.float32]:
@@ -88,11 +91,19 @@ def read_columns(path: Path) -> Floats:
     check_is_there(path, "table")
     if path.suffix.lower() == ".npy":
         return np.atleast_2d(read_npy(path, "table").astype(np.float64))
+    size = path.stat().st_size
+    if size > MAX_TABLE_BYTES:
+        raise InputError(
+            f"table {path.name!r} has {size / 2**20:.0f} MiB, at most {MAX_TABLE_BYTES // 2**20} "
+            "of text are read: save it as an NPY file"
+        )
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
-        rows = [line.split(",") for line in lines[has_header:] if line.strip()]
-        return np.array(rows, dtype=np.float64)
+        with path.open(encoding="utf-8-sig") as file:
+            has_header = not _is_number(file.readline().partition(",")[0])
+            file.seek(0)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # an empty table is told by whoever needs it
+                return np.loadtxt(file, delimiter=",", comments=None, skiprows=has_header, ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError(f"table {path.name!r} cannot be read: {error}") from None
 
@@ -100,11 +111,23 @@ def read_columns(path: Path) -> Floats:
 def _read_png(path: Path) -> NDArray[Any]:
     import matplotlib.image
 
+    _check_pixels(path)
     try:
         return np.asarray(matplotlib.image.imread(path, format="png"))
     # The decoder raises whatever a damaged file runs it into.
     except Exception as error:
         raise InputError(f"picture {path.name!r} cannot be read: {error}") from None
+
+
+def _check_pixels(path: Path) -> None:
+    """A PNG file tells in its first bytes how large its picture is: a small one may be huge."""
+    with path.open("rb") as file:
+        head = file.read(24)
+    width, height = struct.unpack(">II", head[16:]) if len(head) == 24 else (0, 0)
+    if width * height > MAX_PIXELS:
+        raise InputError(
+            f"picture {path.name!r} has {width} x {height} pixels, at most {MAX_PIXELS} are read"
+        )
 
 
 def _is_number(text: str) -> bool:

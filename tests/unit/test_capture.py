@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from captures import full_capture, make_spots
+from hdf5files import changed
 from reconstruction.capture import PARTS, READINGS, Provenance, read_capture, write_capture
 from reconstruction.capture.schema import stored_fields
 from reconstruction.operators import make_plan
@@ -88,7 +89,7 @@ def test_every_dataset_is_documented_with_its_units(capture, path):
 
 
 def test_a_foreign_writer_may_use_other_number_types_and_fixed_strings(capture, path):
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         for name, value in {
             "patterns/shape": np.array([4.0, 8.0]).astype(np.int64),
             "patterns/index": capture.plan.index.astype(np.uint16),

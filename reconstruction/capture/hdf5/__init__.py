@@ -2,15 +2,17 @@
 
 from .formats import Format
 from .opening import opened, surveyed
-from .reading import Contents, read
-from .sizes import MAX_UNPACKED_BYTES, check_sizes
+from .reading import Contents, check_type, read
+from .sizes import MAX_UNPACKED_BYTES, NUMBER_BYTES, check_sizes
 from .writing import content, put, put_attribute, put_format
 
 __all__ = [
     "MAX_UNPACKED_BYTES",
+    "NUMBER_BYTES",
     "Contents",
     "Format",
     "check_sizes",
+    "check_type",
     "content",
     "opened",
     "put",

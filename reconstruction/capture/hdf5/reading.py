@@ -57,7 +57,7 @@ class Contents:
         if found != units:
             raise InputError(f"dataset {name} has units {found!r}, expected {units!r}")
         dataset = self._datasets[name]
-        _check_type(name, dataset)
+        check_type(name, dataset)
         return dataset
 
     def shape(self, name: str, units: str) -> tuple[int, ...]:
@@ -117,7 +117,7 @@ def _as_text(value: Any) -> str:
         return value.decode() if isinstance(value, bytes) else str(value)
 
 
-def _check_type(name: str, dataset: h5py.Dataset) -> None:
+def check_type(name: str, dataset: h5py.Dataset) -> None:
     """Numbers, strings of fixed length, and one of variable length are read."""
     with undamaged():
         shape, dtype = dataset.shape, dataset.dtype
