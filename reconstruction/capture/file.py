@@ -166,7 +166,7 @@ class CaptureFile:
 
         def read(group: str, part: Part) -> Part:
             values = {
-                name: stored.kept(f"{group}/{name}", hdf5.read(dataset, slice(start, stop)))
+                name: stored.kept(f"{group}/{name}", dataset.read(slice(start, stop)))
                 for name, (stored, dataset) in self._by_frame.get(group, {}).items()
             }
             return replace(part, **values) if values else part  # type: ignore[type-var]

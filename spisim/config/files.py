@@ -103,7 +103,9 @@ def read_columns(path: Path) -> Floats:
             file.seek(0)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # an empty table is told by whoever needs it
-                return np.loadtxt(file, delimiter=",", comments=None, skiprows=has_header, ndmin=2)
+                return np.loadtxt(
+                    file, delimiter=",", comments=None, skiprows=int(has_header), ndmin=2
+                )
     except (OSError, ValueError) as error:
         raise InputError(f"table {path.name!r} cannot be read: {error}") from None
 

@@ -2,7 +2,7 @@
 
 from .formats import Format
 from .opening import opened, surveyed
-from .reading import Contents, check_type, read
+from .reading import Contents, Dataset
 from .sizes import MAX_UNPACKED_BYTES, NUMBER_BYTES, check_sizes
 from .writing import content, put, put_attribute, put_format
 
@@ -10,14 +10,13 @@ __all__ = [
     "MAX_UNPACKED_BYTES",
     "NUMBER_BYTES",
     "Contents",
+    "Dataset",
     "Format",
     "check_sizes",
-    "check_type",
     "content",
     "opened",
     "put",
     "put_attribute",
     "put_format",
-    "read",
     "surveyed",
 ]

@@ -1,5 +1,8 @@
 """Datasets by name, each with its unit."""
 
+import math
+from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import h5py
@@ -7,10 +10,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
+from .chunks import Chunks
 from .damage import undamaged
-from .sizes import check_reading
 
 MAX_ATTRIBUTE_BYTES = 2**16
+
+
+class Dataset:
+    """Numbers or texts in an open file, read when they are asked for.
+
+    Raises InputError, naming it, for anything else, for what is packed in a way that cannot be
+    bounded, and for damage.
+    """
+
+    def __init__(self, name: str, dataset: h5py.Dataset) -> None:
+        self.name = name
+        self._dataset = dataset
+        with undamaged():
+            shape, dtype = dataset.shape, dataset.dtype
+            text = h5py.check_string_dtype(dtype) is not None
+            self._chunks = Chunks.of(name, dataset)
+        one_text = text and shape is not None and math.prod(shape) == 1  # whose length is its own
+        if shape is None or not (dtype.kind in "iufbS" or one_text):
+            raise InputError(f"{name} must hold numbers or a text, found {dtype}")
+        if self._chunks is not None:
+            self._chunks.check_filters()
+        self.shape: tuple[int, ...] = tuple(shape)
+
+    @cached_property
+    def units(self) -> str:
+        """The unit."""
+        return text_attribute(self._dataset, "units")
+
+    def read(self, rows: slice | None = None) -> NDArray[Any]:
+        """All values, or some rows of them."""
+        with undamaged():
+            if self._chunks is not None:
+                self._chunks.check_reading(rows)
+            return np.asarray(self._dataset[()] if rows is None else self._dataset[rows])
 
 
 class Contents:
@@ -19,19 +56,19 @@ class Contents:
     Raises InputError for one that is missing, damaged or not what is asked for.
     """
 
-    def __init__(self, file: h5py.File, datasets: dict[str, h5py.Dataset]) -> None:
+    def __init__(self, file: h5py.File, datasets: Mapping[str, h5py.Dataset]) -> None:
         self.version = (0, 0)
         self._file = file
-        self._datasets = datasets
-        self._units: dict[str, str] = {}
+        self._found = datasets
+        self._datasets: dict[str, Dataset] = {}
 
     def __contains__(self, name: str) -> bool:
         """Whether there is a dataset of this name, or a group of it that holds any."""
-        return any(path == name or path.startswith(f"{name}/") for path in self._datasets)
+        return any(path == name or path.startswith(f"{name}/") for path in self._found)
 
     def names_in(self, group: str) -> list[str]:
         """Names of the datasets in a group, none if it is missing."""
-        paths = (name.rpartition("/") for name in self._datasets)
+        paths = (name.rpartition("/") for name in self._found)
         return [name for folder, _, name in paths if folder == group]
 
     def has_attribute(self, name: str) -> bool:
@@ -41,32 +78,26 @@ class Contents:
 
     def attribute(self, name: str) -> str:
         """An attribute of the file as text."""
-        return _attribute(self._file, name)
+        return text_attribute(self._file, name)
 
     def units(self, name: str) -> str:
         """The unit of a dataset."""
-        if name not in self._datasets:
-            raise InputError(f"dataset {name} is missing")
-        if name not in self._units:
-            self._units[name] = _attribute(self._datasets[name], "units")
-        return self._units[name]
+        return self._dataset(name).units
 
-    def dataset(self, name: str, units: str) -> h5py.Dataset:
+    def dataset(self, name: str, units: str) -> Dataset:
         """A dataset that is not read yet; InputError too if its unit is another."""
-        found = self.units(name)
-        if found != units:
-            raise InputError(f"dataset {name} has units {found!r}, expected {units!r}")
-        dataset = self._datasets[name]
-        check_type(name, dataset)
+        dataset = self._dataset(name)
+        if dataset.units != units:
+            raise InputError(f"dataset {name} has units {dataset.units!r}, expected {units!r}")
         return dataset
 
     def shape(self, name: str, units: str) -> tuple[int, ...]:
         """Shape of a dataset."""
-        return tuple(self.dataset(name, units).shape)
+        return self.dataset(name, units).shape
 
     def get(self, name: str, units: str, rows: slice | None = None) -> NDArray[Any]:
         """A dataset, or some rows of it."""
-        return read(self.dataset(name, units), rows)
+        return self.dataset(name, units).read(rows)
 
     def numbers(self, name: str, units: str = "1") -> NDArray[Any]:
         """A dataset of numbers."""
@@ -98,17 +129,17 @@ class Contents:
         """All strings of a dataset."""
         return [_as_text(value) for value in self.get(name, "1").flat]
 
+    def _dataset(self, name: str) -> Dataset:
+        if name not in self._found:
+            raise InputError(f"dataset {name} is missing")
+        if name not in self._datasets:
+            self._datasets[name] = Dataset(name, self._found[name])
+        return self._datasets[name]
+
     def _check_single(self, name: str, units: str) -> None:
         shape = self.shape(name, units)
         if set(shape) - {1}:
             raise InputError(f"{name} has shape {shape}, expected a scalar")
-
-
-def read(dataset: h5py.Dataset, rows: slice | None = None) -> NDArray[Any]:
-    """What a dataset holds, or some rows of it."""
-    with undamaged():
-        check_reading(dataset, rows)
-        return np.asarray(dataset[()] if rows is None else dataset[rows])
 
 
 def _as_text(value: Any) -> str:
@@ -117,16 +148,8 @@ def _as_text(value: Any) -> str:
         return value.decode() if isinstance(value, bytes) else str(value)
 
 
-def check_type(name: str, dataset: h5py.Dataset) -> None:
-    """Numbers, strings of fixed length, and one of variable length are read."""
-    with undamaged():
-        shape, dtype = dataset.shape, dataset.dtype
-        one_string = h5py.check_string_dtype(dtype) is not None and dataset.size == 1
-    if shape is None or not (dtype.kind in "iufbS" or one_string):
-        raise InputError(f"{name} must hold numbers or a text, found {dtype}")
-
-
-def _attribute(item: h5py.File | h5py.Dataset, name: str) -> str:
+def text_attribute(item: h5py.File | h5py.Dataset, name: str) -> str:
+    """An attribute as text; InputError if it is missing or none."""
     with undamaged():
         if name not in item.attrs:
             raise InputError(f"attribute {name!r} of {item.name} is missing")

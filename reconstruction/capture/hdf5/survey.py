@@ -40,7 +40,7 @@ def survey(file: h5py.File) -> dict[str, h5py.Dataset]:
             found = h5o.open(group, name)
             if isinstance(found, h5d.DatasetID):
                 _check_storage(where, found)
-                datasets[where] = h5py.Dataset(found)
+                datasets[where] = h5py.Dataset(found, readonly=True)  # remembers its shape
             elif isinstance(found, h5g.GroupID):
                 if where.count("/") >= MAX_DEPTH:
                     raise InputError(f"holds groups within more than {MAX_DEPTH} groups")

@@ -6,6 +6,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5d, h5p, h5s, h5t
 from numpy.typing import NDArray
 
 from .formats import Format, dotted
@@ -37,8 +38,13 @@ def put(file: h5py.File, name: str, value: Any, units: str) -> None:
     data = np.asarray(_fixed(value) if isinstance(value, str) else value)
     if data.nbytes > COMPACT_BYTES:
         data = np.atleast_1d(data)  # only arrays have chunks
-    dataset = file.create_dataset(name, data=data, dcpl=_layout(data), track_times=False)
-    put_attribute(dataset, "units", units)
+    space = h5s.create_simple(data.shape) if data.shape else h5s.create(h5s.SCALAR)
+    kind = h5t.py_create(data.dtype, logical=True)
+    path = h5p.create(h5p.LINK_CREATE)
+    path.set_create_intermediate_group(True)
+    dataset = h5d.create(file.id, name.encode(), kind, space, _layout(data), path)
+    dataset.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(data).reshape(data.shape))
+    put_attribute(h5py.Dataset(dataset), "units", units)
 
 
 def put_format(file: h5py.File, form: Format) -> None:
@@ -52,11 +58,11 @@ def put_attribute(item: h5py.File | h5py.Dataset, name: str, text: str) -> None:
     item.attrs[name] = _fixed(text)
 
 
-def _layout(data: NDArray[Any]) -> h5py.h5p.PropDCID:
+def _layout(data: NDArray[Any]) -> h5p.PropDCID:
     """How a dataset is stored, so that a checksum covers it."""
-    layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    layout = h5p.create(h5py.h5p.DATASET_CREATE)
     if data.nbytes <= COMPACT_BYTES:
-        layout.set_layout(h5py.h5d.COMPACT)
+        layout.set_layout(h5d.COMPACT)
     else:
         layout.set_chunk((_rows_of_a_chunk(data), *data.shape[1:]))
         layout.set_fletcher32()

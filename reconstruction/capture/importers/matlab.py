@@ -37,8 +37,7 @@ def _read_hdf5(path: Path, variable: str | None) -> NDArray[Any]:
         at_the_top = {name: dataset for name, dataset in datasets.items() if "/" not in name}
         name = pick({name: name for name in at_the_top}, variable)
         hdf5.check_sizes({name: datasets[name]}, path.stat().st_size)
-        hdf5.check_type(name, datasets[name])
-        return hdf5.read(datasets[name]).T  # MATLAB's columns come first
+        return hdf5.Dataset(name, datasets[name]).read().T  # MATLAB's columns come first
 
 
 def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
