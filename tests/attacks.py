@@ -173,11 +173,16 @@ def npy_header(shape: tuple[int, ...], dtype: str = "<f8") -> bytes:
 
 
 def npz_bomb(size: int, method: int = zipfile.ZIP_DEFLATED) -> bytes:
-    """An NPZ file with an array of zeros that takes so many bytes."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", method, compresslevel=1) as archive:
-        archive.writestr("data.npy", npy_header((size // 8,)) + bytes(size))
-    return buffer.getvalue()
+    """An NPZ file with an array of zeros that takes so many bytes, and a checksum that is none."""
+    head = npy_header((size // 8,))
+    packed = zeros(size, head)[2:-4]
+    name = b"data.npy"
+    of_both = struct.pack("<HHHHH", 20, 0, method, 0, 0)
+    of_both += struct.pack("<IIIHH", 0, len(packed), size + len(head), len(name), 0)
+    local = b"PK\3\4" + of_both + name + packed
+    central = b"PK\1\2" + struct.pack("<H", 20) + of_both + bytes(14) + name
+    end = struct.pack("<HHHHIIH", 0, 0, 1, 1, len(central), len(local), 0)
+    return local + central + b"PK\5\6" + end
 
 
 def datasets(file: h5py.File) -> list[h5py.Dataset]:

