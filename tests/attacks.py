@@ -196,3 +196,18 @@ def long_capture(capture: Capture, counts: np.ndarray) -> Capture:
     """A capture of more frames, with these readings alone."""
     buckets = replace(capture.buckets, counts=counts, saturated=np.zeros(counts.shape, bool))
     return replace(capture, buckets=buckets, spots=None, pattern_taps=None, truth=None)
+
+
+def foreign_copy(content: bytes) -> bytes:
+    """A capture as other recorders write it: old HDF5, packed, strings of any length, no digest."""
+    buffer = io.BytesIO()
+    with h5py.File(io.BytesIO(content)) as own, h5py.File(buffer, "w") as file:
+        file.attrs.update({name: value.decode() for name, value in own.attrs.items()})
+        file.attrs["version"] = "3.0"
+        for dataset in datasets(own):
+            value = dataset[()]
+            value = value.decode() if isinstance(value, bytes) else value
+            packed = {"chunks": True, "compression": "gzip"} if np.ndim(value) > 1 else {}
+            copy = file.create_dataset(dataset.name, data=value, **packed)
+            copy.attrs["units"] = dataset.attrs["units"].decode()
+    return buffer.getvalue()

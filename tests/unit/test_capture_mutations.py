@@ -37,15 +37,21 @@ def bases(tmp_path_factory):
     scipy.io.savemat(folder / "older.mat", values, do_compression=True)
     packed = io.BytesIO()
     np.savez_compressed(packed, **values)
-    for name, capture in (("full", full_capture()), ("small", small_capture())):
-        write_capture(capture, folder / f"{name}.h5")
+    small, full = (written(capture, folder) for capture in (small_capture(), full_capture()))
+    foreign = attacks.foreign_copy(small)
     return {
-        "captures": [(folder / f"{name}.h5").read_bytes() for name in ("full", *["small"] * 4)],
+        "captures": [small, foreign, foreign, full],
         "results": [result_bytes(reconstruct(full_capture()))],
         "mat 7.3": [(folder / "rig.mat").read_bytes()],
         "mat 5": [(folder / "older.mat").read_bytes()],
         "npz": [packed.getvalue()],
     }
+
+
+def written(capture, folder):
+    """Content of the file of a capture."""
+    write_capture(capture, folder / "capture.h5")
+    return (folder / "capture.h5").read_bytes()
 
 
 READERS = {
