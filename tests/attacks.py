@@ -1,6 +1,7 @@
 """Files made to read or fill what is not theirs: HDF5's ways out of a file, and bombs."""
 
 import io
+import re
 import struct
 import zipfile
 import zlib
@@ -196,6 +197,14 @@ def long_capture(capture: Capture, counts: np.ndarray) -> Capture:
     """A capture of more frames, with these readings alone."""
     buckets = replace(capture.buckets, counts=counts, saturated=np.zeros(counts.shape, bool))
     return replace(capture, buckets=buckets, spots=None, pattern_taps=None, truth=None)
+
+
+def long_string(content: bytes, length: int) -> bytes:
+    """A file in which the string of variable length that has so many bytes says it has 4 GiB."""
+    begins = [found.start() for found in re.finditer(b"GCOL", content)]
+    told = [struct.pack("<IQ", length, begin) for begin in begins]
+    (place,) = (content.index(each) for each in told if each in content)
+    return content[:place] + struct.pack("<I", 2**32 - 256) + content[place + 4 :]
 
 
 def foreign_copy(content: bytes) -> bytes:

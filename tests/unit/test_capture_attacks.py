@@ -136,6 +136,34 @@ def test_bombs_stop_at_a_stated_limit(file, secret, attack):
     refused(path, read, "unpacks? to|more than 65536 chunks|has shape|numbers, found")
 
 
+@pytest.mark.parametrize(
+    ("length", "name"),
+    [(len("sequency-2d"), "patterns/order"), (len("2025-01-01T00:00:00+00:00"), "'created' of /")],
+)
+def test_lengths_of_strings_are_not_believed(path, length, name):
+    foreign = attacks.foreign_copy(path.read_bytes())
+    path.write_bytes(foreign)
+    assert read_capture(path).provenance == full_capture().provenance
+    path.write_bytes(attacks.long_string(foreign, length))
+    refused(path, read_capture, f"{name} tells of a string of 4294967040 bytes in a file of")
+
+
+@pytest.mark.parametrize("version", ["v108", "v110", "latest"])
+@pytest.mark.parametrize("head", [0, 512])
+def test_strings_of_every_format_of_hdf5_are_read(path, tmp_path, version, head):
+    path.write_bytes(attacks.foreign_copy(path.read_bytes()))
+    with (
+        h5py.File(path) as old,
+        h5py.File(tmp_path / "new.h5", "w", libver=(version,) * 2, userblock_size=head) as new,
+    ):
+        for group in old:
+            old.copy(group, new)
+        for name, value in old.attrs.items():
+            new.attrs[name] = value
+    copy = read_capture(tmp_path / "new.h5")
+    assert copy.provenance == full_capture().provenance
+
+
 def test_what_others_compress_is_read(path):
     """As most recorders and MATLAB itself do; what is not written at all is zero."""
     counts = read_capture(path).buckets.counts
@@ -208,6 +236,18 @@ def test_the_head_is_what_the_page_says(path):
         command = f"tail -c +73 '{path}' | sha256sum"
         told = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
         assert told.stdout.split()[0].encode() == lines[0][7:]
+
+
+def test_a_recorder_can_make_the_digest(path, monkeypatch):
+    """As the page shows it in Python."""
+    page = (Path(__file__).parents[2] / "docs" / "capture-format.md").read_text(encoding="utf-8")
+    (recipe,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    path.write_bytes(bytes(512) + path.read_bytes()[512:])
+    monkeypatch.chdir(path.parent)
+    exec(recipe)
+    assert path.read_bytes()[72:82] == b"my rig 1.0"
+    assert read_capture(path).frames == 2
+    assert not is_marked(path, "simulated capture")
 
 
 def test_a_file_of_this_version_without_its_digest_is_refused(path):

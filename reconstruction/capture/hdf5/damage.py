@@ -1,11 +1,15 @@
 """What reading a damaged file runs into."""
 
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ...errors import InputError
 
-DAMAGE = (OSError, RuntimeError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError)
+DAMAGE = (
+    OSError, RuntimeError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError,
+    struct.error,
+)  # fmt: skip
 """What h5py and NumPy raise on files that are not HDF5 or no longer what was written."""
 
 

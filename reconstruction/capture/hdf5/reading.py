@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from .chunks import Chunks
 from .damage import undamaged
+from .strings import check_attribute, check_dataset
 
 MAX_ATTRIBUTE_BYTES = 2**16
 
@@ -28,11 +29,13 @@ class Dataset:
         self._dataset = dataset
         with undamaged():
             shape, dtype = dataset.shape, dataset.dtype
-            text = h5py.check_string_dtype(dtype) is not None
+            varies = _varies(dtype)
             self._chunks = Chunks.of(name, dataset)
-        one_text = text and shape is not None and math.prod(shape) == 1  # whose length is its own
-        if shape is None or not (dtype.kind in "iufbS" or one_text):
+        if shape is None or not (dtype.kind in "iufbS" or (varies and math.prod(shape) == 1)):
             raise InputError(f"{name} must hold numbers or a text, found {dtype}")
+        if varies:
+            with undamaged():
+                check_dataset(name, dataset)
         if self._chunks is not None:
             self._chunks.check_filters()
         self.shape: tuple[int, ...] = tuple(shape)
@@ -148,6 +151,12 @@ def _as_text(value: Any) -> str:
         return value.decode() if isinstance(value, bytes) else str(value)
 
 
+def _varies(dtype: np.dtype[Any]) -> bool:
+    """Whether this is a string of variable length."""
+    string = h5py.check_string_dtype(dtype)
+    return string is not None and string.length is None
+
+
 def text_attribute(item: h5py.File | h5py.Dataset, name: str) -> str:
     """An attribute as text; InputError if it is missing or none."""
     with undamaged():
@@ -157,5 +166,7 @@ def text_attribute(item: h5py.File | h5py.Dataset, name: str) -> str:
         string = h5py.check_string_dtype(held.dtype) is not None
         if not string or held.get_storage_size() > MAX_ATTRIBUTE_BYTES or set(held.shape) - {1}:
             raise InputError(f"attribute {name!r} of {item.name} is not a text")
+        if _varies(held.dtype):
+            check_attribute(item, name)
         value = np.asarray(item.attrs[name]).item()
     return _as_text(value)
