@@ -68,6 +68,12 @@ def test_optional_parts_may_be_absent(capture, tmp_path):
 def test_equal_captures_give_equal_bytes(capture, path, tmp_path):
     write_capture(capture, tmp_path / "again.h5")
     assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()
+    with h5py.File(path) as file:  # and a second later too
+        file.visititems(lambda _, item: timeless(item))
+
+
+def timeless(item):
+    assert not item.id.get_create_plist().get_obj_track_times()
 
 
 def test_every_dataset_is_documented_with_its_units(capture, path):

@@ -40,9 +40,9 @@ def put(file: h5py.File, name: str, value: Any, units: str) -> None:
         data = np.atleast_1d(data)  # only arrays have chunks
     space = h5s.create_simple(data.shape) if data.shape else h5s.create(h5s.SCALAR)
     kind = h5t.py_create(data.dtype, logical=True)
-    path = h5p.create(h5p.LINK_CREATE)
-    path.set_create_intermediate_group(True)
-    dataset = h5d.create(file.id, name.encode(), kind, space, _layout(data), path)
+    folder, _, last = name.rpartition("/")
+    group = file.require_group(folder or "/")
+    dataset = h5d.create(group.id, last.encode(), kind, space, _layout(data))
     dataset.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(data).reshape(data.shape))
     put_attribute(h5py.Dataset(dataset), "units", units)
 
