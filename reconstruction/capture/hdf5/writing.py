@@ -60,7 +60,8 @@ def put_attribute(item: h5py.File | h5py.Dataset, name: str, text: str) -> None:
 
 def _layout(data: NDArray[Any]) -> h5p.PropDCID:
     """How a dataset is stored, so that a checksum covers it."""
-    layout = h5p.create(h5py.h5p.DATASET_CREATE)
+    layout = h5p.create(h5p.DATASET_CREATE)
+    layout.set_obj_track_times(False)  # which would tell when, and no two files were equal
     if data.nbytes <= COMPACT_BYTES:
         layout.set_layout(h5d.COMPACT)
     else:
