@@ -153,7 +153,7 @@ def test_the_look_of_plots_is_their_own() -> None:
         with plot_style():
             figure = light_figure(light, None)
             assert figure is not None
-            return file_of(figure, "svg")
+            return file_of(figure, "plot", "svg")
 
     usual = drawn()
     with rc_context({"font.size": 30, "axes.grid": False}):
