@@ -148,8 +148,8 @@ def _require_not_read(path: Path, inputs: Iterable[Path]) -> None:
 def _require_suffix(output: Output) -> None:
     suffix, allowed = output.path.suffix, output.suffixes
     if allowed and suffix.lower() not in allowed:
-        ends = f"ends in {suffix!r}" if suffix else "has no ending"
-        raise InputError(f"{output.path}: no {output.kind} {ends}: {nearest(suffix, allowed)}")
+        wrong = f"{suffix!r} is no ending of a" if suffix else "an ending is missing of this"
+        raise InputError(f"{output.path}: {wrong} {output.kind}: {nearest(suffix, allowed)}")
 
 
 def _require_own(output: Output, inputs: Iterable[Path], overwrite: bool) -> None:

@@ -33,7 +33,7 @@ def output(path: Path, kind: str, size_bytes: int = 1_000_000) -> Output:
 
 def beside(path: Path, kind: str, size_bytes: int = 1_000_000) -> Output:
     """A further file of another kind, beside the one that the user named."""
-    return output(path.with_suffix(ENDINGS[kind][0]), kind, size_bytes)
+    return output(path.parent / f"{path.stem}{ENDINGS[kind][0]}", kind, size_bytes)
 
 
 def files_read(*names: str | Path) -> Iterator[Path]:

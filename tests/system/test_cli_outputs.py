@@ -19,24 +19,28 @@ ODD_NAME = "a [red]b[/x] :car:"
         ["picture", "warehouse", "-o", "x.png"],
     ],
 )
-def test_two_outputs_do_not_share_a_name(arguments: list[str], tmp_path: Path) -> None:
+def test_the_name_of_a_second_output_is_not_that_of_the_first(arguments: list[str], tmp_path: Path) -> None:
     *options, name = arguments
     run = spisim(*options, tmp_path / name)
     assert run.exit_code == 2
     assert f"{tmp_path / name}: " in run.stderr
-    assert "takes that name" in run.stderr
+    assert "is no ending of a" in run.stderr
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
-    ("command", "second"),
-    [("simulate --report", "x.html"), ("transport", "x.npz"), ("picture", "x.png")],
+    ("command", "first", "second"),
+    [
+        ("simulate --report", "x.h5", "x.html"),
+        ("transport", "x.exr", "x.npz"),
+        ("picture", "x.exr", "x.png"),
+    ],
 )
 def test_a_second_output_that_cannot_be_written_is_told_at_once(
-    command: str, second: str, tmp_path: Path
+    command: str, first: str, second: str, tmp_path: Path
 ) -> None:
     (tmp_path / second).mkdir()
-    run = spisim(*command.split(), "warehouse", "-o", tmp_path / "x.h5")
+    run = spisim(*command.split(), "warehouse", "-o", tmp_path / first)
     assert run.exit_code == 2
     assert f"{second} is a folder" in run.stderr
     assert [path.name for path in tmp_path.iterdir()] == [second]
@@ -60,7 +64,7 @@ def test_brackets_in_names_are_no_markup(tmp_path: Path) -> None:
     assert "[/x]" in run.stdout
 
 
-@pytest.mark.parametrize("name", ["capture.h5", "capture", f"{ODD_NAME}.h5"])
+@pytest.mark.parametrize("name", ["capture.h5", "capture.hdf5", f"{ODD_NAME}.h5"])
 def test_the_next_step_of_a_simulation_can_be_taken(name: str, tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(MINIMAL)
     capture = tmp_path / name

@@ -80,8 +80,11 @@ def test_a_relative_place_is_seen_from_here(
 def test_a_folder_without_permission_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("os.access", lambda *_: False)  # root may write anywhere
-    with pytest.raises(InputError, match=r"no permission to change "):
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "touch", denied)  # root may write anywhere
+    with pytest.raises(InputError, match=r"cannot write into .*: permission denied$"):
         require_file(tmp_path / "x.h5")
 
 
