@@ -19,7 +19,9 @@ ODD_NAME = "a [red]b[/x] :car:"
         ["picture", "warehouse", "-o", "x.png"],
     ],
 )
-def test_the_name_of_a_second_output_is_not_that_of_the_first(arguments: list[str], tmp_path: Path) -> None:
+def test_the_name_of_a_second_output_is_not_that_of_the_first(
+    arguments: list[str], tmp_path: Path
+) -> None:
     *options, name = arguments
     run = spisim(*options, tmp_path / name)
     assert run.exit_code == 2

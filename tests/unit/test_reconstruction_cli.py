@@ -262,7 +262,10 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         ([str(path), "-o", str(tmp_path / "file" / "x")], "file is not a folder"),
         ([str(path), "-o", str(tmp_path / "file")], "file is not a folder"),
         (["import", str(path), "-o", new, "--shape", "8x8"], "unknown file type"),
-        (["import", str(path), "-o", out, "--shape", "8x8"], "an ending is missing of this hardware capture"),
+        (
+            ["import", str(path), "-o", out, "--shape", "8x8"],
+            "an ending is missing of this hardware capture",
+        ),
         (["import", str(readings), "-o", new, "--shape", "8x8"], f"{readings}: the readings have"),
         ([*by_rows, "--variable", "short", "--shape", "7x8"], "expected (M, 56) for 7 x 8 pixels"),
         ([*by_rows, "--variable", "short"], "the readings have shape (63,)"),
