@@ -1,8 +1,8 @@
 """Find an LLVM library that Dr.Jit can work with, before Dr.Jit loads a wrong one.
 
-Dr.Jit loads a library when it is imported, whichever the system offers. Versions 14 to 16 then abort the whole
-process on machines with AVX-512 ("Cannot select: fminimum"), so versions are told apart here
-without loading the library into this process.
+Dr.Jit loads a library when it is imported, whichever the system offers. Versions 14 to 16 then
+abort the whole process on machines with AVX-512 ("Cannot select: fminimum"), so versions are told
+apart here without loading the library into this process.
 """
 
 import ctypes

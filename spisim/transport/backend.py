@@ -47,14 +47,15 @@ def use_threads(count: int) -> None:
 
 def _check_llvm() -> None:
     """Dr.Jit has loaded a library by now, or found none; an old one may abort the process."""
-    found = dr.has_backend(dr.JitBackend.LLVM)
-    loaded = dr.detail.llvm_version() if found else ()
-    if found and loaded[0] >= MIN_VERSION:
-        return
+    loaded = "no LLVM"
+    if dr.has_backend(dr.JitBackend.LLVM):
+        version = dr.detail.llvm_version()
+        if version[0] >= MIN_VERSION:
+            return
+        loaded = f"LLVM {'.'.join(map(str, version))}, which aborts on many machines"
     wanted = find_llvm()
-    what = f"LLVM {'.'.join(map(str, loaded))}, which aborts on many machines" if found else "no LLVM"
     raise InputError(
-        f"Dr.Jit has loaded {what}: import spisim before mitsuba and drjit, or start Python with "
+        f"Dr.Jit has loaded {loaded}: import spisim before mitsuba and drjit, or start Python with "
         f"{VARIABLE}={wanted}"
     )
 
