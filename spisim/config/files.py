@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
+from spisim.config.reading import read_text
 
 
 def check_is_there(path: Path, kind: str) -> None:
-    """InputError, naming the nearest file of the same suffix, unless `path` is a file."""
+    """InputError, naming the nearest file of the same suffix, unless `path` is a regular file."""
     if path.is_dir():
         raise InputError(f"{kind} {path.name!r} is a folder: {path}")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{kind} {path.name!r} is a device or pipe, not a regular file: {path}")
     if not path.is_file():
         others = sorted(other.name for other in path.parent.glob(f"*{path.suffix}"))
         hint = f" in {path.parent}; {nearest(path.name, others)}" if others else f": {path}"
@@ -23,10 +26,10 @@ def check_is_there(path: Path, kind: str) -> None:
 def read_npy(path: Path, kind: str) -> NDArray[Any]:
     """Array of real numbers, from an NPY file; InputError, naming its `kind`, for anything else."""
     try:
-        with path.open("rb") as file:
-            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{kind} {path.name!r} cannot be read: {error}") from None
+        # Mapped first, which compares shape and size of the file before memory is taken.
+        array = np.array(np.lib.format.open_memmap(path, mode="r"))
+    except (OSError, ValueError, EOFError, MemoryError):
+        raise InputError(f"{kind} {path.name!r} cannot be read: no NPY file, or damaged") from None
     if array.dtype.kind not in "fiub":
         raise InputError(f"{kind} {path.name!r} should hold real numbers; found {array.dtype}")
     return array
@@ -83,18 +86,34 @@ def read_density(path: Path) -> NDArray[np.float32]:
 def read_columns(path: Path) -> Floats:
     """Table of numbers (rows, columns), from a CSV file, with or without a header, or an NPY file.
 
-    Raises InputError for a file that is missing, damaged or holds something else.
+    Raises InputError for a file that is missing, damaged or holds something else. What a CSV file
+    holds instead of numbers is not told: a file may name one whose text is nobody's business.
     """
     check_is_there(path, "table")
-    if path.suffix.lower() == ".npy":
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
         return np.atleast_2d(read_npy(path, "table").astype(np.float64))
+    if suffix != ".csv":
+        raise InputError(f"table {path.name!r} should be a CSV or NPY file")
+    lines = read_text(path, "a table in CSV").splitlines()
+    has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
+    rows = [
+        [_number(cell, path, number) for cell in line.split(",")]
+        for number, line in enumerate(lines[has_header:], start=1 + has_header)
+        if line.strip()
+    ]
+    if len({len(row) for row in rows}) > 1:
+        raise InputError(f"table {path.name!r}: its lines are not equally long")
+    return np.array(rows, dtype=np.float64)
+
+
+def _number(cell: str, path: Path, line: int) -> float:
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
-        rows = [line.split(",") for line in lines[has_header:] if line.strip()]
-        return np.array(rows, dtype=np.float64)
-    except (OSError, ValueError) as error:
-        raise InputError(f"table {path.name!r} cannot be read: {error}") from None
+        return float(cell)
+    except ValueError:
+        raise InputError(
+            f"table {path.name!r}, line {line}: should hold numbers with commas between them"
+        ) from None
 
 
 def _read_png(path: Path) -> NDArray[Any]:
@@ -103,8 +122,8 @@ def _read_png(path: Path) -> NDArray[Any]:
     try:
         return np.asarray(matplotlib.image.imread(path, format="png"))
     # The decoder raises whatever a damaged file runs it into.
-    except Exception as error:
-        raise InputError(f"picture {path.name!r} cannot be read: {error}") from None
+    except Exception:
+        raise InputError(f"picture {path.name!r} cannot be read: no PNG file, or damaged") from None
 
 
 def _is_number(text: str) -> bool:
