@@ -8,6 +8,7 @@ value" (a YAML value; none at all takes the field out), "scene text: ..." replac
 import hashlib
 import io
 import re
+import resource
 import shlex
 import signal
 import stat
@@ -32,16 +33,17 @@ SPISIM = get_command(app)
 TABLES = Path(__file__).parent / "data" / "bad_inputs"
 #: A command that takes longer hangs.
 SECONDS = 20
+MEMORY_BYTES = 3 * 2**30
 #: What a message has no business with.
 INSIDES = re.compile(
     r"Traceback|index out of range|has no attribute|NoneType|AssertionError|KeyError|TypeError"
     r"|ValueError|<class|Errno|object at 0x|\.py\b|positional argument|unhashable|numpy\.|np\."
     r"|not subscriptable|codec can't|invalid literal|could not convert|must be str|unpack"
-    r"|pydantic|jinja|h5py|yaml\.|broadcast|dtype\("
+    r"|pydantic|jinja|h5py|yaml\.(?!org)|broadcast|dtype\("
 )
 #: Characters that steer a terminal.
 STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-MOST_LINES = 12
+MOST_LINES = 20
 
 #: Good files that a line may change, and the command that then reads them.
 BASES: dict[str, tuple[Any, str]] = {
@@ -93,7 +95,7 @@ class Row:
         if kind.endswith(" text") or name not in YAML:
             text = _characters(change.strip()).replace("\\n", "\n")
         else:
-            text = yaml.safe_dump(changed(base, change), allow_unicode=True)
+            text = yaml.safe_dump(changed(base, change), allow_unicode=True, sort_keys=False)
         (desk / f"row.{suffix}").write_text(text, encoding="utf-8", errors="surrogateescape")
         return shlex.split(command)
 
@@ -118,14 +120,11 @@ def _characters(text: str) -> str:
 def changed(base: Any, change: str) -> Any:
     """Fields with one set, "objects.0.size_m = [1]", or taken out, "objects.0.name ="."""
     path, _, text = change.partition("=")
-    fields = yaml.safe_load(yaml.safe_dump(base))
+    fields = yaml.safe_load(yaml.safe_dump(base, sort_keys=False))
     *way, last = (int(key) if key.isdigit() else key for key in _keys(path.strip()))
     place: Any = fields
     for key in way:
-        if isinstance(place, dict):
-            place = place.setdefault(key, {})
-        else:
-            place = place[key]
+        place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
     if text.strip():
         place[last] = yaml.safe_load(text)
     else:
@@ -168,18 +167,29 @@ def call(arguments: list[str]) -> tuple[int, str, str]:
 
 @contextmanager
 def limited() -> Iterator[None]:
-    """Late for what takes too long."""
+    """Late for what takes too long, MemoryError for what takes too much."""
 
     def late(*_: object) -> None:
         raise Late(f"not done after {SECONDS} s")
 
     before = signal.signal(signal.SIGALRM, late)
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (_data_bytes() + MEMORY_BYTES, hard))
     signal.alarm(SECONDS)
     try:
         yield
     finally:
         signal.alarm(0)
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
         signal.signal(signal.SIGALRM, before)
+
+
+def _data_bytes() -> int:
+    """What this process holds of what the limit counts."""
+    status = Path("/proc/self/status")
+    if not status.exists():
+        return 0
+    return 1024 * int(re.search(r"VmData:\s*(\d+)", status.read_text())[1])  # type: ignore[index]
 
 
 def complaint(row: Row, desk: Path) -> str | None:
@@ -201,7 +211,7 @@ def complaint(row: Row, desk: Path) -> str | None:
     if len([line for line in error.splitlines() if line.strip()]) > MOST_LINES:
         return f"{len(error.splitlines())} lines: {message[:300]}"
     if (after := snapshot(desk)) != before:
-        return f"changed {[name for name in {**before, **after} if before.get(name) != after.get(name)]}"
+        return f"changed {[n for n in {**before, **after} if before.get(n) != after.get(n)]}"
     if row.words not in message:
         return f"should say {row.words!r}: {message}"
     return None

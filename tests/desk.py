@@ -1,4 +1,4 @@
-"""A folder as users have them: good inputs, bad ones, foreign files and odd things, for commands."""
+"""A folder as users have them, for commands: good inputs, bad ones, foreign files, odd things."""
 
 import os
 import shutil

@@ -40,7 +40,7 @@ def command(
 
     Draws each figure as PNG.
     """
-    from reconstruction.files import Output, require_file, require_outputs, write_atomically
+    from reconstruction.files import Output, require_outputs, write_atomically
     from spisim.paper import RESULTS
     from spisim.paper.checks import around_marks, checks_table, paste, report, summary, surroundings
     from spisim.report.style import file_of, plot_style
@@ -51,7 +51,6 @@ def command(
     require_outputs(files, [] if markdown is None else [markdown], overwrite=overwrite)
     if markdown is not None:
         around_marks(markdown, "paper")
-        require_file(markdown)
     with plot_style():
         results = {name: RESULTS[name]() for name in names}
         for name, picture in pictures.items():

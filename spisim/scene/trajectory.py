@@ -30,6 +30,10 @@ POSES = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 WAY_POINTS = ("t", "x", "y", "z", "look_x", "look_y", "look_z")
 #: Quaternions may be off unit length by rounding.
 UNIT_TOLERANCE = 0.01
+#: Of all numbers in a file; times may count from 1970.
+LARGEST = 1e10
+#: Between two times, in seconds.
+SHORTEST_S = 1e-6
 #: A path is followed in straight steps of at most this length.
 STEP_M = 0.05
 
@@ -132,7 +136,7 @@ def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
     if len(values) < 2:
         raise InputError(f"{file}: a flight needs 2 poses or more, not {len(values)}")
     table = np.array(values)
-    falls = np.flatnonzero(np.diff(table[:, 0]) <= 0)
+    falls = np.flatnonzero(np.diff(table[:, 0]) < SHORTEST_S)
     if falls.size:
         row = falls[0] + 1
         raise InputError(
@@ -187,6 +191,8 @@ def _row(where: str, cells: list[str], columns: Sequence[str]) -> list[float]:
             raise InputError(f"{where}: {name} should be a number; found {cell!r}") from None
         if not math.isfinite(values[-1]):
             raise InputError(f"{where}: {name} should be finite; found {cell!r}")
+        if abs(values[-1]) > LARGEST:
+            raise InputError(f"{where}: {name} should lie within ±{LARGEST:g}; found {cell!r}")
     return values
 
 
