@@ -35,4 +35,4 @@ def file_of(
 
 def drawn(words: str) -> str:
     """Words of strangers for a figure: no formula, and no characters that fonts do not have."""
-    return printable(words).replace("$", r"\$")
+    return printable(words).replace("$", r"\$").replace("\t", " ")

@@ -18,9 +18,7 @@ ONE_OF = 8
 
 
 @pytest.fixture(scope="module")
-def desk(
-    capture: Capture, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Path]:
+def desk(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The folder in which the commands are run."""
     folder = tmp_path_factory.mktemp("desk")
     lay_out(folder, capture)
