@@ -37,7 +37,7 @@ MEMORY_BYTES = 3 * 2**30
 #: What a message has no business with.
 INSIDES = re.compile(
     r"Traceback|index out of range|has no attribute|NoneType|AssertionError|KeyError|TypeError"
-    r"|ValueError|<class|Errno|object at 0x|\.py\b|positional argument|unhashable|numpy\.|np\."
+    r"|ValueError|<class|Errno|object at 0x|\.py\b|positional argument|unhashable type|numpy\.|np\."
     r"|not subscriptable|codec can't|invalid literal|could not convert|must be str|unpack"
     r"|pydantic|jinja|h5py|yaml\.(?!org)|broadcast|dtype\("
 )
