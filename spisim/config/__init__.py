@@ -19,6 +19,7 @@ from spisim.config.messages import reason
 from spisim.config.reading import check_fields, find_named, parse_model, read_mapping, read_text
 from spisim.config.registered import named, one_of
 from spisim.config.shipped import shipped
+from spisim.config.tables import csv_table
 
 __all__ = [
     "Count",
@@ -30,6 +31,7 @@ __all__ = [
     "Section",
     "Vector",
     "check_fields",
+    "csv_table",
     "find_named",
     "named",
     "not_a_truth_value",

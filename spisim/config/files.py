@@ -1,7 +1,6 @@
 """Files that configuration files refer to: pictures and tables of numbers."""
 
 import struct
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +10,18 @@ from numpy.typing import NDArray
 from reconstruction import npy
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
+from spisim.config.reading import read_text
 
 MAX_PIXELS = 2**24
 MAX_TABLE_BYTES = 2**26
 
 
 def check_is_there(path: Path, kind: str) -> None:
-    """InputError, naming the nearest file of the same suffix, unless `path` is a file."""
+    """InputError, naming the nearest file of the same suffix, unless `path` is a regular file."""
     if path.is_dir():
         raise InputError(f"{kind} {path.name!r} is a folder: {path}")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{kind} {path.name!r} is a device or pipe, not a regular file: {path}")
     if not path.is_file():
         others = sorted(other.name for other in path.parent.glob(f"*{path.suffix}"))
         hint = f" in {path.parent}; {nearest(path.name, others)}" if others else f": {path}"
@@ -86,10 +88,12 @@ def read_density(path: Path) -> NDArray[np.float32]:
 def read_columns(path: Path) -> Floats:
     """Table of numbers (rows, columns), from a CSV file, with or without a header, or an NPY file.
 
-    Raises InputError for a file that is missing, damaged or holds something else.
+    Raises InputError for a file that is missing, damaged or holds something else. What a CSV file
+    holds instead of numbers is not told: a file may name one whose text is nobody's business.
     """
     check_is_there(path, "table")
-    if path.suffix.lower() == ".npy":
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
         return np.atleast_2d(read_npy(path, "table").astype(np.float64))
     size = path.stat().st_size
     if size > MAX_TABLE_BYTES:
@@ -97,17 +101,27 @@ def read_columns(path: Path) -> Floats:
             f"table {path.name!r} has {size / 2**20:.0f} MiB, at most {MAX_TABLE_BYTES // 2**20} "
             "of text are read: save it as an NPY file"
         )
+    if suffix != ".csv":
+        raise InputError(f"table {path.name!r} should be a CSV or NPY file")
+    lines = read_text(path, "a table in CSV").splitlines()
+    has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
+    rows = [
+        [_number(cell, path, number) for cell in line.split(",")]
+        for number, line in enumerate(lines[has_header:], start=1 + has_header)
+        if line.strip()
+    ]
+    if len({len(row) for row in rows}) > 1:
+        raise InputError(f"table {path.name!r}: its lines are not equally long")
+    return np.array(rows, dtype=np.float64)
+
+
+def _number(cell: str, path: Path, line: int) -> float:
     try:
-        with path.open(encoding="utf-8-sig") as file:
-            has_header = not _is_number(file.readline().partition(",")[0])
-            file.seek(0)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # an empty table is told by whoever needs it
-                return np.loadtxt(
-                    file, delimiter=",", comments=None, skiprows=int(has_header), ndmin=2
-                )
-    except (OSError, ValueError) as error:
-        raise InputError(f"table {path.name!r} cannot be read: {error}") from None
+        return float(cell)
+    except ValueError:
+        raise InputError(
+            f"table {path.name!r}, line {line}: should hold numbers with commas between them"
+        ) from None
 
 
 def _read_png(path: Path) -> NDArray[Any]:
@@ -117,8 +131,8 @@ def _read_png(path: Path) -> NDArray[Any]:
     try:
         return np.asarray(matplotlib.image.imread(path, format="png"))
     # The decoder raises whatever a damaged file runs it into.
-    except Exception as error:
-        raise InputError(f"picture {path.name!r} cannot be read: {error}") from None
+    except Exception:
+        raise InputError(f"picture {path.name!r} cannot be read: no PNG file, or damaged") from None
 
 
 def _check_pixels(path: Path) -> None:

@@ -1,5 +1,6 @@
 """YAML text checked against models."""
 
+import stat
 from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +13,9 @@ from spisim.config.fields import Section
 from spisim.config.messages import describe, show
 
 Model = TypeVar("Model", bound=Section)
+
+#: Of a scene, a plan or a table, which people write.
+MAX_TEXT_BYTES = 64 * 2**20
 
 
 class _Loader(yaml.SafeLoader):
@@ -30,14 +34,25 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def read_text(path: Path) -> str:
-    """Text of a UTF-8 file; InputError where it is missing, unreadable or not text."""
+def read_text(path: Path, expected: str = "a YAML file in UTF-8") -> str:
+    """Text of a UTF-8 file; InputError where it is missing, unreadable, too large or not text.
+
+    Devices and pipes, which may never end, are not read.
+    """
     try:
-        return path.read_text(encoding="utf-8")
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(f"{path}: not a regular file; {expected} is expected")
+        if found.st_size > MAX_TEXT_BYTES:
+            raise InputError(
+                f"{path}: {found.st_size / 2**20:.0f} MB; at most {MAX_TEXT_BYTES >> 20} MB of text "
+                "are read"
+            )
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file; a YAML file in UTF-8 is expected") from None
+        raise InputError(f"{path}: not a text file; {expected} is expected") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -104,13 +119,17 @@ def find_named(
     Raises InputError, with the nearest shipped name, where there is neither.
     """
     given = Path(name)
-    if given.suffix in suffixes or given.is_file():
+    if given.suffix in suffixes:
         return given
     shipped = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
     if name in shipped:
         return shipped[name]
     if given.is_dir():
         raise InputError(f"{name} is a folder; the name of a file is needed")
+    if given.exists():
+        raise InputError(
+            f"{name} is no {kind} file by its name, which should end in {' or '.join(suffixes)}"
+        )
     raise InputError(
         f"no {kind} {name!r}: neither a file nor the name of a shipped {kind}; "
         f"{nearest(name, sorted(shipped))}"

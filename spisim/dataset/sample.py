@@ -156,7 +156,9 @@ def _write_sidecars(path: Path, simulation: Simulation, keep: Keep) -> list[Path
         light = simulation.transport
         channels: dict[str, Any] = {"transport": light.image, "transport_error": light.image_error}
         written.append(path.with_suffix(".exr"))
-        write_exr(written[-1], channels, {f"units.{name}": "1" for name in channels})
+        write_exr(
+            written[-1], "transport image", channels, {f"units.{name}": "1" for name in channels}
+        )
     if keep.histograms:
         written.append(path.with_suffix(".npz"))
         write_histograms(written[-1], simulation.transport)

@@ -77,6 +77,7 @@ def write_report(
     way = None if truth is None or spots is None else _path_lengths(spots, truth.spot_range_m)
     write_page(
         path,
+        "capture report",
         "capture",
         title=title,
         capture=capture,
@@ -195,4 +196,4 @@ def _path_lengths(spots: Spots, range_m: Floats) -> Floats:
 
 
 def _plot(figure: Figure | None) -> str | None:
-    return None if figure is None else data_address(file_of(figure, "svg"), "image/svg+xml")
+    return None if figure is None else data_address(file_of(figure, "plot", "svg"), "image/svg+xml")

@@ -66,8 +66,8 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     try:
         mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
     # trimesh's parsers raise whatever their parsing runs into.
-    except Exception as error:
-        raise InputError(f"mesh {path.name!r} cannot be read: {error}") from None
+    except Exception:
+        raise InputError(f"mesh {path.name!r} cannot be read: damaged, or not {suffix}") from None
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()
     check_mesh(mesh, path.name)

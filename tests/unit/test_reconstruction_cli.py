@@ -30,6 +30,7 @@ from reconstruction import (
 from reconstruction.capture import Buckets, Optics, Provenance
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.cli import main
+from reconstruction.files import mark
 from reconstruction.operators import expose
 from reconstruction.outputs.result_file import result_bytes
 
@@ -218,12 +219,16 @@ def test_without_time_of_flight_there_is_an_image_only_and_it_says_so(tmp_path, 
     ]
     out = tmp_path / "out"
     out.mkdir()
-    (out / "depth.png").write_bytes(b"of an earlier result")
+    (out / "depth.png").write_bytes(mark("depth").encode())
+    (out / "image_pursuit.png").write_bytes(b"of someone else")
     assert main(imported) == 0
-    assert main([str(tmp_path / "car.h5"), "-o", str(out)]) == 0
+    assert main([str(tmp_path / "car.h5"), "-o", str(out)]) == 2
+    assert "image_pursuit.png exists and is not an earlier image" in capsys.readouterr().err
+    assert main([str(tmp_path / "car.h5"), "-o", str(out), "--overwrite"]) == 0
     assert "no time of flight" in capsys.readouterr().out
     assert not (out / "depth.png").exists()
     assert (out / "image.png").exists()
+    assert (out / "image_pursuit.png").read_bytes() == b"of someone else"
 
 
 def test_import_with_a_named_plan_is_the_same_as_with_the_patterns(tmp_path):
@@ -243,7 +248,8 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
     np.save(readings, np.ones(63))
     rows, of_matrix = hadamard(64), tmp_path / "readings.npz"
     np.savez(of_matrix, short=np.ones(63), turned=np.ones((64, 2)), rows=rows)
-    by_rows = ["import", str(of_matrix), "-o", out, "--shape", "8x8", "--patterns-variable", "rows"]
+    new = str(tmp_path / "new.h5")
+    by_rows = ["import", str(of_matrix), "-o", new, "--shape", "8x8", "--patterns-variable", "rows"]
     for arguments, message in [
         ([str(tmp_path / "none.h5"), "-o", out], "no such capture file"),
         ([str(tmp_path / "text.h5"), "-o", out], "not an HDF5 file"),
@@ -256,8 +262,12 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         ([str(path), "-o", out, "--depth", "nearest,dense"], "'dense' needs pattern taps, which"),
         ([str(path), "-o", str(tmp_path / "file" / "x")], "file is not a folder"),
         ([str(path), "-o", str(tmp_path / "file")], "file is not a folder"),
-        (["import", str(path), "-o", out, "--shape", "8x8"], "unknown file type"),
-        (["import", str(readings), "-o", out, "--shape", "8x8"], f"{readings}: the readings have"),
+        (["import", str(path), "-o", new, "--shape", "8x8"], "unknown file type"),
+        (
+            ["import", str(path), "-o", out, "--shape", "8x8"],
+            "an ending is missing of this hardware capture",
+        ),
+        (["import", str(readings), "-o", new, "--shape", "8x8"], f"{readings}: the readings have"),
         ([*by_rows, "--variable", "short", "--shape", "7x8"], "expected (M, 56) for 7 x 8 pixels"),
         ([*by_rows, "--variable", "short"], "the readings have shape (63,)"),
         ([*by_rows, "--variable", "turned"], "the readings have shape (64, 2)"),

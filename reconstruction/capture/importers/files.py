@@ -70,7 +70,12 @@ def _read_csv(path: Path, _variable: str | None) -> NDArray[Any]:
         )
     with path.open(encoding="utf-8") as file, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an empty file is told by whoever called
-        return np.loadtxt(file, delimiter=",")
+        try:
+            return np.loadtxt(file, delimiter=",")
+        except ValueError:
+            raise InputError(
+                "should hold numbers with commas between them, equally many in each line"
+            ) from None
 
 
 def _read_npz(path: Path, variable: str | None) -> NDArray[Any]:

@@ -47,6 +47,8 @@ def command(
     Exit status: 0 all done, 1 some samples failed, 2 input that cannot be used, 3 no space left,
     130 interrupted.
     """
+    from reconstruction.files import require_folder
+    from spisim.dataset.folder import Layout
     from spisim.dataset.plan import load_plan
     from spisim.dataset.preview import check
     from spisim.dataset.runner import run_dataset
@@ -62,10 +64,14 @@ def command(
         return
     if output is None:
         raise InputError("--output DIR is missing")
+    folder = output.absolute()
+    require_folder(folder)
+    kept = Layout(folder).plan
+    if samples is not None and kept.exists() and kept.samefile(plan):
+        raise InputError(f"--samples would change {plan}: change it there, or give it another name")
     executor = executors(workers, dask, timeout)
     check(planned)
     activate()  # before every process finds out by itself that light cannot be traced
-    folder = output.absolute()
     with explained(), shown(progress) as update:
         state = run_dataset(
             planned,

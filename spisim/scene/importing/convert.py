@@ -79,7 +79,8 @@ def import_scene(
     """
     options = options or Options()
     reader = _reader(file, readers)
-    check_free(output, options.overwrite)
+    inputs = [path for path in (file, options.materials) if path is not None]
+    check_free(output, options.overwrite, inputs)
     chosen = {} if options.materials is None else read_map(options.materials)
     folders = Folders.around(file, options.model_path)
     with _naming_once(file):

@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
+from reconstruction.errors import InputError
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 
 #: Poses of the drone over a recording for which the box of drops has to hold the field.
 POSES = 9
+#: Drops of a recording: what fits into 4 GB.
+MAX_DROPS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,7 @@ def drop_field(
     """Draw the drops around an instrument for a recording: a Poisson number, uniform in place.
 
     The box holds the field of the instrument from one frame's middle to half a frame before and
-    after, whatever the drone does.
+    after, whatever the drone does. Raises InputError for more than `MAX_DROPS`.
     """
     start = np.linalg.inv(scene.drone_pose)
 
@@ -82,7 +85,14 @@ def drop_field(
     margin = speed * instrument.frame_time_s / 2
     box = np.array([seen.min(axis=0) - margin, seen.max(axis=0) + margin])
     size = box[1] - box[0]
-    count = int(rng.poisson(precipitation.number_per_m3 * size.prod()))
+    expected = precipitation.number_per_m3 * size.prod()
+    if not expected <= MAX_DROPS:
+        raise InputError(
+            f"scene {scene.name!r}: about {expected:.2g} drops would cross the field during a frame "
+            f"of {instrument.frame_time_s:.3g} s, passing at {speed:.3g} m/s; at most "
+            f"{MAX_DROPS:.0g}: less wind, a slower drone, less precipitation or shorter frames"
+        )
+    count = int(rng.poisson(expected))
     diameters = precipitation.diameters_mm(count, rng)
     falling = np.zeros((count, 3))
     falling[:, 2] = -precipitation.fall_speed_m_s(diameters)
