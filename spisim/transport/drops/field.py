@@ -88,9 +88,9 @@ def drop_field(
     expected = precipitation.number_per_m3 * size.prod()
     if not expected <= MAX_DROPS:
         raise InputError(
-            f"scene {scene.name!r}: about {expected:.2g} drops would cross the field during a frame "
-            f"of {instrument.frame_time_s:.3g} s, passing at {speed:.3g} m/s; at most "
-            f"{MAX_DROPS:.0g}: less wind, a slower drone, less precipitation or shorter frames"
+            f"scene {scene.name!r}: about {expected:.2g} drops would cross the field in a frame of "
+            f"{instrument.frame_time_s:.3g} s, at {speed:.3g} m/s; at most {MAX_DROPS:.0g}: "
+            "less wind, a slower drone, less precipitation or shorter frames"
         )
     count = int(rng.poisson(expected))
     diameters = precipitation.diameters_mm(count, rng)
