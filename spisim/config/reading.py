@@ -43,11 +43,9 @@ def read_text(path: Path, expected: str = "a YAML file in UTF-8") -> str:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
             raise InputError(f"{path}: not a regular file; {expected} is expected")
-        if found.st_size > MAX_TEXT_BYTES:
-            raise InputError(
-                f"{path}: {found.st_size / 2**20:.0f} MB; at most {MAX_TEXT_BYTES >> 20} MB of text "
-                "are read"
-            )
+        size_mb, most_mb = found.st_size / 2**20, MAX_TEXT_BYTES >> 20
+        if size_mb > most_mb:
+            raise InputError(f"{path}: {size_mb:.0f} MB; at most {most_mb} MB of text are read")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None

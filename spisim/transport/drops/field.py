@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -81,16 +82,16 @@ def drop_field(
     times = np.linspace(0, frames * instrument.frame_time_s, POSES)
     seen = np.concatenate([corners @ pose_at(time)[:3, :3].T for time in times])
     fastest = precipitation.fall_speed_m_s(np.array([precipitation.largest_mm]))[0]
-    speed = fastest + np.linalg.norm(np.subtract(precipitation.wind_m_s, scene.drone_velocity_m_s))
+    speed = fastest + math.dist(precipitation.wind_m_s, scene.drone_velocity_m_s)
     margin = speed * instrument.frame_time_s / 2
     box = np.array([seen.min(axis=0) - margin, seen.max(axis=0) + margin])
     size = box[1] - box[0]
-    expected = precipitation.number_per_m3 * size.prod()
+    expected = precipitation.number_per_m3 * math.prod(size.tolist())
     if not expected <= MAX_DROPS:
         raise InputError(
-            f"scene {scene.name!r}: about {expected:.2g} drops would cross the field during a frame "
-            f"of {instrument.frame_time_s:.3g} s, passing at {speed:.3g} m/s; at most "
-            f"{MAX_DROPS:.0g}: less wind, a slower drone, less precipitation or shorter frames"
+            f"scene {scene.name!r}: about {expected:.2g} drops would cross the field in a frame of "
+            f"{instrument.frame_time_s:.3g} s, at {speed:.3g} m/s; at most {MAX_DROPS:.0g}: "
+            "less wind, a slower drone, less precipitation or shorter frames"
         )
     count = int(rng.poisson(expected))
     diameters = precipitation.diameters_mm(count, rng)
