@@ -19,6 +19,7 @@ from spisim.config.messages import reason
 from spisim.config.reading import check_fields, find_named, parse_model, read_mapping, read_text
 from spisim.config.registered import named, one_of
 from spisim.config.shipped import shipped
+from spisim.config.yaml import load_yaml
 
 __all__ = [
     "Count",
@@ -31,6 +32,7 @@ __all__ = [
     "Vector",
     "check_fields",
     "find_named",
+    "load_yaml",
     "named",
     "not_a_truth_value",
     "one_of",

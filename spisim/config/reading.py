@@ -1,39 +1,24 @@
 """YAML text checked against models."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import ValidationError
 
 from reconstruction.errors import InputError, nearest
 from spisim.config.fields import Section
 from spisim.config.messages import describe, show
+from spisim.config.yaml import MAX_CHARACTERS, load_yaml
 
 Model = TypeVar("Model", bound=Section)
-
-
-class _Loader(yaml.SafeLoader):
-    """Safe YAML in which a repeated key is an error; plain PyYAML keeps the last one silently."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        self.flatten_mapping(node)
-        seen: set[Any] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if isinstance(key, Hashable) and key in seen:
-                raise yaml.MarkedYAMLError(
-                    problem=f"field {key!r} is given twice", problem_mark=key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
 
 
 def read_text(path: Path) -> str:
     """Text of a UTF-8 file; InputError where it is missing, unreadable or not text."""
     try:
-        return path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            return file.read(MAX_CHARACTERS + 1)  # one too many is refused where it is parsed
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except UnicodeDecodeError:
@@ -47,15 +32,7 @@ def read_mapping(text: str, model: type[Section], source: Path | str) -> dict[An
 
     Raises InputError, naming `source`, for YAML that does not parse or is not a mapping.
     """
-    try:
-        # The loader derives from SafeLoader: plain data only, no Python objects.
-        data = yaml.load(text, Loader=_Loader)
-    except yaml.MarkedYAMLError as error:
-        where = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise InputError(f"{source}{where}: not valid YAML: {error.problem}") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{source}: not valid YAML: {reason}") from None
+    data = load_yaml(text, source)
     if not isinstance(data, dict):
         fields = ", ".join(model.model_fields)
         raise InputError(

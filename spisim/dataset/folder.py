@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
 from reconstruction import Capture
+from reconstruction.errors import InputError
+from spisim.config import load_yaml
 from spisim.dataset.records import Outcome
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def done(layout: Layout, sample: Sample, beside: Iterable[Path]) -> Outcome:
 
 def belongs_to(capture: Capture) -> tuple[str, int] | None:
     """Digest of the plan that a capture was made for, and its index there; None for others."""
-    with suppress(yaml.YAMLError, TypeError, KeyError, ValueError):
-        told = yaml.safe_load(capture.provenance.settings)["data_set"]
+    with suppress(InputError, TypeError, KeyError, ValueError):
+        told = load_yaml(capture.provenance.settings, "settings")["data_set"]
         return str(told["plan"]), int(told["index"])
     return None

@@ -20,7 +20,7 @@ from reconstruction import Capture, capture_warnings, write_capture
 from reconstruction.errors import InputError, explain
 from reconstruction.files import write_atomically
 from reconstruction.timing import timed
-from spisim.config import parse_model
+from spisim.config import load_yaml, parse_model
 from spisim.dataset.folder import Layout, done
 from spisim.dataset.plan import Keep, PlannedSet, Sample
 from spisim.dataset.records import NO_SPACE, Outcome
@@ -141,7 +141,7 @@ def is_out_of_space(error: BaseException) -> bool:
 
 def _of_a_set(capture: Capture, planned: PlannedSet, index: int) -> Capture:
     """The capture that says where it belongs; when it was made would tell equal ones apart."""
-    settings = yaml.safe_load(capture.provenance.settings)
+    settings = load_yaml(capture.provenance.settings, "settings")
     settings["data_set"] = {"plan": planned.digest, "index": index}
     provenance = replace(
         capture.provenance, created="", settings=yaml.safe_dump(settings, sort_keys=False)
