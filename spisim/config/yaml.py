@@ -65,6 +65,7 @@ class _Size:
 
     values: int
     characters: int
+    depth: int = 0
 
 
 @dataclass
@@ -108,9 +109,8 @@ class _Counter:
 
     def _begin(self, event: yaml.CollectionStartEvent) -> None:
         keys: set[str] | None = set() if isinstance(event, yaml.MappingStartEvent) else None
-        self.open.append(_Open(event.anchor, _Size(1, 0), keys))
-        if len(self.open) > MAX_DEPTH + 1:
-            raise _Refusal(f"more than {MAX_DEPTH} mappings and lists within each other", event)
+        self.open.append(_Open(event.anchor, _Size(1, 0, 1), keys))
+        self._check_depth(0, event)
 
     def _alias(self, event: Any) -> None:
         if any(each.anchor == event.anchor for each in self.open):
@@ -118,10 +118,12 @@ class _Counter:
         self._add(self.sizes.get(event.anchor, _Size(1, 0)), None, event)
 
     def _add(self, size: _Size, anchor: str | None, event: yaml.Event) -> None:
+        self._check_depth(size.depth, event)
         whole = self.open[-1]
         whole.parts += 1
         whole.size.values += size.values
         whole.size.characters += size.characters
+        whole.size.depth = max(whole.size.depth, size.depth + 1)
         if anchor is not None:
             self.sizes[anchor] = size
         if whole.size.values > MAX_VALUES or whole.size.characters > MAX_CHARACTERS:
@@ -130,6 +132,10 @@ class _Counter:
                 f"{MAX_CHARACTERS} characters",
                 event,
             )
+
+    def _check_depth(self, more: int, event: yaml.Event) -> None:
+        if len(self.open) - 1 + more > MAX_DEPTH:
+            raise _Refusal(f"more than {MAX_DEPTH} mappings and lists within each other", event)
 
 
 def _check(text: str) -> None:
@@ -141,7 +147,7 @@ def _check(text: str) -> None:
 class _Constructor(yaml.constructor.SafeConstructor):
     """Values that JSON has too; whatever does not fit its tag is told by its line."""
 
-    yaml_constructors: ClassVar[dict[str | None, Any]] = {  # type: ignore[assignment]
+    yaml_constructors: ClassVar[dict[Any, Any]] = {
         _TAG + kind: getattr(yaml.constructor.SafeConstructor, f"construct_yaml_{kind}")
         for kind in ("null", "bool", "int", "float", "str", "seq", "map")
     } | {

@@ -54,6 +54,11 @@ def test_ordinary_aliases_and_merges_are_read() -> None:
         ("a: &a [*a]", "line 1: a value of it contains itself: 'a'"),
         ("b: 1\na: &a {x: {y: [*a]}}", "line 2: a value of it contains itself"),
         ("[" * 5000, "more than 100 mappings and lists within each other"),
+        (
+            f"a0: &a0 {'[' * 50}{']' * 50}\n"
+            + "\n".join(f"a{k}: &a{k} {'[' * 50}*a{k - 1}{']' * 50}" for k in range(1, 30)),
+            "line 2: more than 100 mappings and lists",
+        ),
         ("- " * 5000, "more than 100 mappings and lists within each other"),
         ("a: " + "9" * 400, r"line 1: a number of 400 characters"),
         ("a: 0x" + "f" * 300, "is beyond 1.8e308"),
