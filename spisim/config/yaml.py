@@ -160,8 +160,6 @@ class _Constructor(yaml.constructor.SafeConstructor):
             raise _Refusal(f"a number of {len(node.value)} characters", node)
         try:
             value = super().construct_object(node, deep)
-        except yaml.YAMLError:
-            raise
         # PyYAML raises whatever a value under a wrong tag runs it into.
         except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError):
             kind = node.tag.rpartition(":")[2]

@@ -14,9 +14,20 @@ import yaml
 from reconstruction import read_capture
 from reconstruction.errors import InputError
 from reconstruction.files import require_folder, write_atomically
-from spisim.dataset.folder import Layout, belongs_to, done
+from spisim.config import load_yaml, read_text
+from spisim.dataset.database import COMPANIONS
+from spisim.dataset.folder import (
+    SIDECARS,
+    Layout,
+    Origin,
+    Sound,
+    done,
+    fingerprint,
+    has_its_size,
+    origin_of,
+)
 from spisim.dataset.lock import locked
-from spisim.dataset.manifest import DamagedManifest, Manifest
+from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.plan import PlannedSet, order_of
 from spisim.version import __version__
 
@@ -26,28 +37,31 @@ SOFTWARE = f"spisim {__version__}"
 
 
 @contextmanager
-def opened(planned: PlannedSet, folder: Path, say: Say) -> Iterator[Manifest]:
+def opened(
+    planned: PlannedSet, folder: Path, say: Say, is_sound: Sound = has_its_size
+) -> Iterator[Manifest]:
     """Manifest of a folder that fits the plan, locked for this process.
 
     What a run needs to start again is put in order: leftovers of killed processes go, samples
-    whose files are gone are to be made again, captures that the manifest does not know are added
-    to it, and a manifest that is damaged or lost is rebuilt from the captures.
+    whose files are gone or not sound are to be made again, captures that the manifest does not know
+    are added to it, and a manifest that is damaged or lost is rebuilt from the captures.
 
-    Raises InputError where the folder cannot be written, another run holds it, it holds samples of
-    another plan or more of them than planned, or captures that are not of this data set.
+    Raises InputError where the folder cannot be written, holds links or is somebody's for other
+    things, another run holds it, it holds samples of another plan or more of them than planned, or
+    captures that are not of this data set.
     """
     layout = Layout(folder)
     require_folder(folder)
+    _check_is_free(planned, layout)  # before anything is written
     folder.mkdir(parents=True, exist_ok=True)
     with locked(layout.lock):
-        layout.remove_leftovers()
-        if layout.plan.exists():
-            _check_same_fields(planned, layout)
+        _check_is_free(planned, layout)  # another run may have begun meanwhile
         with _manifest(planned, layout, say) as manifest:
             _check_same_files(planned, manifest, layout)
+            layout.remove_leftovers()  # now that the folder is known to be this data set's
             _check_size(manifest.indices(), planned, layout)
-            _forget_lost(manifest, layout, say)
-            _adopt(planned, manifest, layout, say)
+            lost = _forget_lost(manifest, layout, say, is_sound)
+            _adopt(planned, manifest, layout, say, lost)
             text = planned.text.encode()
             if not layout.plan.exists() or layout.plan.read_bytes() != text:
                 write_atomically(layout.plan, text)
@@ -59,8 +73,29 @@ def opened(planned: PlannedSet, folder: Path, say: Say) -> Iterator[Manifest]:
                 layout.remove_leftovers()
 
 
+def _check_is_free(planned: PlannedSet, layout: Layout) -> None:
+    """InputError unless a folder is new, holds nothing but what a run leaves, or is this set's."""
+    layout.refuse_links()
+    if layout.plan.exists():
+        _check_same_fields(planned, layout)
+        return
+    strangers = layout.strangers()
+    if strangers and not _has_manifest(layout):
+        raise InputError(
+            f"{layout.folder} is not empty and no data set: it holds {_some(strangers)}; choose a "
+            "new or empty folder"
+        )
+
+
+def _has_manifest(layout: Layout) -> bool:
+    with suppress(InputError):
+        read_manifest(layout.folder)
+        return True
+    return False
+
+
 def _manifest(planned: PlannedSet, layout: Layout, say: Say) -> Manifest:
-    if layout.manifest.exists():
+    if layout.own(layout.manifest).exists():
         try:
             return Manifest.open(layout.manifest)
         except DamagedManifest as error:
@@ -87,19 +122,21 @@ def _set_aside(path: Path) -> Path:
         if not (place := path.with_name(f"{path.stem}.damaged-{number}{path.suffix}")).exists()
     )
     path.rename(aside)
-    journal = path.with_name(f"{path.name}-journal")
-    if journal.exists():
-        journal.rename(aside.with_name(f"{aside.name}-journal"))
+    for ending in COMPANIONS:
+        beside = path.with_name(path.name + ending)
+        if beside.exists():
+            beside.rename(aside.with_name(aside.name + ending))
     return aside
 
 
 def _check_same_fields(planned: PlannedSet, layout: Layout) -> None:
     try:
-        before: Any = yaml.safe_load(layout.plan.read_text(encoding="utf-8"))
+        before: Any = load_yaml(read_text(layout.own(layout.plan)), layout.plan)
         before = {name: value for name, value in before.items() if name != "samples"}
-    except (yaml.YAMLError, UnicodeDecodeError, AttributeError):
+        order = order_of(before)
+    except (InputError, AttributeError, TypeError):
         raise InputError(f"{layout.plan}: not the plan of a data set; use another folder") from None
-    if before != planned.fields or order_of(before) != order_of(planned.fields):
+    if before != planned.fields or order != order_of(planned.fields):
         raise InputError(
             f"{layout.folder} holds samples of another plan; use another folder, or this plan as "
             f"it was. What changed:\n{_difference(before, planned.fields)}"
@@ -154,37 +191,47 @@ def _tell_of_other_software(manifest: Manifest, say: Say) -> None:
         say(f"begun by {before}, and goes on with {SOFTWARE}: samples may differ between the two")
 
 
-def _forget_lost(manifest: Manifest, layout: Layout, say: Say) -> None:
+def _forget_lost(manifest: Manifest, layout: Layout, say: Say, is_sound: Sound) -> list[int]:
     lost = [
         index
         for index, files in manifest.files().items()
-        if any(_size(layout.folder / name) != size for name, size in files.items())
+        if not all(is_sound(layout.folder / name, told) for name, told in files.items())
     ]
     for index in lost:
         manifest.forget(index)
     if lost:
-        say(f"{len(lost)} samples have lost a file and are made again: {_some(lost)}")
+        say(
+            f"{len(lost)} samples have lost a file, or have a damaged one, and are made again: "
+            f"{_some(lost)}"
+        )
+    return lost
 
 
-def _adopt(planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say) -> None:
-    """Captures without a row: of a run that was killed, or of a lost manifest."""
+def _adopt(
+    planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say, lost: Iterable[int]
+) -> None:
+    """Captures without a row: of a run that was killed, or of a lost manifest.
+
+    Those of samples that are `lost` are none: they are made again.
+    """
     known = {name for files in manifest.files().values() for name in files}
+    known |= {layout.relative(layout.capture(index)) for index in lost}
     damaged: list[Path] = []
     foreign: list[Path] = []
-    found: set[int] = set()
+    found: dict[int, Origin] = {}
     for path in layout.captures():
         if layout.relative(path) in known:
             continue
         try:
-            told = belongs_to(read_capture(path))
+            origin = origin_of(read_capture(path))
         except InputError:
             ours = _is_of_a_sample(path, planned.plan.size, layout)
             (damaged if ours else foreign).append(path)
             continue
-        if told is None or told[0] != planned.digest or layout.capture(told[1]) != path:
-            foreign.append(path)
+        if origin and origin.plan == planned.digest and layout.capture(origin.index) == path:
+            found[origin.index] = origin
         else:
-            found.add(told[1])
+            foreign.append(path)
     if foreign:
         raise InputError(
             f"{_some(foreign)}: not of this data set, though in its folder; move it elsewhere"
@@ -194,9 +241,12 @@ def _adopt(planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say) ->
         path.unlink()
     if damaged:
         say(f"damaged captures removed, to be made again: {_some(damaged)}")
-    adopted = sum(_record_found(planned, manifest, layout, index) for index in sorted(found))
-    if adopted:
-        say(f"{adopted} samples found that the manifest did not know")
+    adopted = [_record_found(planned, manifest, layout, found[index]) for index in sorted(found)]
+    if any(adopted):
+        say(f"{sum(adopted)} samples found that the manifest did not know")
+    if not all(adopted):
+        again = [index for index, known in zip(sorted(found), adopted, strict=True) if not known]
+        say(f"files beside captures missing or damaged, to be made again: {_some(again)}")
 
 
 def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
@@ -207,20 +257,16 @@ def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
     return False
 
 
-def _record_found(planned: PlannedSet, manifest: Manifest, layout: Layout, index: int) -> bool:
-    path, keep = layout.capture(index), planned.plan.keep
-    kept = {".exr": keep.transport, ".npz": keep.histograms}
-    beside = [path.with_suffix(suffix) for suffix, wanted in kept.items() if wanted]
-    if not all(each.is_file() for each in beside):
-        return False  # made again, as any sample without a row
-    manifest.record(done(layout, planned.sample(index), beside))
+def _record_found(planned: PlannedSet, manifest: Manifest, layout: Layout, origin: Origin) -> bool:
+    """Whether all files of a sample are as its capture tells, which vouches for itself."""
+    path, keep = layout.capture(origin.index), planned.plan.keep
+    kept = zip(SIDECARS, (keep.transport, keep.histograms), strict=True)
+    beside = [path.with_suffix(suffix) for suffix, wanted in kept if wanted]
+    for each in beside:
+        if not each.is_file() or fingerprint(each)["sha256"] != origin.sidecars.get(each.suffix):
+            return False  # made again, as any sample without a row
+    manifest.record(done(layout, planned.sample(origin.index), beside))
     return True
-
-
-def _size(path: Path) -> int | None:
-    with suppress(OSError):
-        return path.stat().st_size
-    return None
 
 
 def _some(things: list[Any], most: int = 5) -> str:
