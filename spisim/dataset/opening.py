@@ -200,10 +200,7 @@ def _forget_lost(manifest: Manifest, layout: Layout, say: Say, is_sound: Sound) 
     for index in lost:
         manifest.forget(index)
     if lost:
-        say(
-            f"{len(lost)} samples have lost a file, or have a damaged one, and are made again: "
-            f"{_some(lost)}"
-        )
+        say(f"{len(lost)} samples have lost or damaged files and are made again: {_some(lost)}")
     return lost
 
 
