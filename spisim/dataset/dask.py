@@ -86,7 +86,10 @@ class DaskExecutor:
 
     def _room(self) -> int:
         with self._noticed():
-            return max(1, AHEAD * len(self._client.scheduler_info(n_workers=-1)["workers"]))
+            return max(1, AHEAD * self._workers())
+
+    def _workers(self) -> int:
+        return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _outcome(self, future: Any, index: int) -> Outcome:
         from distributed.scheduler import KilledWorker
@@ -137,7 +140,7 @@ class DaskExecutor:
                         "command again to go on where it was"
                     ) from None
             else:
-                self._say(f"{where} is back; going on")
+                self._say(f"{where} is back, and has {self._workers()} workers; going on")
                 return
 
 
@@ -147,5 +150,6 @@ def _connected(address: str) -> Any:
         from distributed import Client
     except ImportError:
         raise InputError("--dask needs distributed: pip install 'spisim[dask]'") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for logger in ("distributed", "distributed.client"):  # which has a level of its own
+        logging.getLogger(logger).setLevel(logging.CRITICAL)
     return Client(address, timeout=ANSWER_S)
