@@ -85,11 +85,11 @@ class DaskExecutor:
             return self._client.submit(self._make, index, key=key, pure=False)
 
     def _room(self) -> int:
-        with self._noticed():
-            return max(1, AHEAD * self._workers())
+        return max(1, AHEAD * self._workers())
 
     def _workers(self) -> int:
-        return len(self._client.scheduler_info(n_workers=-1)["workers"])
+        with self._noticed():
+            return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _outcome(self, future: Any, index: int) -> Outcome:
         from distributed.scheduler import KilledWorker
@@ -133,14 +133,15 @@ class DaskExecutor:
         while True:
             try:
                 self._client = _connected(self._address)
-            except OSError:
+                workers = self._workers()
+            except (OSError, SchedulerGone):
                 if time.monotonic() > end:
                     raise InputError(
                         f"{where} is gone and was not back within {PATIENCE_S:g} s; run the same "
                         "command again to go on where it was"
                     ) from None
             else:
-                self._say(f"{where} is back, and has {self._workers()} workers; going on")
+                self._say(f"{where} is back, and has {workers} workers; going on")
                 return
 
 
