@@ -4,7 +4,6 @@ Only the process that runs the data set writes it; anyone may read it meanwhile.
 """
 
 import errno
-import json
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -101,11 +100,11 @@ class Manifest:
         with self._writing() as connection:
             _put_meta(connection, meta)
 
-    def record(self, outcome: Outcome) -> None:
-        """Put an outcome in place of the sample's last, and count the attempt."""
-        row = row_of(outcome, self.attempts(outcome.index) + 1)
+    def record(self, *outcomes: Outcome) -> None:
+        """Put outcomes in place of the samples' last, all or none, and count the attempts."""
+        rows = [row_of(outcome, self.attempts(outcome.index) + 1) for outcome in outcomes]
         with self._writing() as connection:
-            connection.execute(INSERT, row)
+            connection.executemany(INSERT, rows)
 
     def forget(self, index: int) -> None:
         """Remove a sample's row."""
@@ -118,12 +117,15 @@ class Manifest:
         (count,) = self._connection.execute(query, (index,)).fetchone() or (0,)
         return int(count)
 
-    def files(self) -> dict[int, dict[str, dict[str, Any]]]:
+    def files(self) -> dict[int, dict[str, Mapping[str, Any]]]:
         """`bytes` and `sha256` of every file of every sample that is done, by index and path."""
-        query = "SELECT \"index\", file, bytes, sha256, sidecars FROM samples WHERE status = 'done'"
+        records = filter(lambda record: record.done, _records(self._connection))
         return {
-            index: {file: {"bytes": size, "sha256": sha256}} | json.loads(sidecars)
-            for index, file, size, sha256, sidecars in self._connection.execute(query)
+            record.index: {
+                str(record.file): {"bytes": record.bytes, "sha256": record.sha256},
+                **record.sidecars,
+            }
+            for record in records
         }
 
     def indices(self) -> set[int]:
@@ -180,11 +182,15 @@ def _content(connection: sqlite3.Connection) -> tuple[dict[str, str], tuple[Reco
     """All of a manifest. Raises sqlite3.Error or ValueError where it is not one of a run's."""
     check_tables(connection, SCHEMA)
     meta = meta_of(connection)
-    records = tuple(map(record_of, connection.execute(f'{SELECT} ORDER BY "index"')))
+    records = tuple(_records(connection))
     for record in records:
         if record.index >= int(meta["samples"]) or not _names_its_files(record):
             raise ValueError(f"the files of sample {record.index} cannot be")
     return meta, records
+
+
+def _records(connection: sqlite3.Connection) -> Iterator[Record]:
+    return map(record_of, connection.execute(f'{SELECT} ORDER BY "index"'))
 
 
 def _names_its_files(record: Record) -> bool:

@@ -28,7 +28,8 @@ from spisim.dataset.folder import (
 )
 from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
-from spisim.dataset.plan import PlannedSet, order_of
+from spisim.dataset.plan import Keep, PlannedSet, order_of
+from spisim.dataset.records import Outcome
 from spisim.version import __version__
 
 Say = Callable[[str], None]
@@ -238,12 +239,12 @@ def _adopt(
         path.unlink()
     if damaged:
         say(f"damaged captures removed, to be made again: {_some(damaged)}")
-    adopted = [_record_found(planned, manifest, layout, found[index]) for index in sorted(found)]
-    if any(adopted):
-        say(f"{sum(adopted)} samples found that the manifest did not know")
-    if not all(adopted):
-        again = [index for index, known in zip(sorted(found), adopted, strict=True) if not known]
-        say(f"files beside captures missing or damaged, to be made again: {_some(again)}")
+    whole = [index for index in sorted(found) if _is_whole(planned.plan.keep, layout, found[index])]
+    if whole:
+        manifest.record(*(_found(planned, layout, index) for index in whole))
+        say(f"{len(whole)} samples found that the manifest did not know")
+    if again := sorted(found.keys() - set(whole)):  # as any sample without a row
+        say(f"samples without the files beside their captures, to be made again: {_some(again)}")
 
 
 def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
@@ -254,16 +255,23 @@ def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
     return False
 
 
-def _record_found(planned: PlannedSet, manifest: Manifest, layout: Layout, origin: Origin) -> bool:
-    """Whether all files of a sample are as its capture tells, which vouches for itself."""
-    path, keep = layout.capture(origin.index), planned.plan.keep
-    kept = zip(SIDECARS, (keep.transport, keep.histograms), strict=True)
-    beside = [path.with_suffix(suffix) for suffix, wanted in kept if wanted]
-    for each in beside:
-        if not each.is_file() or fingerprint(each)["sha256"] != origin.sidecars.get(each.suffix):
-            return False  # made again, as any sample without a row
-    manifest.record(done(layout, planned.sample(origin.index), beside))
-    return True
+def _kept(keep: Keep, capture: Path) -> list[Path]:
+    """What a plan keeps beside a capture."""
+    wanted = zip(SIDECARS, (keep.transport, keep.histograms), strict=True)
+    return [capture.with_suffix(suffix) for suffix, is_kept in wanted if is_kept]
+
+
+def _is_whole(keep: Keep, layout: Layout, origin: Origin) -> bool:
+    """Whether what lies beside a capture, which vouches for itself, is what that tells of."""
+    return all(
+        path.is_file() and fingerprint(path)["sha256"] == origin.sidecars.get(path.suffix)
+        for path in _kept(keep, layout.capture(origin.index))
+    )
+
+
+def _found(planned: PlannedSet, layout: Layout, index: int) -> Outcome:
+    beside = _kept(planned.plan.keep, layout.capture(index))
+    return done(layout, planned.sample(index), beside)
 
 
 def _some(things: list[Any], most: int = 5) -> str:

@@ -178,7 +178,7 @@ def record_of(row: tuple[Any, ...]) -> Record:
     values = dict(zip(_COLUMNS, row, strict=True))
     try:
         for name, nothing in _JSON.items():
-            values[name] = _from_json(values[name] or nothing)
+            values[name] = _from_json(nothing if values[name] is None else values[name])
         values = _Row.model_validate(values).model_dump()
     except ValidationError as error:
         column = (*error.errors()[0]["loc"], "row")[0]

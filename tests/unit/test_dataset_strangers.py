@@ -1,6 +1,5 @@
 """Data sets of strangers: nothing outside their folder is read, written or removed."""
 
-import hashlib
 import os
 import shutil
 import sqlite3
@@ -14,11 +13,11 @@ import yaml
 
 import spisim.dataset
 from commands import mistake
-from datasets import change, make_set
+from datasets import change, make_set, put_captures
 from reconstruction import Capture, InputError, write_capture
 from runs import PLAN, Run, rows, write_plan
 from spisim.dataset import verify, write_shards
-from spisim.dataset.folder import Layout, Origin, has_its_content, origin_of
+from spisim.dataset.folder import Layout, has_its_content, origin_of
 from spisim.dataset.lock import holder, locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.plan import PlannedSet
@@ -334,18 +333,6 @@ def test_settings_that_grow_tell_nothing(capture: Capture) -> None:
 
 
 KEEPS = f"{PLAN}keep: {{histograms: true}}\n"
-
-
-def put_captures(planned: PlannedSet, folder: Path, capture: Capture) -> None:
-    """All samples of a plan as they are found where the manifest is lost."""
-    for index in range(planned.plan.size):
-        path = Layout(folder).capture(index)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.with_suffix(".npz").write_bytes(b"light %d" % index)
-        sidecars = {".npz": hashlib.sha256(b"light %d" % index).hexdigest()}
-        settings = {"data_set": Origin(planned.digest, index, sidecars).settings}
-        provenance = replace(capture.provenance, settings=yaml.safe_dump(settings))
-        write_capture(replace(capture, provenance=provenance), path)
 
 
 def flip(path: Path) -> None:
