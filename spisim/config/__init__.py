@@ -16,7 +16,14 @@ from spisim.config.fields import (
     not_a_truth_value,
 )
 from spisim.config.messages import reason
-from spisim.config.reading import check_fields, find_named, parse_model, read_mapping, read_text
+from spisim.config.reading import (
+    check_fields,
+    find_named,
+    is_file,
+    parse_model,
+    read_mapping,
+    read_text,
+)
 from spisim.config.registered import named, one_of
 from spisim.config.shipped import shipped
 from spisim.config.yaml import load_yaml
@@ -32,6 +39,7 @@ __all__ = [
     "Vector",
     "check_fields",
     "find_named",
+    "is_file",
     "load_yaml",
     "named",
     "not_a_truth_value",

@@ -23,7 +23,7 @@ NonNegative = Annotated[Number, Field(ge=0)]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Count = Annotated[int, BeforeValidator(not_a_truth_value), Field(gt=0)]
 Vector = tuple[Number, Number, Number]
-Name = Annotated[str, Field(min_length=1)]
+Name = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
 class Section(BaseModel):

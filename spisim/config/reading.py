@@ -1,5 +1,6 @@
 """YAML text checked against models."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -73,6 +74,11 @@ def check_fields(
         raise InputError(f"{source}: a value of it contains itself") from None
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a file; False too for names that no file can have."""
+    return os.path.isfile(path)  # noqa: PTH113 - pathlib raises for names that are too long
+
+
 def find_named(
     name: str, folder: Path, kind: str, suffixes: tuple[str, ...] = (".yaml", ".yml")
 ) -> Path:
@@ -81,14 +87,14 @@ def find_named(
     Raises InputError, with the nearest shipped name, where there is neither.
     """
     given = Path(name)
-    if given.suffix in suffixes or given.is_file():
+    if given.suffix in suffixes or is_file(given):
         return given
     shipped = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
     if name in shipped:
         return shipped[name]
-    if given.is_dir():
+    if os.path.isdir(given):  # noqa: PTH112 - as above
         raise InputError(f"{name} is a folder; the name of a file is needed")
     raise InputError(
-        f"no {kind} {name!r}: neither a file nor the name of a shipped {kind}; "
+        f"no {kind} {show(name)}: neither a file nor the name of a shipped {kind}; "
         f"{nearest(name, sorted(shipped))}"
     )

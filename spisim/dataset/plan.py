@@ -25,6 +25,7 @@ from spisim.config import (
     Number,
     Section,
     find_named,
+    is_file,
     load_yaml,
     not_a_truth_value,
     parse_model,
@@ -372,7 +373,7 @@ class PlannedSet:
     def _beside(self, name: str) -> str:
         """A file by its path from the plan, if there is one; else the name as it stands."""
         beside = self.path.parent / name
-        return str(beside) if beside.is_file() else name
+        return str(beside) if is_file(beside) else name
 
 
 def order_of(fields: Mapping[str, Any]) -> list[str]:

@@ -17,6 +17,8 @@ SCHEMA_VERSION = 1
 DIED = "worker "
 #: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
 NO_SPACE = "no space"
+#: Of a value that tells of the data set as a whole.
+_MOST_CHARACTERS = 2000
 _NO_RUN_BEFORE = datetime(2000, 1, 1, tzinfo=UTC)
 
 #: What is told of the data set as a whole, besides the version.
@@ -152,6 +154,8 @@ def meta_of(connection: sqlite3.Connection) -> dict[str, str]:
     Raises ValueError for another version, and where something is missing or cannot be.
     """
     meta = {str(key): str(value) for key, value in connection.execute("SELECT * FROM meta")}
+    if any(len(value) > _MOST_CHARACTERS for key, value in meta.items() if key != "files"):
+        raise ValueError("more words than any run writes")
     version = meta.get("schema_version", "unknown")
     if version != str(SCHEMA_VERSION):
         raise ValueError(f"schema_version is {version}; this software reads {SCHEMA_VERSION}")
