@@ -1,37 +1,22 @@
 """YAML text checked against models."""
 
+import os
 import stat
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import ValidationError
 
 from reconstruction.errors import InputError, nearest
 from spisim.config.fields import Section
 from spisim.config.messages import describe, show
+from spisim.config.yaml import load_yaml
 
 Model = TypeVar("Model", bound=Section)
 
 #: Of a scene, a plan or a table, which people write.
 MAX_TEXT_BYTES = 64 * 2**20
-
-
-class _Loader(yaml.SafeLoader):
-    """Safe YAML in which a repeated key is an error; plain PyYAML keeps the last one silently."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        self.flatten_mapping(node)
-        seen: set[Any] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if isinstance(key, Hashable) and key in seen:
-                raise yaml.MarkedYAMLError(
-                    problem=f"field {key!r} is given twice", problem_mark=key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
 
 
 def read_text(path: Path, expected: str = "a YAML file in UTF-8") -> str:
@@ -60,15 +45,7 @@ def read_mapping(text: str, model: type[Section], source: Path | str) -> dict[An
 
     Raises InputError, naming `source`, for YAML that does not parse or is not a mapping.
     """
-    try:
-        # The loader derives from SafeLoader: plain data only, no Python objects.
-        data = yaml.load(text, Loader=_Loader)
-    except yaml.MarkedYAMLError as error:
-        where = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise InputError(f"{source}{where}: not valid YAML: {error.problem}") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{source}: not valid YAML: {reason}") from None
+    data = load_yaml(text, source)
     if not isinstance(data, dict):
         fields = ", ".join(model.model_fields)
         raise InputError(
@@ -122,13 +99,13 @@ def find_named(
     shipped = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
     if name in shipped:
         return shipped[name]
-    if given.is_dir():
+    if os.path.isdir(given):  # noqa: PTH112 - as above
         raise InputError(f"{name} is a folder; the name of a file is needed")
     if given.exists():
         raise InputError(
             f"{name} is no {kind} file by its name, which should end in {' or '.join(suffixes)}"
         )
     raise InputError(
-        f"no {kind} {name!r}: neither a file nor the name of a shipped {kind}; "
+        f"no {kind} {show(name)}: neither a file nor the name of a shipped {kind}; "
         f"{nearest(name, sorted(shipped))}"
     )

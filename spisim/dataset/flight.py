@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from reconstruction import Capture, InputError, read_capture
+from spisim.config import load_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, at_moment
 from spisim.transport import RayCaster
@@ -110,8 +110,9 @@ def _difference(capture: Capture, instant: Instant, instrument: Instrument, spp:
         return "instrument"
     if made.seed != instant.seed:
         return "seed"
-    settings = yaml.safe_load(made.settings)
+    settings = load_yaml(made.settings, "settings")
+    told = settings if isinstance(settings, dict) else {}
     for field, value in {"spp": spp, "noise": True, "frames": 1}.items():
-        if settings.get(field) != value:
+        if told.get(field) != value:
             return field
     return None

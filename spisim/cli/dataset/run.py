@@ -12,7 +12,7 @@ from reconstruction.errors import InputError
 
 from ..console import print_json, results, say
 from ..options import Bar, Json, number_option
-from .arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
+from .arguments import Dask, Deep, RetryFailed, SpaceTimeout, Timeout, Workers
 from .progress import short_time, shown
 from .running import executors, explained
 
@@ -33,6 +33,7 @@ def command(
         int | None, number_option(1, 10**7, "Instead of the plan's number of samples.")
     ] = None,
     retry_failed: RetryFailed = False,
+    deep: Deep = False,
     dask: Dask = None,
     timeout: Timeout = 1800,
     space_timeout: SpaceTimeout = 3600,
@@ -48,7 +49,7 @@ def command(
     130 interrupted.
     """
     from reconstruction.files import require_folder
-    from spisim.dataset.folder import Layout
+    from spisim.dataset.folder import Layout, has_its_content, has_its_size
     from spisim.dataset.plan import load_plan
     from spisim.dataset.preview import check
     from spisim.dataset.runner import run_dataset
@@ -78,6 +79,7 @@ def command(
             folder,
             executor(Maker(planned, folder)),
             retry_failed=retry_failed,
+            is_sound=has_its_content if deep else has_its_size,
             space_timeout_s=space_timeout,
             say=say,
             progress=update,

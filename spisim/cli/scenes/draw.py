@@ -54,7 +54,7 @@ def command(
 
 
 def _parameters(settings: list[str]) -> dict[str, object]:
-    import yaml
+    from spisim.config import load_yaml
 
     found = {}
     for setting in settings:
@@ -62,7 +62,7 @@ def _parameters(settings: list[str]) -> dict[str, object]:
         if not sign:
             raise InputError(f"--set {setting}: should be NAME=VALUE")
         try:
-            found[name] = yaml.safe_load(value)
-        except yaml.YAMLError:
+            found[name] = load_yaml(value, "--set")
+        except InputError:
             raise InputError(f"--set {setting}: {value!r} is no number or word") from None
     return found
