@@ -19,6 +19,7 @@ from spisim.config.messages import reason
 from spisim.config.reading import (
     check_fields,
     find_named,
+    is_file,
     parse_model,
     read_mapping,
     read_text,
@@ -40,6 +41,7 @@ __all__ = [
     "check_fields",
     "csv_table",
     "find_named",
+    "is_file",
     "load_yaml",
     "named",
     "not_a_truth_value",

@@ -86,6 +86,11 @@ def check_fields(
         raise InputError(f"{source}: a value of it contains itself") from None
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a file; False too for names that no file can have."""
+    return os.path.isfile(path)  # noqa: PTH113 - pathlib raises for names that are too long
+
+
 def find_named(
     name: str, folder: Path, kind: str, suffixes: tuple[str, ...] = (".yaml", ".yml")
 ) -> Path:
@@ -101,7 +106,7 @@ def find_named(
         return shipped[name]
     if os.path.isdir(given):  # noqa: PTH112 - as above
         raise InputError(f"{name} is a folder; the name of a file is needed")
-    if given.exists():
+    if os.path.exists(given):  # noqa: PTH110
         raise InputError(
             f"{name} is no {kind} file by its name, which should end in {' or '.join(suffixes)}"
         )
