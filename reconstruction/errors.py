@@ -3,10 +3,13 @@
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 
 #: Names that are all told of.
 MAX_NAMES = 24
+#: Of a name, and names that are looked at: both may come from files of any size.
+MAX_LETTERS, MAX_SEARCHED = 80, 10_000
 
 
 class InputError(ValueError):
@@ -34,7 +37,7 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 
     Of many names only those that are a little like it are told.
     """
-    names = list(allowed)
+    name, names = name[:MAX_LETTERS], [each[:MAX_LETTERS] for each in islice(allowed, MAX_SEARCHED)]
     if len(names) <= MAX_NAMES:
         known = f"allowed: {', '.join(names)}"
     else:

@@ -10,6 +10,7 @@ capture = spisim.simulate(scene, instrument, seed=0).capture
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from spisim.llvm import prefer_working_llvm
 from spisim.version import __version__
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from spisim.report import write_report
     from spisim.scene import Scene, load_scene
     from spisim.simulation import Simulation, simulate
+
+prefer_working_llvm()  # now: whoever imports spisim may import Dr.Jit or Mitsuba next
 
 __all__ = [
     "Instrument",

@@ -33,9 +33,15 @@ from .readings import READINGS
 from .schema import FRAMES, Stored, check_shape, stored_fields
 from .spots import Spots
 
-FORMAT = "spisim-capture"
-VERSION = (3, 0)
-OLDEST = (2, 0)
+FORMAT = hdf5.Format(
+    name="spisim-capture",
+    kind="capture",
+    oldest=(2, 0),
+    version=(3, 1),
+    remedy="record, simulate or import it again",
+)
+KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
+"""What files are marked as, by the source of what they hold."""
 TEXTS = ("instrument", "scene", "settings")
 
 Part = TypeVar("Part")
@@ -46,14 +52,16 @@ def write_capture(capture: Capture, path: str | Path) -> None:
 
     Raises OSError if the file cannot be written.
     """
-    write_atomically(path, hdf5.content(lambda file: _write(file, capture)))
+    kind = KINDS[capture.provenance.source]
+    write_atomically(path, hdf5.content(lambda file: _write(file, capture), kind))
 
 
 def read_capture(path: str | Path) -> Capture:
     """Read a capture.
 
     Raises InputError, naming the file, if it is missing, damaged, not a capture, of another format
-    version, or if a dataset is missing, has another shape or unit, or makes no sense.
+    version, leads to other files or takes too much memory (docs/capture-format.md), or if a dataset
+    is missing, has another shape or unit, or makes no sense.
     """
     with open_capture(path) as file:
         return file.capture(0, file.frames)
@@ -66,7 +74,7 @@ def open_capture(path: str | Path) -> Iterator["CaptureFile"]:
         raise InputError(f"{path} is a folder; the name of a capture file is needed")
     if not Path(path).is_file():
         raise InputError(f"{path}: no such capture file")
-    with hdf5.opened(path, FORMAT, "capture") as file:
+    with hdf5.opened(path, FORMAT) as file:
         yield CaptureFile(file)
 
 
@@ -77,17 +85,16 @@ class CaptureFile:
     read, and their values checked, when they are asked for. Raises InputError as `read_capture`.
     """
 
-    def __init__(self, file: h5py.File) -> None:
+    def __init__(self, file: hdf5.Contents) -> None:
         self._file = file
-        self._version = _checked_version(hdf5.get_attribute(file, "version"))
         self.provenance = _read_provenance(file)
         plan = _read_plan(file)
         sizes = axis_sizes(plan)
         kinds: dict[str, type | None] = {
             "buckets": Buckets,
             "spots": _spots_class(file),
-            "pattern_taps": PatternTaps if hdf5.has(file, "pattern_taps") else None,
-            "optics": Optics if hdf5.has(file, "optics") else None,
+            "pattern_taps": PatternTaps if "pattern_taps" in file else None,
+            "optics": Optics if "optics" in file else None,
         }
         for group, part in kinds.items():
             if part is not None:
@@ -103,7 +110,7 @@ class CaptureFile:
         check_parts(self.setup)
         self._by_frame = {
             group: {
-                name: (stored, hdf5.dataset(file, f"{group}/{name}", stored.units))
+                name: (stored, file.dataset(f"{group}/{name}", stored.units))
                 for name, stored in stored_fields(part)
                 if stored.by_frame
             }
@@ -138,16 +145,18 @@ class CaptureFile:
     def _truth(self, start: int, stop: int) -> Truth | None:
         """What a simulation knows of frames, which are counted from ``start``."""
         file, still = self._file, self.frames == 1
-        if not hdf5.has(file, "truth"):
+        if "truth" not in file:
             return None
-        if self._version < (3, 0):
+        if file.version < (3, 0):
             truth = _truth_of_the_first_frame(file, still=still)
             return truth if still or start == 0 else None
-        frame = hdf5.get_numbers(file, "truth/frame").ravel()
-        still = bool(hdf5.get_number(file, "truth/still"))
+        frame = file.numbers("truth/frame").ravel()
+        still = bool(file.number("truth/still"))
         known = np.flatnonzero(still | (frame >= start) & (frame < stop))
         if not known.size:
             return None
+        sizes = axis_sizes(self.setup.plan)
+        _check_shapes(file, "truth", Truth, sizes)
         truth = _read(file, "truth", Truth, slice(known[0], known[-1] + 1))
         check_part("truth", truth, axis_sizes(self.setup.plan))
         return truth if still else replace(truth, frame=truth.frame - start)
@@ -157,7 +166,7 @@ class CaptureFile:
 
         def read(group: str, part: Part) -> Part:
             values = {
-                name: stored.kept(f"{group}/{name}", hdf5.read(dataset, slice(start, stop)))
+                name: stored.kept(f"{group}/{name}", dataset.read(slice(start, stop)))
                 for name, (stored, dataset) in self._by_frame.get(group, {}).items()
             }
             return replace(part, **values) if values else part  # type: ignore[type-var]
@@ -172,8 +181,7 @@ class CaptureFile:
 
 def _write(file: h5py.File, capture: Capture) -> None:
     provenance, plan = capture.provenance, capture.plan
-    hdf5.put_attribute(file, "format", FORMAT)
-    hdf5.put_attribute(file, "version", _dotted(VERSION))
+    hdf5.put_format(file, FORMAT)
     for name in ("source", "software", "created"):
         hdf5.put_attribute(file, name, getattr(provenance, name))
     hdf5.put(file, "patterns/shape", np.array(plan.shape, np.int32), "1")
@@ -196,60 +204,60 @@ def _write(file: h5py.File, capture: Capture) -> None:
         hdf5.put(file, "provenance/seed", np.int64(provenance.seed), "1")
 
 
-def _read_plan(file: h5py.File) -> PatternPlan:
-    basis = BASES[hdf5.get_text(file, "patterns/basis")]
-    shape = hdf5.get_numbers(file, "patterns/shape")
+def _read_plan(file: hdf5.Contents) -> PatternPlan:
+    basis = BASES[file.text("patterns/basis")]
+    shape = file.numbers("patterns/shape")
     if shape.shape != (2,) or not (np.isfinite(shape) & (shape == np.floor(shape))).all():
         raise InputError(f"patterns/shape is {shape.tolist()}, expected 2 integers")
     height, width = (int(side) for side in shape)
-    arrays = {name: hdf5.get(file, f"patterns/{name}", "1") for name in basis.arrays}
+    arrays = {name: file.get(f"patterns/{name}", "1") for name in basis.arrays}
     return PatternPlan(
         shape=(height, width),
-        index=hdf5.get_numbers(file, "patterns/index"),
-        polarity=hdf5.get_numbers(file, "patterns/polarity"),
-        order=hdf5.get_text(file, "patterns/order"),
+        index=file.numbers("patterns/index"),
+        polarity=file.numbers("patterns/polarity"),
+        order=file.text("patterns/order"),
         patterns=basis.restored((height, width), arrays),
     )
 
 
-def _read_provenance(file: h5py.File) -> Provenance:
-    source = hdf5.get_attribute(file, "source")
+def _read_provenance(file: hdf5.Contents) -> Provenance:
+    source = file.attribute("source")
     if source not in SOURCES:
         raise InputError(f"source is {source!r}; allowed: {', '.join(SOURCES)}")
-    seeded = hdf5.has(file, "provenance/seed")
+    seeded = "provenance/seed" in file
     return Provenance(
-        source=source,
-        software=hdf5.get_attribute(file, "software"),
-        created=hdf5.get_attribute(file, "created"),
-        seed=hdf5.get_integer(file, "provenance/seed") if seeded else None,
-        **{name: hdf5.get_text(file, f"provenance/{name}") for name in TEXTS},
+        source=source,  # type: ignore[arg-type]
+        software=file.attribute("software"),
+        created=file.attribute("created"),
+        seed=file.integer("provenance/seed") if seeded else None,
+        **{name: file.text(f"provenance/{name}") for name in TEXTS},
     )
 
 
-def _spots_class(file: h5py.File) -> type[Spots] | None:
-    if not hdf5.has(file, "spots"):
+def _spots_class(file: hdf5.Contents) -> type[Spots] | None:
+    if "spots" not in file:
         return None
     try:
-        return READINGS[hdf5.get_text(file, "spots/method")]
+        return READINGS[file.text("spots/method")]
     except InputError as error:
         raise InputError(f"spots/method: {error}") from error
 
 
-def _check_shapes(file: h5py.File, group: str, part: type, sizes: dict[str, int]) -> None:
+def _check_shapes(file: hdf5.Contents, group: str, part: type, sizes: dict[str, int]) -> None:
     for name, stored in _told_fields(file, group, part):
-        shape = hdf5.get_shape(file, f"{group}/{name}", stored.units)
+        shape = file.shape(f"{group}/{name}", stored.units)
         if (stored.one_for_all or not stored.axes) and set(shape) == {1}:
             shape = ()  # a scalar may be an array of one element
         check_shape(f"{group}/{name}", shape, stored, sizes)
 
 
-def _read(file: h5py.File, group: str, part: type[Part], rows: slice | None = None) -> Part:
+def _read(file: hdf5.Contents, group: str, part: type[Part], rows: slice | None = None) -> Part:
     """A part of the capture, of what there is for each frame only some ``rows``."""
     told = _told_fields(file, group, part)
     return part(**{name: _value(file, f"{group}/{name}", kept, rows) for name, kept in told})
 
 
-def _told_fields(file: h5py.File, group: str, part: type) -> list[tuple[str, Stored]]:
+def _told_fields(file: hdf5.Contents, group: str, part: type) -> list[tuple[str, Stored]]:
     """The datasets of a part but those that a file lacks, as what they tell is not known."""
     default = {
         field.name
@@ -259,44 +267,22 @@ def _told_fields(file: h5py.File, group: str, part: type) -> list[tuple[str, Sto
     return [
         (name, stored)
         for name, stored in stored_fields(part)
-        if not (stored.nan and name in default) or hdf5.has(file, f"{group}/{name}")
+        if not (stored.nan and name in default) or f"{group}/{name}" in file
     ]
 
 
-def _value(file: h5py.File, where: str, stored: Stored, rows: slice | None) -> Any:
-    value = hdf5.get(file, where, stored.units, rows if stored.by_frame else None)
+def _value(file: hdf5.Contents, where: str, stored: Stored, rows: slice | None) -> Any:
+    value = file.get(where, stored.units, rows if stored.by_frame else None)
     array = stored.kept(where, value)
     scalar = array.size == 1 and (stored.one_for_all or not stored.axes)
     return array.item() if scalar else array
 
 
-def _truth_of_the_first_frame(file: h5py.File, *, still: bool) -> Truth:
+def _truth_of_the_first_frame(file: hdf5.Contents, *, still: bool) -> Truth:
     """What files of version 2 hold."""
     values: dict[str, Any] = {}
     for name, stored in stored_fields(Truth):
         if stored.axes[1:]:  # all but which frames these are
-            value = hdf5.get(file, f"truth/{name}", stored.units)
+            value = file.get(f"truth/{name}", stored.units)
             values[name] = stored.kept(f"truth/{name}", value)[None]
     return Truth(frame=np.zeros(1, np.int64), still=still, **values)
-
-
-def _checked_version(text: str) -> tuple[int, int]:
-    try:
-        major, minor = (int(number) for number in text.split("."))
-    except ValueError:
-        raise InputError(f"the format version {text!r} is not of the form 3.0") from None
-    if (major, minor) > VERSION:
-        raise InputError(
-            f"written in the newer format version {text}; this software reads up to "
-            f"{_dotted(VERSION)}: update it"
-        )
-    if (major, minor) < OLDEST:
-        raise InputError(
-            f"written in the older format version {text}; this software reads "
-            f"{_dotted(OLDEST)} to {_dotted(VERSION)}: record, simulate or import it again"
-        )
-    return major, minor
-
-
-def _dotted(version: tuple[int, int]) -> str:
-    return ".".join(map(str, version))

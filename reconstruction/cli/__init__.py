@@ -3,8 +3,10 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from ..errors import InputError, explain
+from ..text import printable, write_anything
 from . import importing, reconstruct
 
 COMMANDS = {"reconstruct": reconstruct, "import": importing}
@@ -12,6 +14,7 @@ COMMANDS = {"reconstruct": reconstruct, "import": importing}
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written."""
+    write_anything()
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
         arguments.insert(0, "reconstruct")
@@ -26,12 +29,19 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _fail(message: str) -> int:
-    print(f"error: {message}", file=sys.stderr)
+    print(printable(f"error: {message}"), file=sys.stderr)
     return 2
 
 
+class _Parser(argparse.ArgumentParser):
+    """What it says of wrong arguments steers no terminal."""
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        super()._print_message(printable(message), file)
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="python -m reconstruction",
         description="From a capture to image, ranges and depth map.",
         epilog="A capture as the first word means reconstruct.",

@@ -10,10 +10,12 @@ import numpy as np
 from ..capture import write_capture
 from ..capture.importers import capture_from_readings, load_array, plan_from_matrix
 from ..errors import naming
-from ..files import require_file
+from ..files import Output, require_outputs
 from ..operators import ORDERS, POLARITIES, make_plan
+from ..text import printable
 
 HELP = "array of bucket readings -> capture"
+OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = (
     "python -m reconstruction import car.mat -o car.h5 --shape 32x32 --variable data "
     "--patterns-variable vecs --untrusted 0"
@@ -36,11 +38,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--untrusted", metavar="I", type=int, nargs="+", default=[], help="readings not to be used"
     )
+    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:
     """Import a recording."""
-    require_file(options.output)
+    file = Output(options.output, "hardware capture", (".h5", ".hdf5"))
+    require_outputs([file], [options.file], overwrite=options.overwrite)
     readings = load_array(options.file, options.variable)
     if options.patterns_variable is None:
         plan = make_plan(options.shape, options.patterns, options.order, options.polarity)
@@ -54,7 +58,8 @@ def run(options: argparse.Namespace) -> None:
     buckets = capture.buckets
     capture = replace(capture, buckets=replace(buckets, counts=buckets.counts * sign))
     write_capture(capture, options.output)
-    print(f"{options.output}: {capture.frames} frame(s) of {plan.exposures} readings")
+    told = f"{options.output}: {capture.frames} frame(s) of {plan.exposures} readings"
+    print(printable(told))
 
 
 def _shape(text: str) -> tuple[int, int]:

@@ -1,9 +1,8 @@
 """Capture -> image, ranges, depth map, point cloud."""
 
 import argparse
-import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,15 +15,17 @@ from ..depth import DEPTH_METHODS
 from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
 from ..evaluation import method_title, no_range
-from ..files import require_folder
+from ..files import require_outputs
 from ..image import IMAGE_METHODS
 from ..operators import ORDERS
-from ..outputs import write_outputs
+from ..outputs import outputs_in, write_outputs
 from ..ranging import RANGING_METHODS, Ranges
 from ..reconstructor import Reconstructor
 from ..result import Result
+from ..text import json_line, printable
 
 HELP = "capture -> image, ranges, depth map, point cloud"
+OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = "python -m reconstruction capture.h5 -o result"
 STATIONS: dict[str, Iterable[str]] = {
     "image": IMAGE_METHODS,
@@ -48,12 +49,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             metavar="METHOD[,METHOD]",
             help=f"methods, the default one first: usual, all, {', '.join(methods)}",
         )
+    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a capture."""
-    require_folder(options.output)
+    require_outputs(outputs_in(options.output), [options.capture], overwrite=options.overwrite)
     if options.order is not None and options.patterns is None:
         raise InputError("--order goes with --patterns")
     with open_capture(options.capture) as file:
@@ -72,13 +74,14 @@ def run(options: argparse.Namespace) -> None:
     if find_spec("matplotlib") is None:
         warnings.append("Matplotlib is not installed: there are no pictures")
     for warning in warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(printable(f"warning: {warning}"), file=sys.stderr)
     if options.json:
         written = {name: str(path) for name, path in files.items()}
         report = _report(result, capture) | {"warnings": warnings, "files": written}
-        print(json.dumps(report, allow_nan=False))
+        print(json_line(report))
     else:
-        _print(result, capture, files)
+        for line in _told(result, capture, files):
+            print(printable(line))
 
 
 def names(text: str | None) -> Sequence[str] | None:
@@ -121,26 +124,26 @@ def _coverage(result: Result) -> dict[str, float]:
     return {name: float(np.isfinite(depth).mean()) for name, depth in result.depths.items()}
 
 
-def _print(result: Result, capture: Capture, files: dict[str, Path]) -> None:
+def _told(result: Result, capture: Capture, files: dict[str, Path]) -> Iterator[str]:
     plan = capture.plan
-    print(
+    yield (
         f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
         f"({100 * plan.sampling_ratio:.1f} %), {capture.provenance.source}"
     )
     for name, ranges in result.rangings.items():
-        _print_ranges(name, ranges)
+        yield from _told_ranges(name, ranges)
     if not result.rangings and not result.depths:
-        print("no time of flight in this capture: image only, no ranges, no depth map")
+        yield "no time of flight in this capture: image only, no ranges, no depth map"
     elif not result.depths:
-        print("no depth map: no spot has a range, or the optics are not known")
+        yield "no depth map: no spot has a range, or the optics are not known"
     for name, share in _coverage(result).items():
-        print(f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels")
-    print(", ".join(f"{stage} {1e3 * s:.1f} ms" for stage, s in result.timings_s.items()))
+        yield f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels"
+    yield ", ".join(f"{stage} {1e3 * s:.1f} ms" for stage, s in result.timings_s.items())
     for path in files.values():
-        print(f"wrote {path}")
+        yield f"wrote {path}"
 
 
-def _print_ranges(name: str, ranges: Ranges) -> None:
+def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:
     rows = [(name, "range / m", "sigma / m", "signal / electrons", "background / electrons")]
     for spot, status in enumerate(ranges.status):
         known = status == "ok"
@@ -154,8 +157,7 @@ def _print_ranges(name: str, ranges: Ranges) -> None:
                 f"{ranges.background_electrons[spot]:.4g}",
             )
         )
-    for line in _aligned(rows):
-        print(line)
+    return _aligned(rows)
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterable[str]:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..arrays import Floats
+from ..files import mark
 
 
 def point_cloud_ply(points_m: Floats, image: Floats) -> bytes:
@@ -18,7 +19,7 @@ def point_cloud_ply(points_m: Floats, image: Floats) -> bytes:
     vertices["position"] = points
     vertices["colour"] = colour[:, None]
     header = (
-        "ply\nformat binary_little_endian 1.0\n"
+        f"ply\nformat binary_little_endian 1.0\ncomment {mark('point cloud')}\n"
         "comment metres; x right, y down, z forward; origin at the projector\n"
         f"element vertex {len(points)}\n"
         "property float x\nproperty float y\nproperty float z\n"

@@ -1,6 +1,6 @@
 """What a reconstruction leaves behind: the result as a file, pictures, a point cloud."""
 
-from .folder import write_outputs
+from .folder import outputs_in, write_outputs
 from .result_file import read_result
 
-__all__ = ["read_result", "write_outputs"]
+__all__ = ["outputs_in", "read_result", "write_outputs"]

@@ -1,6 +1,7 @@
 """What a reconstruction leaves in a folder: pictures, point cloud, and the result itself."""
 
 import re
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -9,10 +10,26 @@ import numpy as np
 from ..capture import Recording, Setup
 from ..depth import DEPTH_METHODS, pixel_rays, point_cloud_ply
 from ..evaluation.methods import method_title
-from ..files import write_atomically
+from ..files import Output, write_atomically
 from ..image import DICTIONARIES, IMAGE_METHODS
 from ..result import Result
 from .result_file import result_bytes
+
+
+def outputs_in(directory: str | Path) -> list[Output]:
+    """All files that a reconstruction may leave in a folder, by whatever methods."""
+    folder = Path(directory)
+    with_dictionary = [f"{name}:{atoms}" for name in IMAGE_METHODS for atoms in DICTIONARIES]
+    pictures = {"image": [*IMAGE_METHODS, *with_dictionary], "depth": DEPTH_METHODS}
+    return [
+        Output(folder / "result.h5", "result"),
+        Output(folder / "cloud.ply", "point cloud"),
+        *(
+            Output(folder / name, kind)
+            for kind, methods in pictures.items()
+            for name in _names(kind, methods)
+        ),
+    ]
 
 
 def write_outputs(result: Result, recording: Recording, directory: str | Path) -> dict[str, Path]:
@@ -21,8 +38,9 @@ def write_outputs(result: Result, recording: Recording, directory: str | Path) -
     image.png and depth.png show what the default methods found, others have the method in their
     names. Pictures need Matplotlib; without it there are none. Everything is made before the first
     file is written; each appears whole or not at all, and pictures and clouds of an earlier result
-    that have no successor are removed. Raises InputError where the folder cannot be written into,
-    OSError where a file cannot be written.
+    that have no successor are removed. Other files of these names are replaced: that there are none
+    is what `require_outputs` of `outputs_in` tells. Raises InputError where the folder cannot be
+    written into, OSError where a file cannot be written.
     """
     setup = recording.setup
     contents = _pictures(result, setup) if find_spec("matplotlib") is not None else {}
@@ -33,8 +51,9 @@ def write_outputs(result: Result, recording: Recording, directory: str | Path) -
     folder = Path(directory)
     for name, content in contents.items():
         write_atomically(folder / name, content)
-    for name in _possible() - set(contents):
-        (folder / name).unlink(missing_ok=True)
+    for output in outputs_in(folder):
+        if output.path.name not in contents and output.path.is_file() and output.is_ours:
+            output.path.unlink()
     return {name: folder / name for name in contents}
 
 
@@ -52,12 +71,8 @@ def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
     return pictures
 
 
-def _possible() -> set[str]:
-    """Names of the files that a result may have."""
-    with_dictionary = [f"{name}:{atoms}" for name in IMAGE_METHODS for atoms in DICTIONARIES]
-    images = {_file("image", name, 1) for name in [*IMAGE_METHODS, *with_dictionary]}
-    depths = {_file("depth", name, 1) for name in DEPTH_METHODS}
-    return images | depths | {"image.png", "depth.png", "cloud.ply"}
+def _names(kind: str, methods: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys([f"{kind}.png", *(_file(kind, name, 1) for name in methods)]))
 
 
 def _file(kind: str, method: str, number: int) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..capture import Setup
 from ..depth import pixel_of
+from ..files import mark
 from ..ranging import Ranges
 
 
@@ -19,7 +20,7 @@ def image_picture(image: NDArray[np.float32], title: str, unit: str) -> bytes:
     low, high = np.percentile(image, (0.5, 99.5))
     shown = axes.imshow(image, cmap="gray", vmin=low, vmax=max(high, low + 1e-12))
     figure.colorbar(shown, ax=axes, label=f"{unit}s per exposure", shrink=0.85)
-    return _png(figure)
+    return _png(figure, "image")
 
 
 def depth_picture(
@@ -36,7 +37,7 @@ def depth_picture(
     figure.colorbar(shown, ax=axes, label="depth along the optical axis / m", shrink=0.85)
     if ranges is not None:
         _mark_spots(axes, setup, ranges)
-    return _png(figure)
+    return _png(figure, "depth")
 
 
 def _mark_spots(axes: Any, setup: Setup, ranges: Ranges) -> None:
@@ -64,7 +65,7 @@ def _figure(title: str) -> tuple[Figure, Any]:
     return figure, axes
 
 
-def _png(figure: Figure) -> bytes:
+def _png(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
+    figure.savefig(buffer, format="png", metadata={"Software": mark(kind)})
     return buffer.getvalue()

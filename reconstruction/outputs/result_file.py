@@ -12,8 +12,13 @@ from ..errors import InputError
 from ..ranging import Alternative, Ranges, Status
 from ..result import Result
 
-FORMAT = "spisim-result"
-VERSION = "3.0"
+FORMAT = hdf5.Format(
+    name="spisim-result",
+    kind="result",
+    oldest=(3, 0),
+    version=(3, 1),
+    remedy="reconstruct the capture again",
+)
 RANGES = {
     "range_m": "m",
     "sigma_m": "m",
@@ -22,67 +27,67 @@ RANGES = {
 }
 ALTERNATIVES = {"range_m": "m", "sigma_m": "m", "weight": "1"}
 """Of each spot a row, likeliest first, nan behind the last; not there if no spot has any."""
+SPOTS = 4
 GROUPS = ("images", "rangings", "depths")
 
 
 def result_bytes(result: Result) -> bytes:
     """The bytes of a result.h5."""
-    return hdf5.content(lambda file: _write(file, result))
+    return hdf5.content(lambda file: _write(file, result), FORMAT.kind)
 
 
 def read_result(path: str | Path) -> Result:
     """Read a result.h5. Raises InputError if it is missing, damaged or not a result."""
     if not Path(path).is_file():
         raise InputError(f"{path}: no result there; run spisim reconstruct CAPTURE -o DIR")
-    with hdf5.opened(path, FORMAT, "result") as file:
-        if hdf5.get_attribute(file, "version").partition(".")[0] != VERSION.partition(".")[0]:
-            raise InputError("a result of another format version; reconstruct the capture again")
+    with hdf5.opened(path, FORMAT) as file:
         names = {group: _names(file, group) for group in GROUPS}
         if not names["images"]:
             raise InputError("the result holds no image")
         first = f"images/{names['images'][0]}"
-        unit: Unit = "count" if hdf5.get_units(file, first) == "count" else "electron"
-        shape = hdf5.get_shape(file, first, unit)
-        stretched = hdf5.has(file, "range_over_depth")
-        timings = hdf5.names_in(file, "timings_s")
+        unit: Unit = "count" if file.units(first) == "count" else "electron"
+        shape = file.shape(first, unit)
+        stretched = "range_over_depth" in file
+        timings = file.names_in("timings_s")
         return Result(
             images={name: _map(file, f"images/{name}", unit, shape) for name in names["images"]},
             rangings={name: _ranges(file, f"rangings/{name}") for name in names["rangings"]},
             depths={name: _map(file, f"depths/{name}", "m", shape) for name in names["depths"]},
             range_over_depth=_map(file, "range_over_depth", "1", shape) if stretched else None,
-            timings_s={n: hdf5.get_number(file, f"timings_s/{n}", "s") for n in timings},
+            timings_s={n: file.number(f"timings_s/{n}", "s") for n in timings},
             unit=unit,
-            recording=hdf5.get_text(file, "recording"),
-            frame=hdf5.get_integer(file, "frame"),
-            patterns=hdf5.get_integer(file, "patterns"),
+            recording=file.text("recording"),
+            frame=file.integer("frame"),
+            patterns=file.integer("patterns"),
         )
 
 
-def _names(file: h5py.File, group: str) -> list[str]:
+def _names(file: hdf5.Contents, group: str) -> list[str]:
     """Methods of a group, the default one first."""
-    text = hdf5.get_attribute(file, group)
+    text = file.attribute(group)
     names = text.split("\n") if text else []
-    missing = [name for name in names if not hdf5.has(file, f"{group}/{name}")]
+    missing = [name for name in names if f"{group}/{name}" not in file]
     if missing:
         raise InputError(f"{group}/{missing[0]} is missing")
+    if len(set(names)) < len(names):
+        raise InputError(f"attribute {group!r} names a method twice")
     return names
 
 
-def _map(file: h5py.File, name: str, units: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    values = hdf5.get_numbers(file, name, units)
-    if values.ndim != 2 or values.shape != shape:
-        raise InputError(f"dataset {name} has shape {values.shape}, the image {shape}")
-    return values
+def _map(file: hdf5.Contents, name: str, units: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    found = file.shape(name, units)
+    if len(found) != 2 or found != shape:
+        raise InputError(f"dataset {name} has shape {found}, the image {shape}")
+    return file.numbers(name, units)
 
 
-def _ranges(file: h5py.File, group: str) -> Ranges:
-    values = {
-        name: hdf5.get_numbers(file, f"{group}/{name}", units) for name, units in RANGES.items()
-    }
-    status = tuple(hdf5.as_text(text) for text in hdf5.get(file, f"{group}/status", "1").flat)
-    for name, array in values.items():
-        if array.shape != (len(status),):
-            raise InputError(f"dataset {group}/{name} has shape {array.shape}, expected (4,)")
+def _ranges(file: hdf5.Contents, group: str) -> Ranges:
+    for name, units in (RANGES | {"status": "1"}).items():
+        shape = file.shape(f"{group}/{name}", units)
+        if shape != (SPOTS,):
+            raise InputError(f"dataset {group}/{name} has shape {shape}, expected ({SPOTS},)")
+    values = {name: file.numbers(f"{group}/{name}", units) for name, units in RANGES.items()}
+    status = tuple(file.texts(f"{group}/status"))
     unknown = set(status) - set(get_args(Status))
     if unknown:
         raise InputError(f"dataset {group}/status holds {', '.join(map(repr, unknown))}")
@@ -90,17 +95,16 @@ def _ranges(file: h5py.File, group: str) -> Ranges:
     return Ranges(**values, status=status, alternatives=alternatives)  # type: ignore[arg-type]
 
 
-def _alternatives(file: h5py.File, group: str, spots: int) -> tuple[tuple[Alternative, ...], ...]:
-    if not hdf5.has(file, group):
+def _alternatives(
+    file: hdf5.Contents, group: str, spots: int
+) -> tuple[tuple[Alternative, ...], ...]:
+    if group not in file:
         return ((),) * spots
-    columns = [
-        hdf5.get_numbers(file, f"{group}/{name}", units) for name, units in ALTERNATIVES.items()
-    ]
-    for name, array in zip(ALTERNATIVES, columns, strict=True):
-        if array.ndim != 2 or array.shape != (spots, columns[0].shape[1]):
-            raise InputError(
-                f"dataset {group}/{name} has shape {array.shape}, expected ({spots}, n)"
-            )
+    shapes = [file.shape(f"{group}/{name}", units) for name, units in ALTERNATIVES.items()]
+    for name, shape in zip(ALTERNATIVES, shapes, strict=True):
+        if shape != (spots, *shapes[0][1:]) or len(shape) != 2:
+            raise InputError(f"dataset {group}/{name} has shape {shape}, expected ({spots}, n)")
+    columns = [file.numbers(f"{group}/{name}", units) for name, units in ALTERNATIVES.items()]
     return tuple(
         tuple(Alternative(*each) for each in row if np.isfinite(each).all())
         for row in np.stack(columns, axis=-1).tolist()
@@ -108,8 +112,7 @@ def _alternatives(file: h5py.File, group: str, spots: int) -> tuple[tuple[Altern
 
 
 def _write(file: h5py.File, result: Result) -> None:
-    hdf5.put_attribute(file, "format", FORMAT)
-    hdf5.put_attribute(file, "version", VERSION)
+    hdf5.put_format(file, FORMAT)
     for name in ("recording", "frame", "patterns"):
         hdf5.put(file, name, getattr(result, name), "1")
     for group in GROUPS:

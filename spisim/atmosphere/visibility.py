@@ -7,6 +7,8 @@ from types import MappingProxyType
 from reconstruction.errors import InputError, nearest
 
 VISUAL_NM = 550.0
+#: No air, however thick with smoke, has less; light would not come out of its own volume.
+MIN_VISIBILITY_M = 0.01
 # Contrast of a black object against the horizon at which it counts as just visible.
 CONTRAST_THRESHOLDS: Mapping[str, float] = MappingProxyType({"koschmieder": 0.02, "mor": 0.05})
 
@@ -16,10 +18,15 @@ def extinction_at_550nm(visibility_m: float, definition: str = "koschmieder") ->
 
     `definition` is "koschmieder" (2 % contrast, 3.912/V) or "mor" (the meteorological optical
     range of the WMO, 5 % contrast, 2.996/V); taking one for the other is an error of 31 %.
-    Raises InputError for an unknown definition or a visibility that is not positive and finite.
+    Raises InputError for an unknown definition or a visibility that is not finite, or below the
+    least.
     """
     if not (math.isfinite(visibility_m) and visibility_m > 0):
         raise InputError(f"visibility_m should be greater than 0 and finite; found {visibility_m}")
+    if visibility_m < MIN_VISIBILITY_M:
+        raise InputError(
+            f"visibility_m should be at least {MIN_VISIBILITY_M:g}; found {visibility_m:g}"
+        )
     return _optical_depth(definition) / visibility_m
 
 

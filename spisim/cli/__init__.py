@@ -1,12 +1,15 @@
 """The `spisim` command: one module for each of its subcommands."""
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import typer
 from typer.core import TyperGroup
 
 from reconstruction.errors import InputError, explain
+from reconstruction.text import printable, write_anything
 
 from . import (
     budget,
@@ -28,13 +31,30 @@ from . import (
 from .console import say, warn
 
 
+@contextmanager
+def _shown_as_they_are() -> Iterator[None]:
+    """What is said of wrong arguments steers no terminal."""
+    try:
+        yield
+    except Exception as error:
+        if hasattr(error, "format_message"):
+            error.message = printable(error.message)  # type: ignore[attr-defined]
+        raise
+
+
 class Commands(TyperGroup):
     """The subcommands; what a user can cause ends as a message, never as a traceback."""
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """Read the arguments up to the subcommand."""
+        with _shown_as_they_are():
+            return super().make_context(*arguments, **options)
 
     def invoke(self, ctx: Any) -> Any:
         """Run a subcommand: exit 2 for input or files that cannot be used, 130 for Ctrl-C."""
         try:
-            return super().invoke(ctx)
+            with _shown_as_they_are():
+                return super().invoke(ctx)
         except BrokenPipeError:
             raise
         except OSError as error:
@@ -85,5 +105,6 @@ app.add_typer(scenes.app)
 
 def main() -> None:
     """Entry point of the console script."""
+    write_anything()
     warnings.showwarning = lambda message, *_: warn([str(message)])
     app()

@@ -9,7 +9,9 @@ import typer
 
 from .console import print_json, results, say, warn
 from .inputs import instrument_with
-from .options import Json, Wavelength, real_option
+from .options import Json, Overwrite, Wavelength, real_option
+from .outputs import files_read
+from .outputs import output as named
 from .tables import plain_table
 
 if TYPE_CHECKING:
@@ -42,15 +44,17 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="PNG", help="Picture to draw.")
     ] = None,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Light, noise, range and eye safety of an instrument that faces a flat wall."""
-    from reconstruction.files import require_file, write_atomically
+    from reconstruction.files import require_outputs, write_atomically
     from spisim.atmosphere import CLEAR, fog
     from spisim.budget import Target, budget_warnings
 
     if output is not None:
-        require_file(output)
+        files = [named(output, "budget")]
+        require_outputs(files, files_read(instrument), overwrite=overwrite)
     carried = instrument_with(instrument, wavelength)
     air = CLEAR
     if visibility is not None:
@@ -60,11 +64,11 @@ def command(
     warn(warnings := budget_warnings(carried, target))
     if output is not None:
         from spisim.budget.plots import budget_figure
-        from spisim.report.style import file_of, plot_style
+        from spisim.report.style import drawn, file_of, plot_style
 
         with plot_style():
-            figure = budget_figure(carried, target, Path(instrument).stem, LIMIT_M)
-            write_atomically(output, file_of(figure, dpi=110))
+            figure = budget_figure(carried, target, drawn(Path(instrument).stem), LIMIT_M)
+            write_atomically(output, file_of(figure, "budget", dpi=110))
     if json:
         print_json({"instrument": instrument, **figures, "warnings": warnings, "written": output})
         return

@@ -1,6 +1,5 @@
 """What the commands say: results on stdout, progress and messages on stderr."""
 
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -8,15 +7,29 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.text import Text
 
-# Brackets and colons in the name of a user's file are no markup.
-messages = Console(stderr=True, highlight=False, markup=False, emoji=False)
-results = Console(highlight=False, markup=False, emoji=False)
+from reconstruction.text import json_line, printable
+
+
+class _Terminal(Console):
+    """Shows all words as they are: names of files and scenes are no markup and steer nothing."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(highlight=False, markup=False, emoji=False, **options)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Words to be shown, those of tables included."""
+        return super().render_str(printable(text), **options)
+
+
+messages = _Terminal(stderr=True)
+results = _Terminal()
 
 
 def print_json(report: Mapping[str, Any]) -> None:
     """Print one JSON object; what is not finite becomes null."""
-    print(json.dumps(_plain(report), ensure_ascii=False, allow_nan=False))
+    print(json_line(_plain(report)))
 
 
 def say(text: str, style: str | None = None) -> None:

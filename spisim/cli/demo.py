@@ -8,10 +8,18 @@ import typer
 from reconstruction.timing import timed
 
 from .console import print_json, progress_bar, say, warn
-from .options import Bar, Json, Seed, Spp
+from .options import Bar, Json, Overwrite, Seed, Spp
 from .tables import print_errors
 
 EXAMPLE = "spisim demo -o out/demo"
+
+#: Beside those of a reconstruction: what their marks tell.
+FILES = {
+    "capture.h5": "simulated capture",
+    "truth.exr": "transport image",
+    "overview.png": "overview",
+    "report.html": "capture report",
+}
 
 
 def command(
@@ -20,12 +28,14 @@ def command(
     ] = Path("out/demo"),
     seed: Seed = 0,
     spp: Spp = 1024,
+    overwrite: Overwrite = False,
     json: Json = False,
     progress: Bar = None,
 ) -> None:
     """Simulate the paper's instrument in a foggy warehouse, reconstruct, compare with truth."""
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture, write_outputs
-    from reconstruction.files import require_folder
+    from reconstruction.files import Output, require_outputs
+    from reconstruction.outputs import outputs_in
     from spisim.instrument import load_instrument
     from spisim.measurement import simulation_warnings
     from spisim.report import write_overview, write_report
@@ -34,7 +44,8 @@ def command(
     from spisim.transport import fine_view
     from spisim.transport.light_files import write_truth
 
-    require_folder(output)
+    own = {name: Output(output / name, kind) for name, kind in FILES.items()}
+    require_outputs([*own.values(), *outputs_in(output)], overwrite=overwrite)
     seconds: dict[str, float] = {}
     with timed(seconds, "load"):
         scene, instrument = load_scene("warehouse"), load_instrument("paper")
@@ -46,12 +57,12 @@ def command(
     result = reconstruct(capture)
     metrics = evaluate(result, capture)
 
-    write_capture(capture, output / "capture.h5")
-    write_truth(output / "truth.exr", simulation.truths[0], {"transport": light.image})
+    write_capture(capture, own["capture.h5"].path)
+    write_truth(own["truth.exr"].path, simulation.truths[0], {"transport": light.image})
     pictures = write_outputs(result, capture, output)
-    write_overview(output / "overview.png", capture, result, view)
+    write_overview(own["overview.png"].path, capture, result, view)
     write_report(
-        output / "report.html",
+        own["report.html"].path,
         capture,
         result,
         metrics=metrics,
@@ -62,7 +73,7 @@ def command(
     )
     warnings = simulation_warnings(instrument, light) + capture_warnings(capture)
     warn(warnings)
-    written = ["capture.h5", "truth.exr", *pictures, "overview.png", "report.html"]
+    written = [*own, *pictures]
     if json:
         timings = {**seconds, **result.timings_s}
         report = {"folder": output, "files": written, "warnings": warnings}

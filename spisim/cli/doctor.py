@@ -64,7 +64,7 @@ def examine() -> dict[str, Any]:
 
 def _llvm() -> tuple[dict[str, Any], str | None]:
     """The LLVM library that Dr.Jit will use, and what is wrong with it."""
-    from spisim.transport.llvm import LLVMNotFound, advice, find_llvm, probe, version_of
+    from spisim.llvm import LLVMNotFound, advice, find_llvm, probe, version_of
 
     try:
         path = find_llvm()

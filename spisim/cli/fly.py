@@ -12,6 +12,7 @@ from reconstruction.errors import naming
 from . import options as opt
 from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
+from .outputs import files_read
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from spisim.report.flight import Sighting
 
 EXAMPLE = "spisim fly warehouse --path warehouse-flight -o out/flight --spp 64"
-
-OUTPUTS = ("flight.gif", "flight.png", "flight.csv")
 
 
 def command(
@@ -49,6 +48,7 @@ def command(
     clear: opt.Clear = False,
     seed: opt.Seed = 0,
     spp: opt.Spp = 256,
+    overwrite: opt.Overwrite = False,
     json: opt.Json = False,
     progress: opt.Bar = None,
 ) -> None:
@@ -57,12 +57,13 @@ def command(
     Writes capture-0000.h5 and so on, an animation, a contact sheet and a table. Captures that the
     folder has of the same flight are kept, so that an interrupted flight goes on where it was.
     """
-    from reconstruction.files import require_folder
+    from reconstruction.files import require_outputs
     from spisim.dataset.flight import instants, kept_captures
-    from spisim.report.flight import write_animation, write_sheet, write_table
+    from spisim.report.flight import flight_outputs, write_animation, write_sheet, write_table
     from spisim.scene import check_clear_path, load_trajectory
 
-    require_folder(output)
+    files = flight_outputs(output)
+    require_outputs(files, files_read(scene, instrument, path), overwrite=overwrite)
     trajectory = load_trajectory(path, frame).faster(speed)
     carried = instrument_with(instrument)
     place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
@@ -78,19 +79,21 @@ def command(
                 capture = _record(output, instant, carried, spp, _part(advance, done, share))
             seen.append(_look(instant, capture, output))
             advance(done + share)
-    write_animation(output / OUTPUTS[0], seen, rate)
-    write_sheet(output / OUTPUTS[1], seen)
-    write_table(output / OUTPUTS[2], seen)
+    animation, sheet, table = (file.path for file in files)
+    write_animation(animation, seen, rate)
+    write_sheet(sheet, seen)
+    write_table(table, seen)
     warnings = _warnings(seen)
     warn(warnings)
-    written = [output / name for name in (*(i.file for i in flight), *OUTPUTS)]
+    written = [*(output / instant.file for instant in flight), animation, sheet, table]
     if json:
         report = {"written": written, "captures": len(flight), "kept": len(kept)}
         print_json(report | {"duration_s": trajectory.duration_s, "warnings": oddities + warnings})
         return
     old = f" ({len(kept)} of them kept)" if kept else ""
-    say(f"Wrote {len(flight)} captures{old}, {', '.join(OUTPUTS)} to {output}.")
-    say(f"Look at it: {(output / OUTPUTS[0]).resolve().as_uri()}")
+    names = ", ".join(file.path.name for file in files)
+    say(f"Wrote {len(flight)} captures{old}, {names} to {output}.")
+    say(f"Look at it: {animation.resolve().as_uri()}")
 
 
 def _part(advance: Callable[[float], None], done: float, share: float) -> Callable[[float], None]:

@@ -31,6 +31,7 @@ def scene_with(
     are printed, and returned too.
     """
     from spisim.atmosphere.sections import WEATHER
+    from spisim.config import load_yaml
     from spisim.scene import SceneWarning, load_scene
 
     options = {"--visibility": visibility_m, "--fog": fog_kind, "--rain": rain_mm_per_h}
@@ -46,7 +47,7 @@ def scene_with(
         if clear:
             changes = dict.fromkeys((*WEATHER, "volumes"))
         if visibility_m is not None or fog_kind is not None:
-            changes["fog"] = _fog(yaml.safe_load(scene.text).get("fog"), visibility_m, fog_kind)
+            changes["fog"] = _fog(load_yaml(scene.text, name).get("fog"), visibility_m, fog_kind)
         if rain_mm_per_h is not None:
             model = {"model": "drops"} if drops else {}
             changes["rain"] = {"rate_mm_per_h": rain_mm_per_h} | model

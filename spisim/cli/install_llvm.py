@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from reconstruction.errors import InputError
-from spisim.transport.llvm import MIN_VERSION, PRIVATE_FOLDER
+from spisim.llvm import MIN_VERSION, PRIVATE_FOLDER
 
 
 def install_llvm() -> Path:

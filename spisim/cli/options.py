@@ -83,6 +83,9 @@ Wavelength = Annotated[
         metavar="NM",
     ),
 ]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace files that this command did not write, too.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Bar = Annotated[
     bool | None,

@@ -1,20 +1,65 @@
-"""Files that a command writes beside the one that it was told to."""
+"""What a command will write, looked at before any work."""
 
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
-from reconstruction.errors import InputError
+import yaml
+
+from reconstruction.files import Output
+
+#: Endings of the names of what users give a name to, by the kind that the file's mark tells.
+ENDINGS = {
+    "simulated capture": (".h5", ".hdf5"),
+    "transport image": (".exr",),
+    "histograms": (".npz",),
+    "radiance": (".exr",),
+    "picture": (".png",),
+    "scene view": (".png",),
+    "budget": (".png",),
+    "capture report": (".html", ".htm"),
+    "contact sheet": (".html", ".htm"),
+}
+
+#: The quick one, where there is one; names need no values.
+_LOADER: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 
 
-def beside(output: Path, suffix: str, what: str, own_suffix: str) -> Path:
-    """The name of a further file, `what`; InputError, before any work, if not both can be written.
+def output(path: Path, kind: str, size_bytes: int = 1_000_000) -> Output:
+    """A file of a kind, under a name that the user chose."""
+    return Output(path, kind, ENDINGS[kind], size_bytes=size_bytes)
 
-    `own_suffix` is proposed for an output that would have the same name.
+
+def beside(path: Path, kind: str, size_bytes: int = 1_000_000) -> Output:
+    """A further file of another kind, beside the one that the user named."""
+    return output(path.parent / f"{path.stem}{ENDINGS[kind][0]}", kind, size_bytes)
+
+
+def files_read(*names: str | Path) -> Iterator[Path]:
+    """Files of the user that a command reads, those included that they refer to.
+
+    `names` are files or folders; what is shipped under a name is none of the user's.
     """
-    from reconstruction.files import require_file
+    for path in map(Path, names):
+        if path.exists():
+            yield path
+        if path.suffix in (".yaml", ".yml") and path.is_file():
+            yield from _referred(path)
 
-    require_file(output)
-    further = output.with_suffix(suffix)
-    if further == output:
-        raise InputError(f"{output}: {what} takes that name; call this file {own_suffix}")
-    require_file(further)
-    return further
+
+def _referred(path: Path) -> Iterator[Path]:
+    """Whatever a YAML file says that is the name of a file."""
+    for word in _words(path):
+        with suppress(OSError, ValueError):  # no name at all
+            if (file := path.parent / word).is_file():
+                yield file
+
+
+def _words(path: Path) -> Iterable[str]:
+    words = set()
+    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):  # told when it is loaded
+        for event in yaml.parse(path.read_text(encoding="utf-8"), _LOADER):
+            if isinstance(event, yaml.ScalarEvent):
+                words.add(event.value)
+    return words

@@ -7,10 +7,11 @@ from typing import Annotated
 import typer
 
 from .console import print_json, say
-from .options import Json
+from .options import Json, Overwrite
 
 EXAMPLE = "spisim paper fig2 -o out/paper"
 
+KIND = "figure of the paper"
 PACKAGES = ("spisim", "numpy", "scipy")
 
 
@@ -32,26 +33,28 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", help="Paste the tables between this file's paper marks."),
     ] = None,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Compute the paper's results and put them beside its numbers; exit 1 if a check fails.
 
     Draws each figure as PNG.
     """
-    from reconstruction.files import require_folder, write_atomically
+    from reconstruction.files import Output, require_outputs, write_atomically
     from spisim.paper import RESULTS
     from spisim.paper.checks import around_marks, checks_table, paste, report, summary, surroundings
     from spisim.report.style import file_of, plot_style
 
-    require_folder(output)
-    if markdown is not None:
-        around_marks(markdown, "paper")
     names = list(RESULTS) if which is Which.all else [which.value]
     pictures = {name: output / f"{name}.png" for name in names}
+    files = [Output(path, KIND) for path in pictures.values()]
+    require_outputs(files, [] if markdown is None else [markdown], overwrite=overwrite)
+    if markdown is not None:
+        around_marks(markdown, "paper")
     with plot_style():
         results = {name: RESULTS[name]() for name in names}
         for name, picture in pictures.items():
-            write_atomically(picture, file_of(results[name].figure, dpi=110))
+            write_atomically(picture, file_of(results[name].figure, KIND, dpi=110))
     checks = [check for result in results.values() for check in result.checks]
     tables = [table for result in results.values() for table in result.tables]
     tables.append(checks_table(checks))

@@ -9,9 +9,13 @@ import typer
 from . import options as opt
 from .console import print_json, say
 from .inputs import instrument_with, scene_with
-from .outputs import beside
+from .outputs import beside, files_read
+from .outputs import output as named
 
 EXAMPLE = "spisim picture warehouse -o warehouse.exr --fov 50 --clear"
+
+#: Of each file, at most.
+BYTES_PER_PIXEL = 4
 
 
 class Place(Enum):
@@ -42,6 +46,7 @@ def command(
     ] = None,
     spp: Annotated[int, opt.number_option(1, 2**20, "Light paths per pixel.")] = 64,
     seed: opt.Seed = 0,
+    overwrite: opt.Overwrite = False,
     json: opt.Json = False,
 ) -> None:
     """Render radiance, W m⁻² sr⁻¹ in the filter's band: projector, sun and sky, through the fog.
@@ -49,12 +54,16 @@ def command(
     Writes an OpenEXR file, and a tone-mapped PNG beside it.
     """
     from reconstruction import InputError
+    from reconstruction.files import require_outputs
     from reconstruction.operators import illumination
     from spisim.report.pictures import view_scale, write_png
     from spisim.transport import CAMERA_OFFSET_M, camera_view
     from spisim.transport.exr import write_exr
 
-    picture = beside(output, ".png", "the tone-mapped picture", ".exr")
+    size_bytes = BYTES_PER_PIXEL * width * height
+    files = [named(output, "radiance", size_bytes), beside(output, "picture", size_bytes)]
+    require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
+    picture = files[1].path
     carried = instrument_with(instrument, wavelength)
     there, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
     plan = carried.pattern_plan
@@ -72,7 +81,8 @@ def command(
         spp=spp,
         seed=seed,
     )
-    write_exr(output, {"radiance": view}, {"units.radiance": "W m^-2 sr^-1", "scene": there.name})
+    attributes = {"units.radiance": "W m^-2 sr^-1", "scene": there.name}
+    write_exr(output, "radiance", {"radiance": view}, attributes)
     write_png(picture, view_scale(view).rgba(view))
     if json:
         mean = float(view.mean())

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from .options import CaptureArgument, FrameOption, Json, Methods, number_option
+from .options import CaptureArgument, FrameOption, Json, Methods, Overwrite, number_option
+from .outputs import output as named
 
 EXAMPLE = "spisim reconstruct foggy.h5 -o foggy"
 
@@ -19,6 +20,7 @@ def command(
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Reconstruct image, ranges, depth map and point cloud of a capture, simulated or recorded.
@@ -28,9 +30,13 @@ def command(
     """
     from reconstruction import evaluate, first_patterns, read_capture, read_result
     from reconstruction.cli import main
+    from reconstruction.files import require_outputs
     from spisim.report import write_report
 
+    page = output / "report.html"
+    require_outputs([named(page, "capture report")], [capture], overwrite=overwrite)
     options = ["--output", str(output), "--frame", str(frame), *(["--json"] if json else [])]
+    options += ["--overwrite"] if overwrite else []
     for station, names in {"image": image, "ranging": ranging, "depth": depth}.items():
         options += [] if names is None else [f"--{station}", names]
     for name, value in {"patterns": patterns, "order": order}.items():
@@ -43,4 +49,4 @@ def command(
     metrics = evaluate(result, recording) if known else None
     if patterns is not None:
         recording = first_patterns(recording, patterns, order)
-    write_report(output / "report.html", recording, result, metrics=metrics, title=capture.stem)
+    write_report(page, recording, result, metrics=metrics, title=capture.stem)

@@ -12,9 +12,13 @@ from reconstruction.timing import timed
 from . import options as opt
 from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
-from .outputs import beside
+from .outputs import beside, files_read
+from .outputs import output as named
 
 EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
+
+#: About: readings of a frame and what is true of it.
+BYTES_PER_FRAME = 100_000
 
 
 def command(
@@ -38,6 +42,7 @@ def command(
     report: Annotated[
         bool, typer.Option("--report", help="Reconstruct too, into a page beside the capture.")
     ] = False,
+    overwrite: opt.Overwrite = False,
     json: opt.Json = False,
     progress: opt.Bar = None,
 ) -> None:
@@ -46,13 +51,14 @@ def command(
     The image of a scene is traced once for all patterns; noise and converter follow.
     """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture
-    from reconstruction.files import require_file
+    from reconstruction.files import require_outputs
     from spisim.measurement import simulation_warnings
     from spisim.simulation import simulate
     from spisim.transport import fine_view
 
-    require_file(output)
-    page = beside(output, ".html", "the page of --report", ".h5") if report else None
+    files = [named(output, "simulated capture", frames * BYTES_PER_FRAME)]
+    files += [beside(output, "capture report")] if report else []
+    require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument, wavelength, patterns, order, polarity)
     place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
     seconds: dict[str, float] = {}
@@ -68,17 +74,16 @@ def command(
             progress=advance,
         )
     write_capture(simulation.capture, output)
-    written = [output]
     warnings = simulation_warnings(carried, simulation.transport)
     warnings += capture_warnings(simulation.capture)
     warn(warnings)
-    if page is not None:
+    if report:
         from spisim.report import write_report
 
         with naming(output):
             result = reconstruct(simulation.capture)
         write_report(
-            page,
+            files[1].path,
             simulation.capture,
             result,
             metrics=evaluate(result, simulation.capture),
@@ -87,7 +92,7 @@ def command(
             timings=seconds,
             title=place.name,
         )
-        written.append(page)
+    written = [file.path for file in files]
     if json:
         paths = simulation.transport.paths
         print_json(
@@ -102,6 +107,6 @@ def command(
     else:
         names = " and ".join(map(str, written))
         say(f"Wrote {names} in {seconds['simulate']:.1f} s.")
-        folder = output.with_suffix("" if output.suffix else ".result")
+        folder = output.with_suffix("")
         next_step = shlex.join(["spisim", "reconstruct", str(output), "-o", str(folder)])
         say(f"Next: {next_step}")

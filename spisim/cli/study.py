@@ -11,7 +11,8 @@ from .console import print_json, progress_bar, say
 from .dataset.arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
 from .dataset.progress import shown
 from .dataset.running import executors, explained
-from .options import Bar, Json
+from .options import Bar, Json, Overwrite
+from .outputs import files_read
 
 if TYPE_CHECKING:
     from spisim.study.run import Finished
@@ -37,6 +38,7 @@ def command(
     retry_failed: RetryFailed = False,
     timeout: Timeout = 1800,
     space_timeout: SpaceTimeout = 3600,
+    overwrite: Overwrite = False,
     json: Json = False,
     progress: Bar = None,
 ) -> None:
@@ -45,12 +47,16 @@ def command(
     Run again, it makes what is missing. Exit status: 0 all done, 1 some samples failed, 2 input
     that cannot be used, 3 no space left, 130 interrupted.
     """
-    from spisim.report.study import write_study
-    from spisim.study import load_study, run_study
+    from reconstruction.files import require_outputs
+    from spisim.report.study import study_outputs, write_study
+    from spisim.study import load_study, run_study, study_files
 
     planned = load_study(plan)
     if quick:
         planned = planned.quick()
+    folder = output.absolute()
+    files = [*study_files(folder, planned), *study_outputs(folder, planned)]
+    require_outputs(files, files_read(plan), overwrite=overwrite)
     executor = executors(workers, dask, timeout)
     with (
         explained(),
@@ -59,7 +65,7 @@ def command(
     ):
         finished = run_study(
             planned,
-            output.absolute(),
+            folder,
             executor,
             retry_failed=retry_failed,
             space_timeout_s=space_timeout,
@@ -67,7 +73,7 @@ def command(
             made=made,
             evaluated=evaluated,
         )
-    pages = write_study(output.absolute(), finished.results)
+    pages = write_study(folder, finished.results)
     _tell(finished, (*pages, *finished.written), json)
     raise typer.Exit(1 if finished.failed else 0)
 

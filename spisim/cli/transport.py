@@ -8,7 +8,8 @@ import typer
 from . import options as opt
 from .console import print_json, progress_bar, say
 from .inputs import instrument_with, scene_with
-from .outputs import beside
+from .outputs import beside, files_read
+from .outputs import output as named
 
 EXAMPLE = "spisim transport warehouse -o warehouse.exr --transport-error 0.002 --frequency 15e6"
 
@@ -47,6 +48,7 @@ def command(
             metavar="M",
         ),
     ] = None,
+    overwrite: opt.Overwrite = False,
     json: opt.Json = False,
     progress: opt.Bar = None,
 ) -> None:
@@ -56,10 +58,13 @@ def command(
     (rows, columns, bins); `units.*` in either file tells the units. What is longer than 80 m is
     in a histogram's last bin.
     """
+    from reconstruction.files import require_outputs
     from spisim.transport import MAX_PATH_M, Outputs, PathLengthBins, ground_truth, solve
     from spisim.transport.light_files import light_channels, write_histograms, write_truth
 
-    histograms = beside(output, ".npz", "the file of the spots' histograms", ".exr")
+    files = [named(output, "transport image"), beside(output, "histograms")]
+    require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
+    histograms = files[1].path
     outputs = Outputs(
         orders=orders,
         frequencies_hz=tuple(frequency or ()),

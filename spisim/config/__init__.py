@@ -16,9 +16,18 @@ from spisim.config.fields import (
     not_a_truth_value,
 )
 from spisim.config.messages import reason
-from spisim.config.reading import check_fields, find_named, parse_model, read_mapping, read_text
+from spisim.config.reading import (
+    check_fields,
+    find_named,
+    is_file,
+    parse_model,
+    read_mapping,
+    read_text,
+)
 from spisim.config.registered import named, one_of
 from spisim.config.shipped import shipped
+from spisim.config.tables import csv_table
+from spisim.config.yaml import load_yaml
 
 __all__ = [
     "Count",
@@ -30,7 +39,10 @@ __all__ = [
     "Section",
     "Vector",
     "check_fields",
+    "csv_table",
     "find_named",
+    "is_file",
+    "load_yaml",
     "named",
     "not_a_truth_value",
     "one_of",

@@ -7,6 +7,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import nearest
+from spisim.config.messages import show
 
 
 def not_a_truth_value(value: Any) -> Any:
@@ -22,7 +23,7 @@ NonNegative = Annotated[Number, Field(ge=0)]
 Fraction = Annotated[Number, Field(ge=0, le=1)]
 Count = Annotated[int, BeforeValidator(not_a_truth_value), Field(gt=0)]
 Vector = tuple[Number, Number, Number]
-Name = Annotated[str, Field(min_length=1)]
+Name = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
 class Section(BaseModel):
@@ -40,6 +41,6 @@ class Section(BaseModel):
                     raise PydanticCustomError(
                         "unknown_field",
                         "unknown field {field}: {nearest}",
-                        {"field": repr(field), "nearest": nearest(str(field), cls.model_fields)},
+                        {"field": show(field), "nearest": nearest(str(field), cls.model_fields)},
                     )
         return data

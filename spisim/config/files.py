@@ -1,19 +1,27 @@
 """Files that configuration files refer to: pictures and tables of numbers."""
 
+import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction import npy
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
+from spisim.config.reading import read_text
+
+MAX_PIXELS = 2**24
+MAX_TABLE_BYTES = 2**26
 
 
 def check_is_there(path: Path, kind: str) -> None:
-    """InputError, naming the nearest file of the same suffix, unless `path` is a file."""
+    """InputError, naming the nearest file of the same suffix, unless `path` is a regular file."""
     if path.is_dir():
         raise InputError(f"{kind} {path.name!r} is a folder: {path}")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{kind} {path.name!r} is a device or pipe, not a regular file: {path}")
     if not path.is_file():
         others = sorted(other.name for other in path.parent.glob(f"*{path.suffix}"))
         hint = f" in {path.parent}; {nearest(path.name, others)}" if others else f": {path}"
@@ -24,12 +32,9 @@ def read_npy(path: Path, kind: str) -> NDArray[Any]:
     """Array of real numbers, from an NPY file; InputError, naming its `kind`, for anything else."""
     try:
         with path.open("rb") as file:
-            array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+            return npy.read_npy(file, path.stat().st_size)
+    except (OSError, InputError) as error:
         raise InputError(f"{kind} {path.name!r} cannot be read: {error}") from None
-    if array.dtype.kind not in "fiub":
-        raise InputError(f"{kind} {path.name!r} should hold real numbers; found {array.dtype}")
-    return array
 
 
 def read_picture(path: Path) -> NDArray[np.float32]:
@@ -83,28 +88,62 @@ def read_density(path: Path) -> NDArray[np.float32]:
 def read_columns(path: Path) -> Floats:
     """Table of numbers (rows, columns), from a CSV file, with or without a header, or an NPY file.
 
-    Raises InputError for a file that is missing, damaged or holds something else.
+    Raises InputError for a file that is missing, damaged or holds something else. What a CSV file
+    holds instead of numbers is not told: a file may name one whose text is nobody's business.
     """
     check_is_there(path, "table")
-    if path.suffix.lower() == ".npy":
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
         return np.atleast_2d(read_npy(path, "table").astype(np.float64))
+    size = path.stat().st_size
+    if size > MAX_TABLE_BYTES:
+        raise InputError(
+            f"table {path.name!r} has {size / 2**20:.0f} MiB, at most {MAX_TABLE_BYTES // 2**20} "
+            "of text are read: save it as an NPY file"
+        )
+    if suffix != ".csv":
+        raise InputError(f"table {path.name!r} should be a CSV or NPY file")
+    lines = read_text(path, "a table in CSV").splitlines()
+    has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
+    rows = [
+        [_number(cell, path, number) for cell in line.split(",")]
+        for number, line in enumerate(lines[has_header:], start=1 + has_header)
+        if line.strip()
+    ]
+    if len({len(row) for row in rows}) > 1:
+        raise InputError(f"table {path.name!r}: its lines are not equally long")
+    return np.array(rows, dtype=np.float64)
+
+
+def _number(cell: str, path: Path, line: int) -> float:
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
-        rows = [line.split(",") for line in lines[has_header:] if line.strip()]
-        return np.array(rows, dtype=np.float64)
-    except (OSError, ValueError) as error:
-        raise InputError(f"table {path.name!r} cannot be read: {error}") from None
+        return float(cell)
+    except ValueError:
+        raise InputError(
+            f"table {path.name!r}, line {line}: should hold numbers with commas between them"
+        ) from None
 
 
 def _read_png(path: Path) -> NDArray[Any]:
     import matplotlib.image
 
+    _check_pixels(path)
     try:
         return np.asarray(matplotlib.image.imread(path, format="png"))
     # The decoder raises whatever a damaged file runs it into.
-    except Exception as error:
-        raise InputError(f"picture {path.name!r} cannot be read: {error}") from None
+    except Exception:
+        raise InputError(f"picture {path.name!r} cannot be read: no PNG file, or damaged") from None
+
+
+def _check_pixels(path: Path) -> None:
+    """A PNG file tells in its first bytes how large its picture is: a small one may be huge."""
+    with path.open("rb") as file:
+        head = file.read(24)
+    width, height = struct.unpack(">II", head[16:]) if len(head) == 24 else (0, 0)
+    if width * height > MAX_PIXELS:
+        raise InputError(
+            f"picture {path.name!r} has {width} x {height} pixels, at most {MAX_PIXELS} are read"
+        )
 
 
 def _is_number(text: str) -> bool:

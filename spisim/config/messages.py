@@ -59,7 +59,7 @@ def reason(details: ErrorDetails) -> str:
     if details["type"] == "union_tag_invalid":
         tag, field = details["ctx"]["tag"], details["ctx"]["discriminator"].strip("'")
         expected = [name.strip("' ") for name in details["ctx"]["expected_tags"].split(",")]
-        return f"{field} {tag!r} is unknown: {nearest(tag, expected)}"
+        return f"{field} {show(tag)} is unknown: {nearest(tag, expected)}"
     if details["type"] == "union_tag_not_found":
         return f"{details['ctx']['discriminator'].strip(chr(39))} is missing"
     if details["type"] in ("too_short", "too_long"):

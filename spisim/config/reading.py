@@ -1,43 +1,41 @@
 """YAML text checked against models."""
 
-from collections.abc import Hashable, Mapping
+import os
+import stat
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import ValidationError
 
 from reconstruction.errors import InputError, nearest
 from spisim.config.fields import Section
 from spisim.config.messages import describe, show
+from spisim.config.yaml import load_yaml
 
 Model = TypeVar("Model", bound=Section)
 
-
-class _Loader(yaml.SafeLoader):
-    """Safe YAML in which a repeated key is an error; plain PyYAML keeps the last one silently."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        self.flatten_mapping(node)
-        seen: set[Any] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if isinstance(key, Hashable) and key in seen:
-                raise yaml.MarkedYAMLError(
-                    problem=f"field {key!r} is given twice", problem_mark=key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
+#: Of a scene, a plan or a table, which people write.
+MAX_TEXT_BYTES = 64 * 2**20
 
 
-def read_text(path: Path) -> str:
-    """Text of a UTF-8 file; InputError where it is missing, unreadable or not text."""
+def read_text(path: Path, expected: str = "a YAML file in UTF-8") -> str:
+    """Text of a UTF-8 file; InputError where it is missing, unreadable, too large or not text.
+
+    Devices and pipes, which may never end, are not read.
+    """
     try:
-        return path.read_text(encoding="utf-8")
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(f"{path}: not a regular file; {expected} is expected")
+        size_mb, most_mb = found.st_size / 2**20, MAX_TEXT_BYTES >> 20
+        if size_mb > most_mb:
+            raise InputError(f"{path}: {size_mb:.0f} MB; at most {most_mb} MB of text are read")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file; a YAML file in UTF-8 is expected") from None
+        raise InputError(f"{path}: not a text file; {expected} is expected") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -47,15 +45,7 @@ def read_mapping(text: str, model: type[Section], source: Path | str) -> dict[An
 
     Raises InputError, naming `source`, for YAML that does not parse or is not a mapping.
     """
-    try:
-        # The loader derives from SafeLoader: plain data only, no Python objects.
-        data = yaml.load(text, Loader=_Loader)
-    except yaml.MarkedYAMLError as error:
-        where = f", line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise InputError(f"{source}{where}: not valid YAML: {error.problem}") from None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{source}: not valid YAML: {reason}") from None
+    data = load_yaml(text, source)
     if not isinstance(data, dict):
         fields = ", ".join(model.model_fields)
         raise InputError(
@@ -96,6 +86,11 @@ def check_fields(
         raise InputError(f"{source}: a value of it contains itself") from None
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a file; False too for names that no file can have."""
+    return os.path.isfile(path)  # noqa: PTH113 - pathlib raises for names that are too long
+
+
 def find_named(
     name: str, folder: Path, kind: str, suffixes: tuple[str, ...] = (".yaml", ".yml")
 ) -> Path:
@@ -104,14 +99,18 @@ def find_named(
     Raises InputError, with the nearest shipped name, where there is neither.
     """
     given = Path(name)
-    if given.suffix in suffixes or given.is_file():
+    if given.suffix in suffixes:
         return given
     shipped = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
     if name in shipped:
         return shipped[name]
-    if given.is_dir():
+    if os.path.isdir(given):  # noqa: PTH112 - as above
         raise InputError(f"{name} is a folder; the name of a file is needed")
+    if os.path.exists(given):  # noqa: PTH110
+        raise InputError(
+            f"{name} is no {kind} file by its name, which should end in {' or '.join(suffixes)}"
+        )
     raise InputError(
-        f"no {kind} {name!r}: neither a file nor the name of a shipped {kind}; "
+        f"no {kind} {show(name)}: neither a file nor the name of a shipped {kind}; "
         f"{nearest(name, sorted(shipped))}"
     )

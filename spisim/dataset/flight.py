@@ -4,12 +4,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from reconstruction import Capture, InputError, read_capture
+from spisim.config import load_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, at_moment
 from spisim.transport import RayCaster
+
+#: Of a flight; each takes seconds at least.
+MAX_CAPTURES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +35,8 @@ def instants(
 ) -> list[Instant]:
     """The captures of a flight, `rate_hz` of them a second, the first at its start.
 
-    Raises InputError for a rate at which the frames would overlap, and where a laser spot would hit
-    nothing.
+    Raises InputError for a rate at which the frames would overlap, more than `MAX_CAPTURES`, and
+    where a laser spot would hit nothing.
     """
     frame_s = instrument.frame_time_s
     if rate_hz * frame_s > 1:
@@ -42,6 +45,11 @@ def instants(
             f"{frame_s:.4g} s; at most {1 / frame_s:.4g}"
         )
     count = int(np.floor(trajectory.duration_s * rate_hz * (1 + 1e-12))) + 1
+    if count > MAX_CAPTURES:
+        raise InputError(
+            f"a flight of {trajectory.duration_s:.4g} s has {count:.4g} captures at {rate_hz:g} a "
+            f"second; at most {MAX_CAPTURES:,}: fly a shorter path, or record fewer a second"
+        )
     times = np.minimum(np.arange(count) / rate_hz, trajectory.duration_s).tolist()
     flight = [
         Instant(number, time_s, at_moment(scene, trajectory.moment(time_s)), seed + number)
@@ -102,8 +110,9 @@ def _difference(capture: Capture, instant: Instant, instrument: Instrument, spp:
         return "instrument"
     if made.seed != instant.seed:
         return "seed"
-    settings = yaml.safe_load(made.settings)
+    settings = load_yaml(made.settings, "settings")
+    told = settings if isinstance(settings, dict) else {}
     for field, value in {"spp": spp, "noise": True, "frames": 1}.items():
-        if settings.get(field) != value:
+        if told.get(field) != value:
             return field
     return None

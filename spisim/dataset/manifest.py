@@ -4,15 +4,15 @@ Only the process that runs the data set writes it; anyone may read it meanwhile.
 """
 
 import errno
-import json
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from reconstruction.errors import InputError
-from spisim.dataset.folder import Layout
+from spisim.dataset.database import check_file, check_tables
+from spisim.dataset.folder import SIDECARS, Layout
 from spisim.dataset.records import (
     DIED,
     INSERT,
@@ -59,23 +59,19 @@ class Manifest:
     @classmethod
     def open(cls, path: Path) -> Self:
         """Manifest that is there. Raises DamagedManifest where it is none that can be used."""
-        manifest = cls(path)
         try:
-            manifest._check()
-        except (sqlite3.DatabaseError, ValueError, TypeError) as error:
+            check_file(path)
+            manifest = cls(path)
+        except ValueError as error:
+            raise DamagedManifest(f"{path}: {DAMAGED} ({error})") from None
+        try:
+            _content(manifest._connection)
+        except (sqlite3.Error, ValueError) as error:
             manifest._connection.close()
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
                 raise InputError(f"{path}: another program holds it for writing") from None
             raise DamagedManifest(f"{path}: {DAMAGED} ({error})") from None
         return manifest
-
-    def _check(self) -> None:
-        (state,) = self._connection.execute("PRAGMA quick_check(1)").fetchone()
-        if state != "ok":
-            raise ValueError(state)
-        meta_of(self._connection)
-        for row in self._connection.execute(SELECT):
-            record_of(row)
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
@@ -104,11 +100,11 @@ class Manifest:
         with self._writing() as connection:
             _put_meta(connection, meta)
 
-    def record(self, outcome: Outcome) -> None:
-        """Put an outcome in place of the sample's last, and count the attempt."""
-        row = row_of(outcome, self.attempts(outcome.index) + 1)
+    def record(self, *outcomes: Outcome) -> None:
+        """Put outcomes in place of the samples' last, all or none, and count the attempts."""
+        rows = [row_of(outcome, self.attempts(outcome.index) + 1) for outcome in outcomes]
         with self._writing() as connection:
-            connection.execute(INSERT, row)
+            connection.executemany(INSERT, rows)
 
     def forget(self, index: int) -> None:
         """Remove a sample's row."""
@@ -121,13 +117,15 @@ class Manifest:
         (count,) = self._connection.execute(query, (index,)).fetchone() or (0,)
         return int(count)
 
-    def files(self) -> dict[int, dict[str, int]]:
-        """Size of every file of every sample that is done, by index and path."""
-        query = "SELECT \"index\", file, bytes, sidecars FROM samples WHERE status = 'done'"
+    def files(self) -> dict[int, dict[str, Mapping[str, Any]]]:
+        """`bytes` and `sha256` of every file of every sample that is done, by index and path."""
+        records = filter(lambda record: record.done, _records(self._connection))
         return {
-            index: {file: size}
-            | {name: told["bytes"] for name, told in json.loads(sidecars).items()}
-            for index, file, size, sidecars in self._connection.execute(query)
+            record.index: {
+                str(record.file): {"bytes": record.bytes, "sha256": record.sha256},
+                **record.sidecars,
+            }
+            for record in records
         }
 
     def indices(self) -> set[int]:
@@ -161,23 +159,46 @@ def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
     It is left as it is: a run may be under way. Raises InputError where there is none, where it is
     damaged or of another version.
     """
-    path = Layout(folder).manifest
+    layout = Layout(folder)
+    path = layout.own(layout.manifest)
     if not path.is_file():
         raise InputError(
             f"{folder}: no data set there ({path.name} is missing); "
             "spisim dataset PLAN -o DIR makes one"
         )
     try:
+        check_file(path)
         address = f"{path.resolve().as_uri()}?mode=ro"
         with closing(sqlite3.connect(address, uri=True)) as database:
-            meta = meta_of(database)
-            rows = database.execute(f'{SELECT} ORDER BY "index"')
-            return meta, tuple(map(record_of, rows))
-    except (sqlite3.Error, ValueError, TypeError) as error:
+            return _content(database)
+    except (sqlite3.Error, ValueError) as error:
         raise InputError(
             f"{path}: {DAMAGED} ({error}); run the plan again: it is then written anew from the "
             "samples"
         ) from None
+
+
+def _content(connection: sqlite3.Connection) -> tuple[dict[str, str], tuple[Record, ...]]:
+    """All of a manifest. Raises sqlite3.Error or ValueError where it is not one of a run's."""
+    check_tables(connection, SCHEMA)
+    meta = meta_of(connection)
+    records = tuple(_records(connection))
+    for record in records:
+        if record.index >= int(meta["samples"]) or not _names_its_files(record):
+            raise ValueError(f"the files of sample {record.index} cannot be")
+    return meta, records
+
+
+def _records(connection: sqlite3.Connection) -> Iterator[Record]:
+    return map(record_of, connection.execute(f'{SELECT} ORDER BY "index"'))
+
+
+def _names_its_files(record: Record) -> bool:
+    """Whether these are files that a run writes for the sample, and no others."""
+    capture = Layout(Path()).capture(record.index)
+    beside = {capture.with_suffix(suffix).as_posix() for suffix in SIDECARS}
+    expected = capture.as_posix() if record.done else None
+    return record.file == expected and record.sidecars.keys() <= (beside if record.done else set())
 
 
 def _put_meta(connection: sqlite3.Connection, meta: Mapping[str, str]) -> None:

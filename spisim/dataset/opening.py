@@ -14,10 +14,22 @@ import yaml
 from reconstruction import read_capture
 from reconstruction.errors import InputError
 from reconstruction.files import require_folder, write_atomically
-from spisim.dataset.folder import Layout, belongs_to, done
+from spisim.config import load_yaml, read_text
+from spisim.dataset.database import COMPANIONS
+from spisim.dataset.folder import (
+    SIDECARS,
+    Layout,
+    Origin,
+    Sound,
+    done,
+    fingerprint,
+    has_its_size,
+    origin_of,
+)
 from spisim.dataset.lock import locked
-from spisim.dataset.manifest import DamagedManifest, Manifest
-from spisim.dataset.plan import PlannedSet, order_of
+from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
+from spisim.dataset.plan import Keep, PlannedSet, order_of
+from spisim.dataset.records import Outcome
 from spisim.version import __version__
 
 Say = Callable[[str], None]
@@ -26,28 +38,31 @@ SOFTWARE = f"spisim {__version__}"
 
 
 @contextmanager
-def opened(planned: PlannedSet, folder: Path, say: Say) -> Iterator[Manifest]:
+def opened(
+    planned: PlannedSet, folder: Path, say: Say, is_sound: Sound = has_its_size
+) -> Iterator[Manifest]:
     """Manifest of a folder that fits the plan, locked for this process.
 
     What a run needs to start again is put in order: leftovers of killed processes go, samples
-    whose files are gone are to be made again, captures that the manifest does not know are added
-    to it, and a manifest that is damaged or lost is rebuilt from the captures.
+    whose files are gone or not sound are to be made again, captures that the manifest does not know
+    are added to it, and a manifest that is damaged or lost is rebuilt from the captures.
 
-    Raises InputError where the folder cannot be written, another run holds it, it holds samples of
-    another plan or more of them than planned, or captures that are not of this data set.
+    Raises InputError where the folder cannot be written, holds links or is somebody's for other
+    things, another run holds it, it holds samples of another plan or more of them than planned, or
+    captures that are not of this data set.
     """
     layout = Layout(folder)
     require_folder(folder)
+    _check_is_free(planned, layout)  # before anything is written
     folder.mkdir(parents=True, exist_ok=True)
     with locked(layout.lock):
-        layout.remove_leftovers()
-        if layout.plan.exists():
-            _check_same_fields(planned, layout)
+        _check_is_free(planned, layout)  # another run may have begun meanwhile
         with _manifest(planned, layout, say) as manifest:
             _check_same_files(planned, manifest, layout)
+            layout.remove_leftovers()  # now that the folder is known to be this data set's
             _check_size(manifest.indices(), planned, layout)
-            _forget_lost(manifest, layout, say)
-            _adopt(planned, manifest, layout, say)
+            lost = _forget_lost(manifest, layout, say, is_sound)
+            _adopt(planned, manifest, layout, say, lost)
             text = planned.text.encode()
             if not layout.plan.exists() or layout.plan.read_bytes() != text:
                 write_atomically(layout.plan, text)
@@ -59,8 +74,29 @@ def opened(planned: PlannedSet, folder: Path, say: Say) -> Iterator[Manifest]:
                 layout.remove_leftovers()
 
 
+def _check_is_free(planned: PlannedSet, layout: Layout) -> None:
+    """InputError unless a folder is new, holds nothing but what a run leaves, or is this set's."""
+    layout.refuse_links()
+    if layout.plan.exists():
+        _check_same_fields(planned, layout)
+        return
+    strangers = layout.strangers()
+    if strangers and not _has_manifest(layout):
+        raise InputError(
+            f"{layout.folder} is not empty and no data set: it holds {_some(strangers)}; choose a "
+            "new or empty folder"
+        )
+
+
+def _has_manifest(layout: Layout) -> bool:
+    with suppress(InputError):
+        read_manifest(layout.folder)
+        return True
+    return False
+
+
 def _manifest(planned: PlannedSet, layout: Layout, say: Say) -> Manifest:
-    if layout.manifest.exists():
+    if layout.own(layout.manifest).exists():
         try:
             return Manifest.open(layout.manifest)
         except DamagedManifest as error:
@@ -87,19 +123,21 @@ def _set_aside(path: Path) -> Path:
         if not (place := path.with_name(f"{path.stem}.damaged-{number}{path.suffix}")).exists()
     )
     path.rename(aside)
-    journal = path.with_name(f"{path.name}-journal")
-    if journal.exists():
-        journal.rename(aside.with_name(f"{aside.name}-journal"))
+    for ending in COMPANIONS:
+        beside = path.with_name(path.name + ending)
+        if beside.exists():
+            beside.rename(aside.with_name(aside.name + ending))
     return aside
 
 
 def _check_same_fields(planned: PlannedSet, layout: Layout) -> None:
     try:
-        before: Any = yaml.safe_load(layout.plan.read_text(encoding="utf-8"))
+        before: Any = load_yaml(read_text(layout.own(layout.plan)), layout.plan)
         before = {name: value for name, value in before.items() if name != "samples"}
-    except (yaml.YAMLError, UnicodeDecodeError, AttributeError):
+        order = order_of(before)
+    except (InputError, AttributeError, TypeError):
         raise InputError(f"{layout.plan}: not the plan of a data set; use another folder") from None
-    if before != planned.fields or order_of(before) != order_of(planned.fields):
+    if before != planned.fields or order != order_of(planned.fields):
         raise InputError(
             f"{layout.folder} holds samples of another plan; use another folder, or this plan as "
             f"it was. What changed:\n{_difference(before, planned.fields)}"
@@ -154,37 +192,44 @@ def _tell_of_other_software(manifest: Manifest, say: Say) -> None:
         say(f"begun by {before}, and goes on with {SOFTWARE}: samples may differ between the two")
 
 
-def _forget_lost(manifest: Manifest, layout: Layout, say: Say) -> None:
+def _forget_lost(manifest: Manifest, layout: Layout, say: Say, is_sound: Sound) -> list[int]:
     lost = [
         index
         for index, files in manifest.files().items()
-        if any(_size(layout.folder / name) != size for name, size in files.items())
+        if not all(is_sound(layout.folder / name, told) for name, told in files.items())
     ]
     for index in lost:
         manifest.forget(index)
     if lost:
-        say(f"{len(lost)} samples have lost a file and are made again: {_some(lost)}")
+        say(f"{len(lost)} samples have lost or damaged files and are made again: {_some(lost)}")
+    return lost
 
 
-def _adopt(planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say) -> None:
-    """Captures without a row: of a run that was killed, or of a lost manifest."""
+def _adopt(
+    planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say, lost: Iterable[int]
+) -> None:
+    """Captures without a row: of a run that was killed, or of a lost manifest.
+
+    Those of samples that are `lost` are none: they are made again.
+    """
     known = {name for files in manifest.files().values() for name in files}
+    known |= {layout.relative(layout.capture(index)) for index in lost}
     damaged: list[Path] = []
     foreign: list[Path] = []
-    found: set[int] = set()
+    found: dict[int, Origin] = {}
     for path in layout.captures():
         if layout.relative(path) in known:
             continue
         try:
-            told = belongs_to(read_capture(path))
+            origin = origin_of(read_capture(path))
         except InputError:
             ours = _is_of_a_sample(path, planned.plan.size, layout)
             (damaged if ours else foreign).append(path)
             continue
-        if told is None or told[0] != planned.digest or layout.capture(told[1]) != path:
-            foreign.append(path)
+        if origin and origin.plan == planned.digest and layout.capture(origin.index) == path:
+            found[origin.index] = origin
         else:
-            found.add(told[1])
+            foreign.append(path)
     if foreign:
         raise InputError(
             f"{_some(foreign)}: not of this data set, though in its folder; move it elsewhere"
@@ -194,9 +239,12 @@ def _adopt(planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say) ->
         path.unlink()
     if damaged:
         say(f"damaged captures removed, to be made again: {_some(damaged)}")
-    adopted = sum(_record_found(planned, manifest, layout, index) for index in sorted(found))
-    if adopted:
-        say(f"{adopted} samples found that the manifest did not know")
+    whole = [index for index in sorted(found) if _is_whole(planned.plan.keep, layout, found[index])]
+    if whole:
+        manifest.record(*(_found(planned, layout, index) for index in whole))
+        say(f"{len(whole)} samples found that the manifest did not know")
+    if again := sorted(found.keys() - set(whole)):  # as any sample without a row
+        say(f"samples without the files beside their captures, to be made again: {_some(again)}")
 
 
 def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
@@ -207,20 +255,23 @@ def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
     return False
 
 
-def _record_found(planned: PlannedSet, manifest: Manifest, layout: Layout, index: int) -> bool:
-    path, keep = layout.capture(index), planned.plan.keep
-    kept = {".exr": keep.transport, ".npz": keep.histograms}
-    beside = [path.with_suffix(suffix) for suffix, wanted in kept.items() if wanted]
-    if not all(each.is_file() for each in beside):
-        return False  # made again, as any sample without a row
-    manifest.record(done(layout, planned.sample(index), beside))
-    return True
+def _kept(keep: Keep, capture: Path) -> list[Path]:
+    """What a plan keeps beside a capture."""
+    wanted = zip(SIDECARS, (keep.transport, keep.histograms), strict=True)
+    return [capture.with_suffix(suffix) for suffix, is_kept in wanted if is_kept]
 
 
-def _size(path: Path) -> int | None:
-    with suppress(OSError):
-        return path.stat().st_size
-    return None
+def _is_whole(keep: Keep, layout: Layout, origin: Origin) -> bool:
+    """Whether what lies beside a capture, which vouches for itself, is what that tells of."""
+    return all(
+        path.is_file() and fingerprint(path)["sha256"] == origin.sidecars.get(path.suffix)
+        for path in _kept(keep, layout.capture(origin.index))
+    )
+
+
+def _found(planned: PlannedSet, layout: Layout, index: int) -> Outcome:
+    beside = _kept(planned.plan.keep, layout.capture(index))
+    return done(layout, planned.sample(index), beside)
 
 
 def _some(things: list[Any], most: int = 5) -> str:

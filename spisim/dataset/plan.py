@@ -25,12 +25,15 @@ from spisim.config import (
     Number,
     Section,
     find_named,
+    is_file,
+    load_yaml,
     not_a_truth_value,
     parse_model,
     read_mapping,
     read_text,
 )
 from spisim.config.distributions import is_distribution, stream
+from spisim.config.messages import show
 from spisim.dataset.values import (
     Grid,
     drawn_value,
@@ -70,7 +73,7 @@ def _wavelengths(value: Any) -> Any:
     open_ = openable(value)
     for each in [] if value is None else possible(open_):
         if not is_distribution(each) and (isinstance(each, bool) or not isinstance(each, Real)):
-            found = "" if each is value else f", not {each!r}"
+            found = "" if each is value else f", not {show(each)}"
             raise PydanticCustomError("wavelength", "should be a number{found}", {"found": found})
     return open_
 
@@ -102,7 +105,9 @@ class SceneSource(Section):
         known = FAMILIES[family].parameters.model_fields
         for name in self.parameters:
             if name not in known:
-                raise InputError(f"unknown parameter {name!r} of {family}: {nearest(name, known)}")
+                raise InputError(
+                    f"unknown parameter {show(name)} of {family}: {nearest(name, known)}"
+                )
 
 
 class Keep(Section):
@@ -251,7 +256,7 @@ class PlannedSet:
     @cached_property
     def fields(self) -> dict[str, Any]:
         """The plan as it was written, but for the number of samples."""
-        fields: dict[str, Any] = yaml.safe_load(self.text)
+        fields: dict[str, Any] = load_yaml(self.text, self.path)
         return {name: value for name, value in fields.items() if name != "samples"}
 
     @cached_property
@@ -368,7 +373,7 @@ class PlannedSet:
     def _beside(self, name: str) -> str:
         """A file by its path from the plan, if there is one; else the name as it stands."""
         beside = self.path.parent / name
-        return str(beside) if beside.is_file() else name
+        return str(beside) if is_file(beside) else name
 
 
 def order_of(fields: Mapping[str, Any]) -> list[str]:

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from reconstruction.errors import InputError, naming, nearest
+from spisim.config import load_yaml
 from spisim.dataset.plan import PlannedSet, Sample
 from spisim.dataset.sample import Maker, load
 from spisim.scene.materials import shipped_materials
@@ -79,7 +80,7 @@ def check(planned: PlannedSet, at_random: int = 0) -> None:
 
 def _own_materials(sample: Sample) -> set[str]:
     """Materials that its scene uses, had none been put in place of others."""
-    fields = yaml.safe_load(sample.scene_text)
+    fields = load_yaml(sample.scene_text, sample.scene_name)
     del fields["material_swaps"]
     scene, _ = load(replace(sample, scene_text=yaml.safe_dump(fields)))
     return {thing.material.name for thing in scene.objects}

@@ -15,6 +15,7 @@ from reconstruction import Capture, read_capture
 from reconstruction.errors import InputError, nearest
 from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS
+from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.records import Record
 from spisim.dataset.split import Split, part_of
@@ -64,6 +65,8 @@ class StoredSample:
 class DataSet(Sequence[StoredSample]):
     """The finished samples of a data set, or some of them, in order of their index.
 
+    A sample is refused with an InputError where one of its files is, or lies behind, a link.
+
     `failed` has the records of samples that could not be made, whichever are selected.
     """
 
@@ -82,13 +85,13 @@ class DataSet(Sequence[StoredSample]):
     def __getitem__(self, place: int | slice) -> StoredSample | DataSet:
         if isinstance(place, slice):
             return replace(self, records=self.records[place])
-        record = self.records[place]
+        record, layout = self.records[place], Layout(self.folder)
         return StoredSample(
             record.index,
             str(record.scene),
             record.parameters,
-            self.folder / str(record.file),
-            tuple(self.folder / name for name in record.sidecars),
+            layout.own(self.folder / str(record.file)),
+            tuple(layout.own(self.folder / name) for name in record.sidecars),
         )
 
     def __iter__(self) -> Iterator[StoredSample]:

@@ -5,13 +5,21 @@ import sqlite3
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from spisim.config.messages import show
+from spisim.config.yaml import MAX_DIGITS
 
 SCHEMA_VERSION = 1
 #: How the reason begins where a sample took its worker with it.
 DIED = "worker "
 #: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
 NO_SPACE = "no space"
+#: Of a value that tells of the data set as a whole.
+_MOST_CHARACTERS = 2000
+_NO_RUN_BEFORE = datetime(2000, 1, 1, tzinfo=UTC)
 
 #: What is told of the data set as a whole, besides the version.
 META = ("plan_digest", "name", "samples", "created", "software", "files")
@@ -81,6 +89,53 @@ def failure(index: int, reason: str) -> Outcome:
     return Outcome(index, "failed", error=reason)
 
 
+_Size = Annotated[int, Field(ge=0)]
+_Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+def _is_a_time(text: str) -> str:
+    when = datetime.fromisoformat(text)
+    if when.tzinfo is None or when < _NO_RUN_BEFORE:
+        raise ValueError
+    return text
+
+
+class _Sidecar(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    bytes: _Size
+    sha256: _Sha256
+
+
+class _Row(BaseModel):
+    """What runs put into a row."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+    index: _Size
+    status: Literal["done", "failed"]
+    scene: str | None
+    parameters: dict[str, Any]
+    file: str | None
+    bytes: _Size | None
+    sha256: _Sha256 | None
+    sidecars: dict[str, _Sidecar]
+    seconds: float | None
+    stage_seconds: dict[str, float]
+    peak_memory_mb: float | None
+    attempts: _Size
+    error: str | None
+    finished: Annotated[str, AfterValidator(_is_a_time)] | None
+    warnings: list[str]
+
+    @model_validator(mode="after")
+    def _tells_of_its_file(self) -> Self:
+        told = (self.file, self.bytes, self.sha256)
+        if self.status == "done" and None in told:
+            raise ValueError
+        return self
+
+
 #: Columns that hold JSON.
 _JSON = {"parameters": "{}", "sidecars": "{}", "stage_seconds": "{}", "warnings": "[]"}
 _COLUMNS = tuple(column.name for column in fields(Record))
@@ -99,13 +154,15 @@ def meta_of(connection: sqlite3.Connection) -> dict[str, str]:
     Raises ValueError for another version, and where something is missing or cannot be.
     """
     meta = {str(key): str(value) for key, value in connection.execute("SELECT * FROM meta")}
+    if any(len(value) > _MOST_CHARACTERS for key, value in meta.items() if key != "files"):
+        raise ValueError("more words than any run writes")
     version = meta.get("schema_version", "unknown")
     if version != str(SCHEMA_VERSION):
         raise ValueError(f"schema_version is {version}; this software reads {SCHEMA_VERSION}")
     lacking = [key for key in META if key not in meta]
     if lacking:
         raise ValueError(f"{lacking[0]} is missing")
-    if int(meta["samples"]) < 1 or not isinstance(json.loads(meta["files"]), dict):
+    if not 0 < int(meta["samples"]) < 2**63 or not isinstance(_from_json(meta["files"]), dict):
         raise ValueError("samples or files cannot be")
     return meta
 
@@ -121,15 +178,30 @@ def row_of(outcome: Outcome, attempts: int) -> tuple[Any, ...]:
 
 
 def record_of(row: tuple[Any, ...]) -> Record:
-    """Record of a row, as SELECT gives it. Raises ValueError where it holds no JSON, or no time."""
+    """Record of a row, as SELECT gives it. Raises ValueError where it holds what no run writes."""
     values = dict(zip(_COLUMNS, row, strict=True))
-    for name, nothing in _JSON.items():
-        values[name] = json.loads(values[name] or nothing)
-        if not isinstance(values[name], type(json.loads(nothing))):
-            raise ValueError(f"{name} of sample {values['index']} cannot be")
+    try:
+        for name, nothing in _JSON.items():
+            values[name] = _from_json(nothing if values[name] is None else values[name])
+        values = _Row.model_validate(values).model_dump()
+    except ValidationError as error:
+        column = (*error.errors()[0]["loc"], "row")[0]
+        raise ValueError(f"{column} of sample {show(row[0])} cannot be") from None
     values["parameters"] = dict(flat(values["parameters"]))
-    datetime.fromisoformat(values["finished"] or datetime.min.isoformat())
-    return Record(**values)
+    return Record(**values | {"warnings": tuple(values["warnings"])})
+
+
+def _from_json(text: str) -> Any:
+    try:
+        return json.loads(text, parse_int=_whole)
+    except (TypeError, RecursionError):
+        raise ValueError(f"{show(text)} cannot be") from None
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > MAX_DIGITS:
+        raise ValueError(f"a number of {len(digits)} digits")
+    return int(digits)
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -1,6 +1,7 @@
 """Run a data set: make what is missing, note how it went, wait where there is no space."""
 
 import os
+import secrets
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -8,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from reconstruction.errors import InputError
-from spisim.dataset.folder import Layout
+from spisim.dataset.folder import Layout, Sound, has_its_size
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import Say, opened
 from spisim.dataset.plan import PlannedSet
@@ -49,19 +50,21 @@ def run_dataset(
     executor: Executor,
     *,
     retry_failed: bool = False,
+    is_sound: Sound = has_its_size,
     space_timeout_s: float = SPACE_TIMEOUT_S,
     say: Say = print,
     progress: Callable[[State], None] = lambda state: None,
 ) -> State:
     """Make all samples of a plan in a folder that are not there yet.
 
-    Samples that failed stay so unless they are to be tried again; one that took its worker with it
-    is tried once more in any case.
+    `is_sound` tells of the files that are there whether they are as they were written; samples of
+    others are made again. Samples that failed stay so unless they are to be tried again; one that
+    took its worker with it is tried once more in any case.
 
     Raises InputError as `opened` does, and where workers write into another folder of the same
     name; OutOfSpace after waiting for space for too long.
     """
-    with opened(planned, folder, say) as manifest, executor:
+    with opened(planned, folder, say, is_sound) as manifest, executor:
         run = _Run(Layout(folder), manifest, planned.plan.size, space_timeout_s, say)
         progress(run.state)
         to_do = manifest.to_do(planned.plan.size, failed_too=retry_failed)
@@ -133,9 +136,10 @@ class _Run:
 
 def has_space(folder: Path) -> bool:
     """Whether a file can be written that is larger than a sample; quotas count too."""
-    probe = folder / ".space.tmp"
+    probe = folder / f".space.{secrets.token_hex(4)}.tmp"
     try:
-        probe.write_bytes(os.urandom(SPACE_NEEDED_BYTES))
+        with probe.open("xb") as file:  # never what is there already, or behind a link
+            file.write(os.urandom(SPACE_NEEDED_BYTES))
     except OSError as error:
         if not is_out_of_space(error):
             raise

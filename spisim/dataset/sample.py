@@ -20,8 +20,8 @@ from reconstruction import Capture, capture_warnings, write_capture
 from reconstruction.errors import InputError, explain
 from reconstruction.files import write_atomically
 from reconstruction.timing import timed
-from spisim.config import parse_model
-from spisim.dataset.folder import Layout, done
+from spisim.config import load_yaml, parse_model
+from spisim.dataset.folder import Layout, Origin, done, fingerprint
 from spisim.dataset.plan import Keep, PlannedSet, Sample
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.instrument import Instrument
@@ -68,15 +68,17 @@ class Maker:
             simplefilter("always")
             with timed(seconds, "scene"):
                 scene, instrument = load(sample)
+            plan = self.planned.plan
             with timed(seconds, "simulate"):
-                plan = self.planned.plan
                 simulation = simulate(
                     scene, instrument, seed=sample.seed, frames=plan.frames, **plan.sampling_budget
                 )
-        capture = _of_a_set(simulation.capture, self.planned, index)
         path = layout.capture(index)
         with timed(seconds, "write"):
-            beside = _write_sidecars(path, simulation, self.planned.plan.keep)
+            beside = _write_sidecars(path, simulation, plan.keep)
+            sidecars = {each.suffix: fingerprint(each)["sha256"] for each in beside}
+            origin = Origin(self.planned.digest, index, sidecars)
+            capture = _of_a_set(simulation.capture, origin, plan.keep)
             write_capture(capture, path)  # last: where it is, all of the sample is
         told = [str(warning.message) for warning in odd] + list(capture_warnings(capture))
         return replace(
@@ -139,14 +141,14 @@ def is_out_of_space(error: BaseException) -> bool:
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
-def _of_a_set(capture: Capture, planned: PlannedSet, index: int) -> Capture:
+def _of_a_set(capture: Capture, origin: Origin, keep: Keep) -> Capture:
     """The capture that says where it belongs; when it was made would tell equal ones apart."""
-    settings = yaml.safe_load(capture.provenance.settings)
-    settings["data_set"] = {"plan": planned.digest, "index": index}
+    settings = load_yaml(capture.provenance.settings, "settings")
+    settings["data_set"] = origin.settings
     provenance = replace(
         capture.provenance, created="", settings=yaml.safe_dump(settings, sort_keys=False)
     )
-    truth = capture.truth if planned.plan.keep.truth else None
+    truth = capture.truth if keep.truth else None
     return replace(capture, provenance=provenance, truth=truth)
 
 
@@ -156,7 +158,9 @@ def _write_sidecars(path: Path, simulation: Simulation, keep: Keep) -> list[Path
         light = simulation.transport
         channels: dict[str, Any] = {"transport": light.image, "transport_error": light.image_error}
         written.append(path.with_suffix(".exr"))
-        write_exr(written[-1], channels, {f"units.{name}": "1" for name in channels})
+        write_exr(
+            written[-1], "transport image", channels, {f"units.{name}": "1" for name in channels}
+        )
     if keep.histograms:
         written.append(path.with_suffix(".npz"))
         write_histograms(written[-1], simulation.transport)

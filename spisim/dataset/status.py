@@ -1,12 +1,14 @@
 """How far a data set is, while it is made or afterwards."""
 
 import re
+import stat
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from spisim.dataset.folder import Layout
+from spisim.dataset.folder import Layout, everything
 from spisim.dataset.lock import holder
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.records import Record
@@ -51,9 +53,19 @@ def status_of(folder: Path) -> Status:
         failed=len(failed),
         failures=_by_reason(failed),
         samples_per_minute=_rate([r.finished for r in records if r.finished]),
-        disk_bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
+        disk_bytes=_size(folder),
         runner=holder(Layout(folder).lock),
     )
+
+
+def _size(folder: Path) -> int:
+    """Bytes of all files; some of them may go while they are counted."""
+    total = 0
+    for path in everything(folder):
+        with suppress(FileNotFoundError):
+            told = path.lstat()
+            total += told.st_size if stat.S_ISREG(told.st_mode) else 0
+    return total
 
 
 def _by_reason(failed: Iterable[Record]) -> dict[str, list[int]]:

@@ -10,6 +10,7 @@ from pydantic_core import PydanticCustomError
 from reconstruction.errors import InputError
 from spisim.config import Section, reason
 from spisim.config.distributions import Distribution, is_distribution, stream
+from spisim.config.messages import show
 
 _DISTRIBUTION: TypeAdapter[Any] = TypeAdapter(Distribution)
 
@@ -96,7 +97,7 @@ def section_of(fields: dict[str, Any], name: str, path: str) -> dict[str, Any]:
         fields[name] = {}
     section = fields[name]
     if not isinstance(section, dict):
-        raise InputError(f"{path}: {name} has no fields; it is {section!r}")
+        raise InputError(f"{path}: {name} has no fields; it is {show(section)}")
     return section
 
 
@@ -112,5 +113,5 @@ def _checked(kind: TypeAdapter[Any], value: Any) -> Any:
         raise PydanticCustomError(
             "open_value",
             "{reason}; found {value}",
-            {"reason": reason(details), "value": str(value)},
+            {"reason": reason(details), "value": show(value)},
         ) from None

@@ -6,20 +6,20 @@ from pathlib import Path
 from typing import Literal
 
 from reconstruction import InputError, read_capture
-from spisim.dataset.folder import Layout, belongs_to, fingerprint
+from spisim.dataset.folder import Layout, everything, fingerprint, origin_of
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.records import Record
 
-Problem = Literal["missing", "damaged", "foreign", "extra", "unfinished"]
+Problem = Literal["missing", "damaged", "link", "foreign", "extra", "unfinished"]
 
 
 @dataclass(frozen=True)
 class Finding:
     """Something wrong with a file; `file` is its path within the data set.
 
-    missing: the manifest has it; damaged: its content is not what was written; foreign: a capture
-    of another plan; extra: of this plan or none, but not in the manifest; unfinished: left by an
-    interrupted run.
+    missing: the manifest has it; damaged: its content is not what was written; link: what is behind
+    it is no part of the data set; foreign: a capture of another plan; extra: of this plan or none,
+    but not in the manifest; unfinished: left by an interrupted run.
     """
 
     file: str
@@ -43,20 +43,24 @@ def verify(folder: Path, progress: Callable[[float], None] | None = None) -> lis
     known: set[str] = set()
     for number, record in enumerate(done, start=1):
         known |= {str(record.file), *record.sidecars}
-        findings += _of_record(folder, record)
+        findings += _of_record(layout, record)
         if progress:
             progress(number / len(done))
-    for path in sorted(layout.samples.rglob("*")):
+    for path in everything(folder):
         name = layout.relative(path)
-        if not path.is_dir() and name not in known:
-            findings.append(_unknown(path, name, meta.get("plan_digest", "")))
+        if path.is_symlink():
+            findings.append(Finding(name, "link", f"to {path.readlink()}"))
+        elif layout.samples in path.parents and not path.is_dir() and name not in known:
+            findings.append(_unknown(layout, path, name, meta["plan_digest"]))
     return sorted(findings, key=lambda finding: finding.file)
 
 
-def _of_record(folder: Path, record: Record) -> Iterator[Finding]:
+def _of_record(layout: Layout, record: Record) -> Iterator[Finding]:
     capture = {str(record.file): {"bytes": record.bytes, "sha256": record.sha256}}
     for name, told in (capture | dict(record.sidecars)).items():
-        path = folder / name
+        path = layout.folder / name
+        if layout.first_link(path):
+            continue  # told of by itself
         if not path.is_file():
             yield Finding(name, "missing", f"of sample {record.index}")
         elif (size := path.stat().st_size) != told["bytes"]:
@@ -65,15 +69,15 @@ def _of_record(folder: Path, record: Record) -> Iterator[Finding]:
             yield Finding(name, "damaged", "another SHA-256 than when it was written")
 
 
-def _unknown(path: Path, name: str, plan: str) -> Finding:
-    if path.name.startswith(".") and path.suffix == ".tmp":
+def _unknown(layout: Layout, path: Path, name: str, plan: str) -> Finding:
+    if layout.is_unfinished(path):
         return Finding(name, "unfinished", "left by an interrupted run; may be removed")
     if path.suffix != ".h5":
         return Finding(name, "extra", "not in the manifest")
     try:
-        origin = belongs_to(read_capture(path))
+        origin = origin_of(read_capture(path))
     except InputError:
         return Finding(name, "extra", "not a capture that can be read")
-    if origin is not None and origin[0] == plan:
+    if origin is not None and origin.plan == plan:
         return Finding(name, "extra", "a capture of this plan that the manifest does not have")
     return Finding(name, "foreign", "a capture of another plan, or of none")

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from reconstruction.errors import InputError
-from reconstruction.files import write_atomically
+from reconstruction.files import require_file, write_atomically
 
 
 @dataclass(frozen=True)
@@ -139,10 +139,15 @@ def paste(path: Path, name: str, around: dict[str, Any], tables: Sequence[Table]
 def around_marks(path: Path, name: str) -> tuple[str, str]:
     """Text up to the mark `<!-- name -->` and from `<!-- /name -->` on, marks included.
 
-    Raises InputError where a mark is missing, OSError where the file is.
+    Raises InputError where a mark is missing, or for a file that is no text or cannot be written,
+    and OSError where there is none.
     """
     opening, closing = f"<!-- {name} -->", f"<!-- /{name} -->"
-    before, found, rest = path.read_text(encoding="utf-8").partition(opening)
+    require_file(path)
+    try:
+        before, found, rest = path.read_text(encoding="utf-8").partition(opening)
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text in UTF-8; a Markdown file is expected") from None
     _, ended, after = rest.partition(closing)
     if not (found and ended):
         raise InputError(f"{path} lacks the marks {opening} and {closing}")

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -13,7 +12,9 @@ from reconstruction import Capture, Result, capture_warnings
 from reconstruction.arrays import Floats
 from reconstruction.capture import Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.errors import InputError
 from reconstruction.evaluation import method_title
+from spisim.config import load_yaml
 
 from .comparison import compared_methods
 from .page import duration, length, number, write_page
@@ -77,6 +78,7 @@ def write_report(
     way = None if truth is None or spots is None else _path_lengths(spots, truth.spot_range_m)
     write_page(
         path,
+        "capture report",
         "capture",
         title=title,
         capture=capture,
@@ -115,8 +117,8 @@ def write_report(
 def media_of(capture: Capture) -> list[Mapping[str, Any]]:
     """What hung in the air of a simulation: `media` of its settings; none of other recordings."""
     try:
-        settings = yaml.safe_load(capture.provenance.settings)
-    except yaml.YAMLError:  # of another program
+        settings = load_yaml(capture.provenance.settings, "settings")
+    except InputError:  # of another program
         return []
     media = settings.get("media") if isinstance(settings, dict) else None
     return [one for one in media if isinstance(one, dict)] if isinstance(media, list) else []
@@ -195,4 +197,4 @@ def _path_lengths(spots: Spots, range_m: Floats) -> Floats:
 
 
 def _plot(figure: Figure | None) -> str | None:
-    return None if figure is None else data_address(file_of(figure, "svg"), "image/svg+xml")
+    return None if figure is None else data_address(file_of(figure, "plot", "svg"), "image/svg+xml")

@@ -9,7 +9,6 @@ import numpy as np
 
 from reconstruction import InputError, Result, evaluate, reconstruct
 from reconstruction.capture import FrameTruth
-from reconstruction.files import require_file
 from spisim.dataset.reader import DataSet, StoredSample
 
 from .capture import media_of
@@ -53,12 +52,11 @@ def write_contact_sheet(
     """Write a self-contained HTML page of at most `limit` samples, and return how many they are.
 
     They are chosen evenly from the first to the last, and reconstructed. `progress` is called with
-    the fraction that is done. Raises InputError for a set without samples or a page that cannot be
-    written; a capture that cannot be used is told on the page.
+    the fraction that is done. Raises InputError for a set without samples, OSError for a page
+    that cannot be written; a capture that cannot be used is told on the page.
     """
     if not samples:
         raise InputError(f"{samples.folder}: there is no finished sample to show")
-    require_file(path)
     shown = []
     places = evenly(len(samples), limit)
     for done, place in enumerate(places, start=1):
@@ -66,6 +64,7 @@ def write_contact_sheet(
         progress(done / len(places))
     write_page(
         path,
+        "contact sheet",
         "contact_sheet",
         title=samples.meta.get("name", "Data set"),
         samples=len(samples),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +16,8 @@ from PIL import Image
 
 from reconstruction import Capture, Result
 from reconstruction.capture import FrameTruth
-from reconstruction.files import write_atomically
+from reconstruction.files import Output, mark, write_atomically
+from spisim.config import csv_table
 from spisim.dataset.flight import Instant
 
 from .overview import depth_bar
@@ -28,6 +28,20 @@ from .style import SPOT_COLOURS, file_of, plot_style
 SHEET_COLUMNS = 8
 #: How long the last picture of the animation stays.
 LAST_S = 1.5
+
+
+#: Of all files, as their marks tell it; the table has none, and is known by its first columns.
+KIND = "flight"
+TABLE_SIGN = "capture,time_s,position_x_m,"
+
+
+def flight_outputs(folder: Path) -> list[Output]:
+    """Animation, contact sheet and table that a flight leaves in its folder."""
+    return [
+        Output(folder / "flight.gif", KIND),
+        Output(folder / "flight.png", KIND),
+        Output(folder / "flight.csv", KIND, sign=TABLE_SIGN),
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +120,7 @@ def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> N
         duration=durations,
         loop=0,
         disposal=1,
+        comment=mark(KIND),
     )
     write_atomically(path, buffer.getvalue())
 
@@ -125,17 +140,14 @@ def write_sheet(path: Path, flight: Sequence[Sighting]) -> None:
     for axis, (title, *_) in zip(axes[:, 0], scales.panels(shown[0]), strict=True):
         axis.set_ylabel(title, fontsize=9)
     depth_bar(sheet, axes[1:, :], scales.depth, shrink=0.8, aspect=24)
-    write_atomically(path, file_of(sheet, dpi=110))
+    write_atomically(path, file_of(sheet, KIND, dpi=110))
 
 
 def write_table(path: Path, flight: Sequence[Sighting]) -> None:
     """Write a CSV with one row per capture: pose, motion, spots and errors. Raises OSError."""
     rows = [_row(seen) for seen in flight]
-    buffer = io.StringIO()
-    table = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    write_atomically(path, buffer.getvalue().encode())
+    table = csv_table([list(rows[0]), *(list(row.values()) for row in rows)])
+    write_atomically(path, table.encode())
 
 
 def _row(seen: Sighting) -> dict[str, Any]:

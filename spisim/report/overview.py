@@ -44,7 +44,7 @@ def write_overview(
         show(axis, image, scale, (height, width))
         axis.set_title(title)
     depth_bar(sheet, axes, depth, shrink=0.75, aspect=16)
-    write_atomically(path, file_of(sheet))
+    write_atomically(path, file_of(sheet, "overview"))
 
 
 def depth_bar(

@@ -6,16 +6,18 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
-from reconstruction.files import write_atomically
+from reconstruction.files import mark, write_atomically
+from reconstruction.text import printable
 
 
-def write_page(path: str | Path, template: str, **content: Any) -> None:
+def write_page(path: str | Path, kind: str, template: str, **content: Any) -> None:
     """Write a page that needs no other file; all of its content is escaped.
 
-    Raises OSError where the file cannot be written.
+    `kind` is what its mark tells. Raises OSError where the file cannot be written.
     """
-    page = _templates().get_template(f"{template}.html").render(content)
+    page = _templates().get_template(f"{template}.html").render(content | {"mark": mark(kind)})
     write_atomically(path, page.encode())
 
 
@@ -27,9 +29,15 @@ def _templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_shown,
     )
     templates.filters |= {"number": number, "metres": length, "plain": plain, "capital": capital}
     return templates
+
+
+def _shown(value: Any) -> Any:
+    """What a page says, without control characters; what is escaped already is of this kind too."""
+    return Markup(printable(value)) if isinstance(value, Markup) else printable(str(value))
 
 
 def capital(words: str) -> str:

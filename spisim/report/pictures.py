@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reconstruction import Capture
 from reconstruction.arrays import Floats
-from reconstruction.files import write_atomically
+from reconstruction.files import mark, write_atomically
 
 MIN_PLAIN = 1e-4
 """Smaller numbers take an exponent, and much of a narrow scale."""
@@ -126,5 +126,5 @@ def _percentile(percent: float, *images: ArrayLike, default: float = 1.0) -> flo
 
 def _png(rgba: NDArray[np.uint8]) -> bytes:
     buffer = io.BytesIO()
-    imsave(buffer, rgba, format="png")
+    imsave(buffer, rgba, format="png", metadata={"Software": mark("picture")})
     return buffer.getvalue()

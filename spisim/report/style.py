@@ -8,6 +8,9 @@ from typing import Any, Literal
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from reconstruction.files import mark
+from reconstruction.text import printable
+
 #: Of the four laser spots, on white; those of the pages are the same.
 SPOT_COLOURS = ("#2f78b7", "#c96a15", "#2f8f62", "#8a5bb8")
 
@@ -17,9 +20,19 @@ SPOT_COLOURS = ("#2f78b7", "#c96a15", "#2f8f62", "#8a5bb8")
 plot_style = partial(rc_context, fname=Path(__file__).with_name("plots.mplstyle"))
 
 
-def file_of(figure: Figure, kind: Literal["png", "svg"] = "png", **options: Any) -> bytes:
-    """The figure as a file; equal figures give equal files. `options` are those of `savefig`."""
+def file_of(
+    figure: Figure, kind: str, form: Literal["png", "svg"] = "png", **options: Any
+) -> bytes:
+    """The figure as a file that tells its kind; equal figures give equal files.
+
+    `options` are those of `savefig`.
+    """
     buffer = io.BytesIO()
-    undated = {"png": "Software", "svg": "Date"}[kind]
-    figure.savefig(buffer, format=kind, metadata={undated: None}, **options)
+    maker = {"png": {"Software": mark(kind)}, "svg": {"Creator": mark(kind), "Date": None}}
+    figure.savefig(buffer, format=form, metadata=maker[form], **options)
     return buffer.getvalue()
+
+
+def drawn(words: str) -> str:
+    """Words of strangers for a figure: no formula, and no characters that fonts do not have."""
+    return printable(words).replace("$", r"\$").replace("\t", " ")

@@ -199,7 +199,7 @@ def _place(
             for i, instance in enumerate(described.instances, start=1)
         }
     for posed in instances.values():
-        if (far := float(np.abs(posed.bounds).max())) > MAX_COORDINATE_M:
+        if not (far := float(np.abs(posed.bounds).max())) <= MAX_COORDINATE_M:
             raise InputError(f"reaches {far:.3g} m from the origin; at most {MAX_COORDINATE_M:g} m")
     turning = _radians(described.angular_velocity_deg_s)
     return [

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import yaml
 
+from spisim.config import load_yaml
 from spisim.scene.description import Moment
 from spisim.scene.model import Scene
 from spisim.scene.pose import look_at
@@ -17,7 +18,7 @@ def at_moment(scene: Scene, moment: Moment) -> Scene:
     for a line of sight that is none.
     """
     x, y, z = np.radians(moment.angular_velocity_deg_s).tolist()
-    fields = yaml.safe_load(scene.text) | {"moment": moment.model_dump(mode="json")}
+    fields = load_yaml(scene.text, scene.name) | {"moment": moment.model_dump(mode="json")}
     return replace(
         scene,
         objects=tuple(thing.at(moment.time_s) for thing in scene.objects),

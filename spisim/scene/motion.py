@@ -9,6 +9,17 @@ from spisim.scene.rays import first_hits
 
 #: A curved path is followed in straight steps of at most this turn.
 MAX_TURN_RAD = np.radians(1.0)
+#: More would take minutes and more memory than there is.
+MAX_STEPS = 1_000_000
+
+
+def check_steps(count: float, what: str) -> None:
+    """InputError, starting with `what`, for a motion that takes too many steps to be followed."""
+    if not count <= MAX_STEPS:
+        raise InputError(
+            f"{what} moves too far or turns too often: it would be followed in {count:.3g} steps, "
+            f"at most {MAX_STEPS:.0g}"
+        )
 
 
 def check_clear_of_sensor(scene: Scene, duration_s: float) -> None:
@@ -20,7 +31,9 @@ def check_clear_of_sensor(scene: Scene, duration_s: float) -> None:
         return
     for thing in scene.objects:
         turn = float(np.linalg.norm(thing.angular_velocity_rad_s)) * duration_s
-        times = np.linspace(0, duration_s, 1 + max(1, int(np.ceil(turn / MAX_TURN_RAD))))
+        steps = max(1.0, np.ceil(turn / MAX_TURN_RAD))
+        check_steps(steps, f"scene {scene.name!r}: object {thing.name!r}")
+        times = np.linspace(0, duration_s, 1 + int(steps))
         path = scene.drone_pose[:3, 3] + np.outer(times, scene.drone_velocity_m_s)
         time_s = meeting_time(thing, times, path)
         if time_s < np.inf:

@@ -20,6 +20,9 @@ from spisim.scene.description import (
 SPHERE_SUBDIVISIONS = 4  # 5120 triangles, radius true to 0.1 %
 CYLINDER_SECTIONS = 96  # radius true to 0.05 %
 
+#: Of vertices in the unit of a file: beyond, areas and volumes overflow.
+MAX_COORDINATE = 1e30
+
 #: Files that hold triangles and nothing else that places them.
 FORMATS = (".ply", ".obj", ".stl", ".off")
 #: Files with a unit, axes or nodes of their own.
@@ -66,8 +69,8 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     try:
         mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
     # trimesh's parsers raise whatever their parsing runs into.
-    except Exception as error:
-        raise InputError(f"mesh {path.name!r} cannot be read: {error}") from None
+    except Exception:
+        raise InputError(f"mesh {path.name!r} cannot be read: damaged, or not {suffix}") from None
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()
     check_mesh(mesh, path.name)
@@ -92,6 +95,11 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
         raise InputError(f"mesh {name!r} is damaged: a triangle refers to a vertex not in the file")
     if not np.isfinite(mesh.vertices).all():
         raise InputError(f"mesh {name!r} has vertices that are not finite (NaN or infinite)")
+    if (far := float(np.abs(mesh.vertices).max())) > MAX_COORDINATE:
+        raise InputError(
+            f"mesh {name!r} reaches {far:.3g} from its origin, in its own unit; at most "
+            f"{MAX_COORDINATE:g}"
+        )
     if not mesh.area > 0:
         raise InputError(f"mesh {name!r} has no area: all its triangles are degenerate")
 

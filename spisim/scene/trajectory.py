@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
-from spisim.config import find_named, shipped
+from spisim.config import find_named, read_text, shipped
 from spisim.scene.description import Moment
 from spisim.scene.model import Scene, Vector3
-from spisim.scene.motion import MAX_TURN_RAD, meeting_time
+from spisim.scene.motion import MAX_TURN_RAD, check_steps, meeting_time
 from spisim.scene.pose import look_at
 from spisim.scene.rays import enclosing_object
 
@@ -30,6 +30,10 @@ POSES = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 WAY_POINTS = ("t", "x", "y", "z", "look_x", "look_y", "look_z")
 #: Quaternions may be off unit length by rounding.
 UNIT_TOLERANCE = 0.01
+#: Of all numbers in a file; times may count from 1970.
+LARGEST = 1e10
+#: Between two times, in seconds.
+SHORTEST_S = 1e-6
 #: A path is followed in straight steps of at most this length.
 STEP_M = 0.05
 
@@ -132,7 +136,7 @@ def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
     if len(values) < 2:
         raise InputError(f"{file}: a flight needs 2 poses or more, not {len(values)}")
     table = np.array(values)
-    falls = np.flatnonzero(np.diff(table[:, 0]) <= 0)
+    falls = np.flatnonzero(np.diff(table[:, 0]) < SHORTEST_S)
     if falls.size:
         row = falls[0] + 1
         raise InputError(
@@ -168,12 +172,7 @@ def _read(file: Path) -> tuple[list[int], tuple[str, ...], list[list[float]]]:
 
 
 def _lines(file: Path) -> Iterator[tuple[int, str]]:
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{file}: no such file") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{file}: not a text file; CSV or TUM poses are expected") from None
+    text = read_text(file, "CSV or TUM poses")
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield number, line.strip()
@@ -192,6 +191,8 @@ def _row(where: str, cells: list[str], columns: Sequence[str]) -> list[float]:
             raise InputError(f"{where}: {name} should be a number; found {cell!r}") from None
         if not math.isfinite(values[-1]):
             raise InputError(f"{where}: {name} should be finite; found {cell!r}")
+        if abs(values[-1]) > LARGEST:
+            raise InputError(f"{where}: {name} should lie within ±{LARGEST:g}; found {cell!r}")
     return values
 
 
@@ -234,8 +235,9 @@ def check_clear_path(scene: Scene, trajectory: Trajectory) -> None:
     length = np.linalg.norm(np.diff(trajectory.positions_m(fine), axis=0), axis=1).sum()
     rates = [np.linalg.norm(thing.angular_velocity_rad_s) for thing in scene.objects]
     turn = max(rates) * trajectory.duration_s
-    steps = 20 * len(times) + math.ceil(length / STEP_M) + math.ceil(turn / MAX_TURN_RAD)
-    fine = np.linspace(0, times[-1], steps)
+    steps = 20 * len(times) + np.ceil(length / STEP_M) + np.ceil(turn / MAX_TURN_RAD)
+    check_steps(steps, f"scene {scene.name!r}: the drone or an object, during the flight,")
+    fine = np.linspace(0, times[-1], int(steps))
     path = trajectory.positions_m(fine)
     meetings = {thing.name: meeting_time(thing, fine, path) for thing in scene.objects}
     name = min(meetings, key=lambda name: meetings[name])

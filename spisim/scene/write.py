@@ -3,7 +3,7 @@
 import secrets
 import shutil
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,13 @@ import trimesh
 import yaml
 
 from reconstruction.errors import InputError
-from reconstruction.files import require_file
+from reconstruction.files import Output, is_marked, mark, require_outputs
 from spisim.scene.load import load_scene
 from spisim.scene.model import Scene
 from spisim.scene.warning import SceneWarning
+
+#: Of the files of meshes, as their marks tell it.
+MESH = "mesh"
 
 
 @dataclass(frozen=True)
@@ -36,18 +39,34 @@ class _Dumper(yaml.SafeDumper):
         return super().represent_sequence(tag, sequence, flow_style=flat)
 
 
-def check_free(output: Path, overwrite: bool) -> None:
-    """InputError unless a scene file and its folder of meshes can be written."""
-    if output.suffix not in (".yaml", ".yml"):
-        raise InputError(f"{output}: the name of a scene file should end in .yaml")
-    require_file(output)
-    for path in (output, mesh_folder(output)):
+def check_free(output: Path, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
+    """InputError unless a scene file and its folder of meshes can be written, `inputs` unharmed.
+
+    Scene files are there to be changed: older ones, too, are replaced only where that is asked for,
+    and a folder only if all that is in it are meshes that were written here.
+    """
+    folder = mesh_folder(output)
+    for path in (output, folder):
         if path.is_symlink():
             raise InputError(f"{path} is a symbolic link; the name of a new file is needed")
+    require_outputs([Output(output, "scene file", (".yaml", ".yml"))], inputs, overwrite=True)
+    for path in (output, folder):
         if path.exists() and not overwrite:
             raise InputError(f"{path} exists; --overwrite replaces it")
-    if mesh_folder(output).exists() and not mesh_folder(output).is_dir():
-        raise InputError(f"{mesh_folder(output)} is not a folder")
+    if folder.exists():
+        _check_meshes(folder, inputs)
+
+
+def _check_meshes(folder: Path, inputs: Iterable[Path]) -> None:
+    """InputError unless a folder holds nothing but meshes that were written here."""
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder")
+    for path in folder.iterdir():
+        if path.is_symlink() or not path.is_file() or not is_marked(path, MESH):
+            raise InputError(f"{path} was not written here: move it, or give another name")
+    for path in inputs:
+        if path.resolve().is_relative_to(folder.resolve()):
+            raise InputError(f"{path} is read by this command; give its output another name")
 
 
 def mesh_folder(output: Path) -> Path:
@@ -71,7 +90,7 @@ def write_scene(
     try:
         (stage / folder.name).mkdir(parents=True)
         for name, mesh in meshes.items():
-            mesh.export(stage / folder.name / name, include_attributes=False)
+            (stage / folder.name / name).write_bytes(_ply(mesh))
         staged = stage / output.name
         staged.write_text(_text(fields, meshes, folder.name, header), encoding="utf-8")
         scene, odd = _loaded(staged, output)
@@ -84,6 +103,12 @@ def write_scene(
         raise
     shutil.rmtree(stage, ignore_errors=True)
     return Written(output, tuple(folder / name for name in meshes), scene, odd)
+
+
+def _ply(mesh: trimesh.Trimesh) -> bytes:
+    """A mesh as a PLY file, with its mark among the comments."""
+    first, form, rest = mesh.export(file_type="ply", include_attributes=False).split(b"\n", 2)
+    return b"\n".join([first, form, f"comment {mark(MESH)}".encode(), rest])
 
 
 def _text(

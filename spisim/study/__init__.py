@@ -2,6 +2,6 @@
 
 from spisim.study.metrics import QUANTITIES
 from spisim.study.plan import load_study
-from spisim.study.run import run_study
+from spisim.study.run import run_study, study_files
 
-__all__ = ["QUANTITIES", "load_study", "run_study"]
+__all__ = ["QUANTITIES", "load_study", "run_study", "study_files"]

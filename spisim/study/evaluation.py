@@ -12,7 +12,7 @@ from pathlib import Path
 import reconstruction
 from reconstruction import Capture, InputError, Reconstructor, read_capture
 from reconstruction.files import write_atomically
-from spisim.dataset.folder import PER_FOLDER
+from spisim.dataset.folder import Layout
 from spisim.dataset.reader import DataSet, open_data_set
 from spisim.dataset.records import DIED, Outcome, Record
 from spisim.dataset.workers import Executor
@@ -44,12 +44,13 @@ class Evaluator:
     def __call__(self, index: int) -> Outcome:
         """Evaluate one capture; one that cannot be reconstructed is kept with the reason."""
         file, sha256 = self.files[index]
+        layout = Layout(self.folder)
         try:
-            found = evaluation_of(read_capture(self.folder / file), self.methods)
+            found = evaluation_of(read_capture(layout.own(self.folder / file)), self.methods)
         except InputError as error:
             found = Evaluation({}, error=str(error))
         told = {"key": key_of(sha256, self.methods), **asdict(found)}
-        write_atomically(kept_at(self.folder, index), json.dumps(told).encode())
+        write_atomically(layout.metrics(index), json.dumps(told).encode())
         return Outcome(index, "done")
 
 
@@ -101,11 +102,6 @@ def evaluate_all(
     return data, evaluations | lost
 
 
-def kept_at(folder: Path, index: int) -> Path:
-    """File with the metrics of a capture."""
-    return folder / "metrics" / f"{index // PER_FOLDER:03}" / f"{index:06}.json"
-
-
 def key_of(sha256: str, methods: Methods) -> str:
     """What the metrics of a capture depend on: its content, the code that finds them, methods."""
     return hashlib.sha256(f"{sha256} {_code()} {methods}".encode()).hexdigest()
@@ -130,8 +126,9 @@ def _code() -> str:
 
 
 def _kept(folder: Path, record: Record, methods: Methods) -> Evaluation | None:
+    layout = Layout(folder)
     with suppress(OSError, ValueError, KeyError):
-        told = json.loads(kept_at(folder, record.index).read_bytes())
+        told = json.loads(layout.own(layout.metrics(record.index)).read_bytes())
         if told["key"] == key_of(str(record.sha256), methods):
             return Evaluation(told["metrics"], told["profile"], told["error"])
     return None

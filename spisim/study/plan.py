@@ -14,8 +14,18 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from reconstruction.errors import InputError, nearest
-from spisim.config import Count, Name, Section, find_named, parse_model, read_text, shipped
+from spisim.config import (
+    Count,
+    Name,
+    Section,
+    find_named,
+    load_yaml,
+    parse_model,
+    read_text,
+    shipped,
+)
 from spisim.config.distributions import KINDS
+from spisim.config.messages import show
 from spisim.dataset.plan import Plan, PlannedSet, is_field
 from spisim.dataset.records import flat
 from spisim.study.metrics import Metric
@@ -143,7 +153,7 @@ class PlannedStudy:
 
     @property
     def _fields(self) -> dict[str, Any]:
-        fields: dict[str, Any] = yaml.safe_load(self.text)
+        fields: dict[str, Any] = load_yaml(self.text, self.path)
         return fields
 
     @cached_property
@@ -165,7 +175,7 @@ class PlannedStudy:
                 if not isinstance(changes[name], dict):
                     raise InputError(
                         f"{self.path}: study.quick.{name}: should be a mapping of fields; "
-                        f"found {changes[name]!r}"
+                        f"found {show(changes[name])}"
                     )
                 changes[name] = {**fields.get(name, {}), **changes[name]}
         if "spp" in changes:

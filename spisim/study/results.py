@@ -1,12 +1,13 @@
 """The tables of a study: one row per sample, per combination, and per comparison."""
 
-import csv
-import io
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from reconstruction.files import Output
+from spisim.config import csv_table
 from spisim.dataset.records import Record
 from spisim.study.evaluation import Evaluation
 from spisim.study.metrics import Metric
@@ -176,6 +177,23 @@ def _paired(rows: Sequence[Row], name: str, others: Sequence[Row], other_name: s
     return over_units(kept, values)
 
 
+def tables(folder: Path, results: Results) -> dict[Path, str]:
+    """All tables by their files in the folder of a study."""
+    texts = (results_csv(results), summary_csv(results), differences_csv(results))
+    return dict(zip((output.path for output in table_outputs(folder)), texts, strict=True))
+
+
+def table_outputs(folder: Path) -> list[Output]:
+    """The tables that a study leaves in its folder, known by their columns."""
+    ends = f"metric,{','.join(ESTIMATE)}"
+    signs = {
+        "results.csv": "index,round,scene_name,",
+        "summary.csv": ends,
+        "differences.csv": f"minus_{ends}",
+    }
+    return [Output(folder / name, "study", sign=sign) for name, sign in signs.items()]
+
+
 def results_csv(results: Results) -> str:
     """One row per sample: index, round, scene, parameters, all metrics, what went wrong."""
     parameters = dict.fromkeys(name for row in results.rows for name in row.parameters)
@@ -240,11 +258,7 @@ def differences_csv(results: Results) -> str:
 
 
 def _csv(head: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    return buffer.getvalue()
+    return csv_table([head, *([_cell(value) for value in row] for row in rows)])
 
 
 def _cell(value: Any) -> Any:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from reconstruction.errors import InputError
-from reconstruction.files import write_atomically
+from reconstruction.files import Output, mark, write_atomically
 from spisim.dataset.folder import Layout
 from spisim.dataset.opening import Say
 from spisim.dataset.preview import check
@@ -16,10 +16,12 @@ from spisim.dataset.workers import Executor, Make
 from spisim.study.evaluation import evaluate_all
 from spisim.study.metrics import named_methods
 from spisim.study.plan import PlannedStudy
-from spisim.study.results import Results, differences_csv, results_csv, results_of, summary_csv
+from spisim.study.results import Results, results_of, table_outputs, tables
 from spisim.transport.backend import activate
 
 STUDY = "study.yaml"
+#: Of the file, as its mark tells it.
+KIND = "study"
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,12 @@ class Finished:
                 for each in self.results.summaries.values()
             ],
         }
+
+
+def study_files(folder: Path, planned: PlannedStudy) -> list[Output]:
+    """Files that a study leaves in its folder beside its data set, those of this layer."""
+    plan = Output(folder / STUDY, KIND)
+    return table_outputs(folder) + ([] if _is_plan(planned, plan.path) else [plan])
 
 
 def run_study(
@@ -100,12 +108,15 @@ def run_study(
 
 
 def _write(results: Results, folder: Path) -> tuple[Path, ...]:
-    tables = {
-        "results.csv": results_csv(results),
-        "summary.csv": summary_csv(results),
-        "differences.csv": differences_csv(results),
-        STUDY: results.planned.text,
-    }
-    for name, text in tables.items():
-        write_atomically(folder / name, text.encode())
-    return tuple(folder / name for name in tables)
+    plan, comment = results.planned.text, f"# {mark(KIND)}\n"
+    texts = tables(folder, results)
+    if not _is_plan(results.planned, folder / STUDY):
+        texts[folder / STUDY] = plan if comment in plan else comment + plan
+    for path, content in texts.items():
+        write_atomically(path, content.encode())
+    return tuple(texts)
+
+
+def _is_plan(planned: PlannedStudy, path: Path) -> bool:
+    """Whether a file is where the study was read from: then it stays as it is."""
+    return path.exists() and path.samefile(planned.path)

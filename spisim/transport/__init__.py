@@ -1,14 +1,5 @@
 """Light transport: the fraction of emitted power that each virtual pixel and each spot returns."""
 
-from contextlib import suppress
-
-from reconstruction.errors import InputError
-from spisim.transport.llvm import use_working_llvm
-
-# Importing Mitsuba loads LLVM, so the library is chosen first. Without one, a GPU may still do.
-with suppress(InputError):
-    use_working_llvm()
-
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import TransportWarning
 from spisim.transport.engine.tally import PathLengthBins

@@ -10,7 +10,7 @@ import drjit as dr
 import mitsuba as mi
 
 from reconstruction.errors import InputError
-from spisim.transport.llvm import MIN_VERSION, VARIABLE, find_llvm
+from spisim.llvm import MIN_VERSION, VARIABLE, find_llvm
 
 #: One wavelength, just-in-time compiled, on the GPU where there is one.
 CUDA_VARIANT = "cuda_ad_mono"
@@ -25,13 +25,14 @@ def activate() -> str:
     InputError
         If there is neither a CUDA device nor an LLVM library that works.
     """
-    if mi.variant() not in (CUDA_VARIANT, LLVM_VARIANT):
-        if has_cuda():
-            mi.set_variant(CUDA_VARIANT)
-        else:
-            _check_llvm()
-            mi.set_variant(LLVM_VARIANT)
-    return str(mi.variant())
+    variant = mi.variant()
+    if variant not in (CUDA_VARIANT, LLVM_VARIANT):
+        variant = CUDA_VARIANT if has_cuda() else LLVM_VARIANT
+    if variant == LLVM_VARIANT:
+        _check_llvm()
+    if variant != mi.variant():
+        mi.set_variant(variant)
+    return str(variant)
 
 
 def has_cuda() -> bool:
@@ -45,14 +46,18 @@ def use_threads(count: int) -> None:
 
 
 def _check_llvm() -> None:
-    """Dr.Jit has loaded a library by now; a wrong one would abort at the first kernel."""
+    """Dr.Jit has loaded a library by now, or found none; an old one may abort the process."""
+    loaded = "no LLVM"
+    if dr.has_backend(dr.JitBackend.LLVM):
+        version = dr.detail.llvm_version()
+        if version[0] >= MIN_VERSION:
+            return
+        loaded = f"LLVM {'.'.join(map(str, version))}, which aborts on many machines"
     wanted = find_llvm()
-    loaded = dr.detail.llvm_version()
-    if loaded[0] < MIN_VERSION:
-        raise InputError(
-            f"Dr.Jit has loaded LLVM {'.'.join(map(str, loaded))}, which aborts on this kind of "
-            f"machine: import spisim before mitsuba and drjit, or set {VARIABLE}={wanted}"
-        )
+    raise InputError(
+        f"Dr.Jit has loaded {loaded}: import spisim before mitsuba and drjit, or start Python with "
+        f"{VARIABLE}={wanted}"
+    )
 
 
 def with_backend(function: Callable[..., Any]) -> Callable[..., Any]:

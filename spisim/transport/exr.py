@@ -8,21 +8,24 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from reconstruction.files import write_atomically
+from reconstruction.files import mark, write_atomically
 
 
 def write_exr(
     path: str | Path,
+    kind: str,
     channels: Mapping[str, NDArray[np.floating]],
     attributes: Mapping[str, str] | None = None,
 ) -> None:
     """Write (H, W) channels as float32, with text attributes in the header.
 
-    The file appears whole or not at all. Raises OSError where it cannot be written.
+    The header tells the `kind` of the file, too. It appears whole or not at all. Raises OSError
+    where it cannot be written.
     """
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    maker = {"Software": mark(kind)}  # a name in front of all others
     pixels = {name: np.ascontiguousarray(image, np.float32) for name, image in channels.items()}
     with tempfile.TemporaryDirectory() as folder:
         draft = Path(folder) / "draft.exr"  # OpenEXR writes to paths only
-        OpenEXR.File(header | dict(attributes or {}), pixels).write(str(draft))
+        OpenEXR.File(header | maker | dict(attributes or {}), pixels).write(str(draft))
         write_atomically(path, draft.read_bytes())

@@ -1,6 +1,7 @@
 """Light and truth as files: OpenEXR images and NumPy histograms."""
 
 import io
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.files import write_atomically
+from reconstruction.files import mark, write_atomically
 from spisim.transport.engine.tally import ORDERS
 from spisim.transport.exr import write_exr
 from spisim.transport.solve import Transport
@@ -36,7 +37,7 @@ def write_truth(path: Path, truth: GroundTruth, extra: Mapping[str, NDArray[np.f
     }
     units = {f"units.{name}": UNITS.get(name, "1") for name in channels}
     names = {f"object.{k}": name for k, name in enumerate(truth.object_names)}
-    write_exr(path, channels, units | names)
+    write_exr(path, "transport image", channels, units | names)
 
 
 def light_channels(
@@ -76,4 +77,6 @@ def write_histograms(path: Path, light: Transport) -> None:
     units = {f"units.{name}": np.array(UNITS.get(name, "1")) for name in arrays}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays, **units)
+    with zipfile.ZipFile(buffer, "a") as archive:
+        archive.comment = mark("histograms").encode()
     write_atomically(path, buffer.getvalue())

@@ -37,7 +37,7 @@ def parse(elements: Elements) -> Node:
         reason = SOURCE.sub("", " ".join(str(error).split())).partition(" (previous was at ")[0]
         place = PLACE.match(reason)
         file = f"{elements[int(place[1]) - 2][1]}: " if place else ""
-        raise InputError(file + PLACE.sub("", reason, count=1)) from None
+        raise InputError(f"{file}{PLACE.sub('', reason, count=1):.300}") from None
     nodes = [
         Node(each.type.name.lower(), each.props.plugin_name(), each.props.id())
         for each in state.nodes
@@ -63,5 +63,5 @@ def parse(elements: Elements) -> Node:
 def _found(name: str, nodes: list[Node], by_id: dict[str, int]) -> Node:
     """The node of an id; the parser would follow references in turn until its stack overflows."""
     if name not in by_id:
-        raise InputError(f"ref {name!r}: {nearest(name, by_id)}")
+        raise InputError(f"ref {name[:80]!r}: {nearest(name, by_id)}")
     return nodes[by_id[name]]

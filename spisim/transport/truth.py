@@ -15,6 +15,7 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.meshes import object_ids
+from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import surfaces
 
@@ -53,35 +54,48 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
     """
     placed = InstrumentView.placed(scene, instrument)
     geometry = surfaces(scene)
-    rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
-    shape = placed.projector.shape
+    spots = _trace(geometry, scene.drone_pose[:3, 3], placed.beams.directions)
+    _check_spots(scene, instrument, spots.is_valid().numpy())
+    height, width = placed.projector.shape
+    rows = max(1, RAYS_AT_A_TIME // (width * SUBPIXELS**2))
+    bands = [
+        _band(scene, geometry, placed, np.arange(top, min(top + rows, height)))
+        for top in range(0, height, rows)
+    ]
+    names = tuple(thing.name for thing in scene.objects)
+    return GroundTruth(
+        **{name: np.concatenate([band[name] for band in bands]) for name in bands[0]},
+        object_names=names,
+        spot_range_m=np.asarray(spots.t.numpy(), dtype=np.float64),
+        spot_object=tuple(names[number] for number in object_ids(scene.objects, geometry, spots)),
+    )
 
-    local = _pixel_rays(placed, 1)
+
+def _band(
+    scene: Scene, geometry: Any, placed: InstrumentView, rows: NDArray[np.int64]
+) -> dict[str, NDArray[Any]]:
+    """The fields of `GroundTruth` that are pictures, of these rows."""
+    shape = len(rows), placed.projector.shape[1]
+    rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
+    local = _pixel_rays(placed, rows, 1)
     si = _trace(geometry, origin, local @ rotation.T)
     hit = si.is_valid().numpy().reshape(shape)
     identity = object_ids(scene.objects, geometry, si).reshape(shape)
     ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
     normals = si.n.numpy().T.reshape(-1, 3) @ rotation
     normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
-
-    parts = _trace(geometry, origin, _pixel_rays(placed, SUBPIXELS) @ rotation.T)
+    parts = _trace(geometry, origin, _pixel_rays(placed, rows, SUBPIXELS) @ rotation.T)
     seen = object_ids(scene.objects, geometry, parts).reshape(
         shape[0], SUBPIXELS, shape[1], SUBPIXELS
     )
-    spots = _trace(geometry, origin, placed.beams.directions)
-    _check_spots(scene, instrument, spots.is_valid().numpy())
-    names = tuple(thing.name for thing in scene.objects)
-    return GroundTruth(
-        range_m=ranges.astype(np.float32),
-        depth_m=(ranges * local[:, 2].reshape(shape)).astype(np.float32),
-        reflectance=_reflectance(scene, si, identity),
-        normal=np.where(hit[..., None], normals.reshape(*shape, 3), np.nan).astype(np.float32),
-        object_id=identity.astype(np.int32),
-        coverage=(seen == identity[:, None, :, None]).mean(axis=(1, 3)).astype(np.float32),
-        object_names=names,
-        spot_range_m=np.asarray(spots.t.numpy(), dtype=np.float64),
-        spot_object=tuple(names[number] for number in object_ids(scene.objects, geometry, spots)),
-    )
+    return {
+        "range_m": ranges.astype(np.float32),
+        "depth_m": (ranges * local[:, 2].reshape(shape)).astype(np.float32),
+        "reflectance": _reflectance(scene, si, identity),
+        "normal": np.where(hit[..., None], normals.reshape(*shape, 3), np.nan).astype(np.float32),
+        "object_id": identity.astype(np.int32),
+        "coverage": (seen == identity[:, None, :, None]).mean(axis=(1, 3)).astype(np.float32),
+    }
 
 
 def _check_spots(scene: Scene, instrument: Instrument, hit: NDArray[np.bool_]) -> None:
@@ -96,12 +110,13 @@ def _check_spots(scene: Scene, instrument: Instrument, hit: NDArray[np.bool_]) -
     )
 
 
-def _pixel_rays(placed: InstrumentView, parts: int) -> Floats:
-    """Unit vectors through the centres of each pixel's `parts`² parts, row by row, (n, 3)."""
+def _pixel_rays(placed: InstrumentView, rows: NDArray[np.int64], parts: int) -> Floats:
+    """Unit vectors through the centres of `parts`² parts of each pixel of some rows, (n, 3)."""
     height, width = (side * parts for side in placed.projector.shape)
+    fine = (rows[:, None] * parts + np.arange(parts)).ravel()
     x = (2 * (np.arange(width) + 0.5) / width - 1) * placed.projector.tan_half_width
-    y = (2 * (np.arange(height) + 0.5) / height - 1) * placed.projector.tan_half_height
-    grid = np.stack([*np.meshgrid(x, y), np.ones((height, width))], axis=-1).reshape(-1, 3)
+    y = (2 * (fine + 0.5) / height - 1) * placed.projector.tan_half_height
+    grid = np.stack([*np.meshgrid(x, y), np.ones((len(fine), width))], axis=-1).reshape(-1, 3)
     return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
 
 

@@ -300,8 +300,8 @@ def test_the_demo_shows_everything(tmp_path: Path) -> None:
     assert files == set(report["files"])
     assert {"capture.h5", "truth.exr", "image.png", "depth.png", "cloud.ply"} <= files
     assert {"report.html", "overview.png"} <= files
-    assert report["metrics"]["image"]["correlation"] > 0.5
-    assert report["metrics"]["depth"]["anchored"]["mae_m"] > 0
+    assert report["metrics"]["images"]["pursuit"]["correlation"] > 0.5
+    assert report["metrics"]["depths"]["anchored"]["mae_m"] > 0
 
 
 TELLING = """

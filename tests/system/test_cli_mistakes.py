@@ -61,14 +61,14 @@ def test_an_output_that_cannot_be_written_is_told_at_once(
     command: str, capture_file: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "file").touch()
-    inputs: dict[str, list[str | Path]] = {
-        "demo": [],
-        "simulate": ["warehouse"],
-        "transport": ["warehouse"],
-        "reconstruct": [capture_file],
+    arguments: dict[str, list[str | Path]] = {
+        "demo": ["-o", "x"],
+        "simulate": ["warehouse", "-o", "x.h5"],
+        "transport": ["warehouse", "-o", "x.exr"],
+        "reconstruct": [capture_file, "-o", "x"],
     }
-    target = tmp_path / "file" / "below"
-    message = mistake(command, *inputs[command], "-o", target / "x").replace("\n", "")
+    *given, name = arguments[command]
+    message = mistake(command, *given, tmp_path / "file" / "below" / name).replace("\n", "")
     assert f"{tmp_path / 'file'} is not a folder" in message
 
 

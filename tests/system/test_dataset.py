@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -20,81 +19,21 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from commands import program, spisim
+from commands import program
 from reconstruction import read_capture
 from spisim.cli import app
 from spisim.dataset import preview
 from spisim.dataset.plan import PlannedSet, load_plan
 from spisim.dataset.preview import Preview
+from tinysets import SAMPLES, captures, children, files, run, started, write_plan
 from waiting import SAFETY_S, until
 
-SAMPLES = 6
-PLAN = {
-    "name": "tiny",
-    "samples": SAMPLES,
-    "scenes": [{"family": "targets", "parameters": {"target": "plane"}}],
-    "vary": {
-        "instrument.projector.shape": [16, 16],
-        "instrument.plan.patterns": 32,
-        "scene.fog.visibility_m": {"log_uniform": [20, 200]},
-    },
-    "spp": 8,
-    "keep": {"transport": True, "histograms": True},
-}
-
-
 linux = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-
-
-def write_plan(folder: Path, **changes: Any) -> Path:
-    path = folder / "tiny.yaml"
-    path.write_text(yaml.safe_dump(PLAN | changes, sort_keys=False))
-    return path
-
-
-def run(*arguments: str | Path) -> Any:
-    return spisim("dataset", *arguments)
-
-
-@contextmanager
-def started(*arguments: str | Path) -> Iterator[subprocess.Popen[str]]:
-    """A run under way, in a group of its own as under a terminal; none of it is left behind."""
-    process = subprocess.Popen(
-        program("dataset", *arguments), stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-
-
-def files(folder: Path) -> dict[str, str]:
-    """SHA-256 of everything that a run leaves in the samples' folder, hidden files too."""
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted((folder / "samples").rglob("*"))
-        if path.is_file()
-    }
 
 
 def rows(folder: Path, columns: str = '"index", status, error, attempts') -> list[Any]:
     with closing(sqlite3.connect(folder / "manifest.sqlite")) as connection:
         return connection.execute(f'SELECT {columns} FROM samples ORDER BY "index"').fetchall()
-
-
-def captures(folder: Path) -> int:
-    return len(list(folder.glob("samples/*/*.h5")))
-
-
-def children(pid: int) -> list[int]:
-    """Worker processes of a run; its resource tracker is none."""
-    found = []
-    for number in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-        if b"spawn_main" in Path(f"/proc/{number}/cmdline").read_bytes():
-            found.append(int(number))
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +56,8 @@ def test_the_captures_tell_where_they_belong(whole: tuple[Path, Path]) -> None:
     told = yaml.safe_load(capture.provenance.settings)["data_set"]
     with closing(sqlite3.connect(folder / "manifest.sqlite")) as connection:
         meta = dict(connection.execute("SELECT key, value FROM meta"))
-    assert told == {"plan": meta["plan_digest"], "index": 4}
+    assert (told["plan"], told["index"]) == (meta["plan_digest"], 4)
+    assert set(told["sidecars"]) == {".exr", ".npz"}
     assert capture.provenance.created == ""
     assert capture.plan.shape == (16, 16)
     assert capture.truth is not None
@@ -129,7 +69,7 @@ def test_the_captures_tell_where_they_belong(whole: tuple[Path, Path]) -> None:
     found = files(folder)
     assert found["samples/000/000004.h5"] == sha256
     for name, beside in json.loads(sidecars).items():
-        assert found[name] == beside["sha256"]
+        assert found[name] == beside["sha256"] == told["sidecars"][Path(name).suffix]
     assert seconds > sum(json.loads(stages).values()) * 0.99 > 0
     assert 50 < peak < 2000
     assert size == (folder / "samples/000/000004.h5").stat().st_size

@@ -215,7 +215,8 @@ def test_a_scene_is_loaded_at_the_instrument_s_wavelength(scene_file: Path) -> N
 
 @pytest.mark.parametrize("command", ["simulate", "transport", "picture", "budget"])
 def test_wavelengths_that_nothing_is_known_at(command: str, tmp_path: Path) -> None:
-    where = ["paper"] if command == "budget" else ["warehouse", "-o", str(tmp_path / "out.exr")]
+    name = "out.h5" if command == "simulate" else "out.exr"
+    where = ["paper"] if command == "budget" else ["warehouse", "-o", str(tmp_path / name)]
     run = spisim(command, *where, "--wavelength", "532")
     assert run.exit_code == 2
     assert "instrument at 532 nm: wavelength_nm: should be greater than or equal to 800" in (

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from captures import full_capture, make_spots
+from hdf5files import changed
 from reconstruction.capture import PARTS, READINGS, Provenance, read_capture, write_capture
 from reconstruction.capture.schema import stored_fields
 from reconstruction.operators import make_plan
@@ -113,6 +114,12 @@ def test_one_value_may_stand_for_all_taps(capture, path):
 def test_equal_captures_give_equal_bytes(capture, path, tmp_path):
     write_capture(capture, tmp_path / "again.h5")
     assert (tmp_path / "again.h5").read_bytes() == path.read_bytes()
+    with h5py.File(path) as file:  # and a second later too
+        file.visititems(lambda _, item: timeless(item))
+
+
+def timeless(item):
+    assert not item.id.get_create_plist().get_obj_track_times()
 
 
 def test_every_dataset_is_documented_with_its_units(capture, path):
@@ -134,7 +141,7 @@ def test_every_dataset_is_documented_with_its_units(capture, path):
 
 
 def test_a_foreign_writer_may_use_other_number_types_and_fixed_strings(capture, path):
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         for name, value in {
             "patterns/shape": np.array([4.0, 8.0]).astype(np.int64),
             "patterns/index": capture.plan.index.astype(np.uint16),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from captures import full_capture, make_spots
+from hdf5files import changed
 from reconstruction import (
     InputError,
     Reconstructor,
@@ -35,7 +36,7 @@ def path(capture, tmp_path):
 
 def change(path, name, values):
     """Put other values in the place of a dataset; without any, remove it."""
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         units = file[name].attrs["units"]
         del file[name]
         if values is not None:
@@ -68,7 +69,7 @@ def as_version_2(path):
         change(path, f"truth/{name}", value)
     change(path, "truth/frame", None)
     change(path, "truth/still", None)
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         file.attrs["version"] = "2.0"
 
 
@@ -235,7 +236,7 @@ def test_of_one_frame_that_is_all_there_is(capture, path):
 
 def test_files_of_version_2_without_truth_have_none(capture, path):
     write_capture(replace(capture, truth=None), path)
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         file.attrs["version"] = "2.0"
     assert read_capture(path).truth is None
 

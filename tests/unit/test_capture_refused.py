@@ -8,6 +8,7 @@ import pytest
 
 from captures import full_capture, make_spots
 from damage import refusals
+from hdf5files import changed
 from reconstruction.capture import read_capture, write_capture
 from reconstruction.errors import InputError
 from reconstruction.operators import make_plan
@@ -32,7 +33,7 @@ def test_a_missing_file_is_named(tmp_path):
 @pytest.mark.parametrize("length", [0, 100, 3000, -1])
 def test_truncated_files_are_refused(path, length):
     path.write_bytes(path.read_bytes()[:length])
-    with pytest.raises(InputError, match=r"capture\.h5: not an HDF5 file, or truncated or damaged"):
+    with pytest.raises(InputError, match=r"capture\.h5: .*truncated.* damaged"):
         read_capture(path)
 
 
@@ -67,7 +68,7 @@ def test_what_damage_raises_is_an_input_error(path, monkeypatch, error):
 
 
 def test_a_text_that_is_not_utf_8_is_damage(path):
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         del file["patterns/basis"]
         file["patterns/basis"] = np.bytes_(b"\xff\xfe")
         file["patterns/basis"].attrs["units"] = "1"
@@ -75,25 +76,25 @@ def test_a_text_that_is_not_utf_8_is_damage(path):
         read_capture(path)
 
 
-@pytest.mark.parametrize("version", ["3.1", "4.0", "10.0"])
+@pytest.mark.parametrize("version", ["3.2", "4.0", "10.0"])
 def test_newer_versions_are_refused_naming_both(path, version):
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         file.attrs["version"] = version
-    with pytest.raises(InputError, match=rf"newer format version {version}.*reads up to 3\.0"):
+    with pytest.raises(InputError, match=rf"newer format version {version}.*reads up to 3\.1"):
         read_capture(path)
 
 
 @pytest.mark.parametrize("version", ["0.9", "1.0", "1.7"])
 def test_older_versions_are_refused_naming_both(path, version):
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         file.attrs["version"] = version
-    with pytest.raises(InputError, match=rf"older format version {version}.*reads 2\.0 to 3\.0"):
+    with pytest.raises(InputError, match=rf"older format version {version}.*reads 2\.0 to 3\.1"):
         read_capture(path)
 
 
 @pytest.mark.parametrize("version", ["one", "1", "1.0.0"])
 def test_malformed_versions_are_refused(path, version):
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         file.attrs["version"] = version
     with pytest.raises(InputError, match="not of the form"):
         read_capture(path)
@@ -104,14 +105,14 @@ def test_malformed_versions_are_refused(path, version):
     ["patterns/index", "patterns/basis", "buckets/counts", "spots/taps", "provenance/scene"],
 )
 def test_a_missing_dataset_is_named(path, name):
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         del file[name]
     with pytest.raises(InputError, match=f"dataset {name} is missing"):
         read_capture(path)
 
 
 def replace_dataset(path, name, value, units=None):
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         kept = file[name].attrs["units"]
         del file[name]
         file[name] = value

@@ -260,7 +260,7 @@ def test_scenes_of_files_have_names_of_their_own(tmp_path: Path, content: str, n
 def test_a_value_that_contains_itself(tmp_path: Path) -> None:
     path = tmp_path / "plan.yaml"
     path.write_text("name: some\nscenes: [{family: targets}]\nvary: {scene.fog: &a [*a]}\n")
-    with pytest.raises(InputError, match=r"plan\.yaml: a value of it contains itself"):
+    with pytest.raises(InputError, match=r"plan\.yaml, line 3: a value of it contains itself"):
         load_plan(path)
 
 

@@ -88,13 +88,13 @@ def test_lost_and_shortened_files_are_made_again(planned: PlannedSet, tmp_path: 
     Layout(folder).capture(4).write_text("short")
     again = Run(planned, folder)
     assert again.executor.asked == [[1, 4]]
-    assert "2 samples have lost a file and are made again: 1, 4" in again.said
+    assert "2 samples have lost or damaged files and are made again: 1, 4" in again.said
 
 
 def test_leftovers_are_removed(planned: PlannedSet, tmp_path: Path) -> None:
     folder = tmp_path / "set"
     Run(planned, folder)
-    left = [folder / "samples/000/.000003.h5.0a1b2c3d.tmp", folder / ".space.tmp"]
+    left = [folder / "samples/000/.000003.h5.0a1b2c3d.tmp", folder / ".space.0a1b2c3d.tmp"]
     for path in left:
         path.touch()
     Run(planned, folder)

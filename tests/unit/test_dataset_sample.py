@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from spisim.dataset import sample
-from spisim.dataset.folder import Layout, belongs_to
+from spisim.dataset.folder import Layout, Origin, origin_of
 from spisim.dataset.plan import load_plan
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.dataset.sample import Maker
@@ -75,7 +75,9 @@ def test_ctrl_c_is_not_swallowed(monkeypatch: pytest.MonkeyPatch, make: Maker) -
 @pytest.mark.parametrize(
     ("settings", "belongs"),
     [
-        ("data_set: {plan: abc, index: 4}", ("abc", 4)),
+        ("data_set: {plan: abc, index: 4}", Origin("abc", 4, {})),
+        ("data_set: {plan: abc, index: 4, sidecars: {.npz: 1f}}", Origin("abc", 4, {".npz": "1f"})),
+        ("data_set: {plan: abc, index: 4, sidecars: [1]}", None),
         ("spp: 7", None),
         ("data_set: abc", None),
         ("data_set: {plan: abc}", None),
@@ -84,6 +86,6 @@ def test_ctrl_c_is_not_swallowed(monkeypatch: pytest.MonkeyPatch, make: Maker) -
         ("[: broken", None),
     ],
 )
-def test_what_a_capture_tells_of_its_set(settings: str, belongs: tuple[str, int] | None) -> None:
+def test_what_a_capture_tells_of_its_set(settings: str, belongs: Origin | None) -> None:
     capture = SimpleNamespace(provenance=SimpleNamespace(settings=settings))
-    assert belongs_to(capture) == belongs  # type: ignore[arg-type]
+    assert origin_of(capture) == belongs  # type: ignore[arg-type]

@@ -2,11 +2,21 @@
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from reconstruction.errors import InputError, explain, naming
-from reconstruction.files import require_file, require_folder, write_atomically
+from reconstruction.files import (
+    SPARE_BYTES,
+    Output,
+    is_marked,
+    mark,
+    require_file,
+    require_folder,
+    require_outputs,
+    write_atomically,
+)
 
 
 def test_a_file_is_written_with_the_folders_above_it(tmp_path: Path) -> None:
@@ -80,8 +90,11 @@ def test_a_relative_place_is_seen_from_here(
 def test_a_folder_without_permission_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("os.access", lambda *_: False)  # root may write anywhere
-    with pytest.raises(InputError, match=r"no permission to change "):
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "touch", denied)  # root may write anywhere
+    with pytest.raises(InputError, match=r"cannot write into .*: permission denied$"):
         require_file(tmp_path / "x.h5")
 
 
@@ -94,3 +107,105 @@ def test_errors_tell_the_file() -> None:
         raise InputError("no such frame")
     with pytest.raises(KeyError), naming("c.h5"):
         raise KeyError("x")
+
+
+def _mine(path: Path, kind: str = "notes") -> Path:
+    path.write_bytes(b"-" * 9000 + mark(kind).encode())
+    return path
+
+
+def test_a_mark_is_found_at_either_end_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "x"
+    for content, marked in {
+        mark("notes").encode() + b"-" * 9000: True,
+        b"-" * 9000 + mark("notes").encode(): True,
+        b"-" * 9000 + mark("notes").encode() + b"-" * 9000: False,
+        mark("note").encode(): False,
+        b"": False,
+    }.items():
+        path.write_bytes(content)
+        assert is_marked(path, "notes") == marked
+
+
+def test_only_earlier_outputs_of_the_same_kind_are_overwritten(tmp_path: Path) -> None:
+    new, own, foreign = tmp_path / "new", _mine(tmp_path / "own"), tmp_path / "foreign"
+    foreign.write_text("of someone else")
+    require_outputs([Output(new, "notes"), Output(own, "notes")])
+    for output in (Output(own, "letters"), Output(foreign, "notes")):
+        with pytest.raises(InputError, match="--overwrite replaces it"):
+            require_outputs([output])
+        require_outputs([output], overwrite=True)
+    require_outputs([Output(foreign, "notes", sign="of someone")])
+
+
+def test_an_input_is_never_an_output(tmp_path: Path) -> None:
+    scene = _mine(tmp_path / "scene")
+    (tmp_path / "link").symlink_to(scene)
+    (tmp_path / "hard").hardlink_to(scene)
+    (tmp_path / "folder").mkdir()
+    for path in (scene, tmp_path / "folder" / ".." / "scene", tmp_path / "link", tmp_path / "hard"):
+        with pytest.raises(InputError, match="is read by this command"):
+            require_outputs([Output(path, "notes")], [scene], overwrite=True)
+    own, part = _mine(tmp_path / "folder" / "own"), tmp_path / "folder" / "part"
+    part.write_text("of a data set")
+    require_outputs([Output(own, "notes")], [tmp_path / "folder"])
+    with pytest.raises(InputError, match=r"belongs to .*folder, which is read"):
+        require_outputs([Output(part, "notes")], [tmp_path / "folder"], overwrite=True)
+
+
+def test_a_link_is_replaced_and_not_what_it_points_to(tmp_path: Path) -> None:
+    target, link, lost = _mine(tmp_path / "target"), tmp_path / "link", tmp_path / "lost"
+    link.symlink_to(target)
+    lost.symlink_to(tmp_path / "nowhere")
+    for path in (link, lost):
+        with pytest.raises(InputError, match="is a symbolic link; --overwrite replaces the link"):
+            require_outputs([Output(path, "notes")])
+        require_outputs([Output(path, "notes")], overwrite=True)
+        write_atomically(path, b"new")
+    assert target.read_bytes().startswith(b"---")
+    assert link.read_bytes() == lost.read_bytes() == b"new"
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_two_outputs_need_two_names(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path, target_is_directory=True)
+    with pytest.raises(InputError, match="the page and the notes need two names"):
+        require_outputs([Output(tmp_path / "x", "notes"), Output(tmp_path / "link" / "x", "page")])
+
+
+def test_names_have_endings_and_limits(tmp_path: Path) -> None:
+    endings = (".h5", ".hdf5")
+    for name, message in {
+        "x.hdf": r"x\.hdf: '\.hdf' is no ending of a capture: did you mean '\.hdf5'\? allowed: ",
+        "x": r"x: an ending is missing of this capture: allowed: \.h5, \.hdf5",
+        "n" * 245 + ".h5": "a name of a file has at most 241 bytes",
+        "n" * 245 + "/x.h5": None,
+        "n" * 256 + "/x.h5": "File name too long|has at most",
+        "x\0.h5": "no such character",
+    }.items():
+        outputs = [Output(tmp_path / name, "capture", endings)]
+        if message is None:
+            require_outputs(outputs)
+            continue
+        with pytest.raises((InputError, OSError), match=message):
+            require_outputs(outputs)
+    require_outputs([Output(tmp_path / "X.H5", "capture", endings)])
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no such file system")
+def test_a_place_that_only_looks_writable_is_told(tmp_path: Path) -> None:
+    for place in ("/proc/x", "/proc/self/fd/deep/x", "/sys/x"):
+        with pytest.raises(InputError, match="cannot write into "):
+            require_outputs([Output(Path(place), "notes")])
+
+
+def test_a_full_disk_is_told_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free = SimpleNamespace(total=10**12, free=SPARE_BYTES + 3_000_000)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: free)
+    outputs = [Output(tmp_path / name, "notes", size_bytes=1_600_000) for name in "ab"]
+    require_outputs(outputs[:1])
+    with pytest.raises(InputError, match=r"has 7 MB left, 7\.2 MB are needed"):
+        require_outputs(outputs)

@@ -1,85 +1,140 @@
-"""Files with random damage: each is read, or refused with an InputError, and nothing else."""
+"""Hostile and damaged files: each is read, or refused in a plain sentence, and nothing else."""
 
 import json
 import random
+import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 import trimesh
 
-from foreign import READERS, TRIANGLE, collada, glb, tetrahedron, triangle_header
+import foreignscenes as rich
+import hostile
+import mutants
+from foreign import READERS, glb, glb_of_text, tetrahedron
 from reconstruction.errors import InputError
+from spisim.scene.importing import Options, import_scene
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.units import to_metres
+from spisim.scene.shapes import load_mesh
 
-TOKENS = (b"-1", b"0", b"nan", b"1e999", b"99999999999", b"null", b"[]", b"{}", b"<", b"/", b"\0")
-OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\no X\nusemtl a b\nf 1/1 2/1 3/1 4/1\nf 1//1 2 3\n"
-SDF = """<sdf version="1.9"><world name="w"><frame name="f"><pose>1 2 3 0 0 0</pose></frame>
-<model name="m"><pose relative_to="f" degrees="true">0 0 0 0 0 90</pose><link name="l">
-<visual name="a"><geometry><box><size>1 2 3</size></box></geometry></visual>
-<visual name="b"><pose>0 0 1 0 0 0</pose><geometry><cylinder><radius>1</radius><length>2</length>
-</cylinder></geometry><material><diffuse>1 1 1 1</diffuse></material></visual>
-</link></model></world></sdf>"""
-MITSUBA = """<scene version="3.0.0"><default name="r" value="2"/><bsdf type="diffuse" id="walls">
-<rgb name="reflectance" value="0.5, 0.5, 0.5"/></bsdf><shape type="sphere"><float name="radius"
-value="$r"/><point name="center" x="1" y="2" z="3"/><ref id="walls"/></shape><shape type="cube">
-<transform name="to_world"><scale value="2"/><rotate x="1" angle="30"/><lookat origin="1 2 3"
-target="0 0 0" up="0 0 1"/></transform></shape></scene>"""
+SECRET = "hunter2"
+#: What Python and the libraries say of themselves.
+INSIDES = re.compile(
+    r"Traceback|object has no|index out of|out of range|KeyError|NoneType|not subscriptable|<class"
+    r"| object at 0x|Error\b|not iterable|unsupported operand|dtype|ufunc|could not convert"
+    r"|invalid literal|broadcast|argument|numpy|ndarray|unhashable|expected str|must be str|reshape"
+    r"|codec|unpack|padding|buffer is|'\w+' (object|and '\w+')|None\b(?!')|: '\w+'$"
+)
+
+Mutate = Callable[[random.Random, tuple[str, ...]], bytes]
+
+
+def gltf(rng: random.Random, words: tuple[str, ...]) -> bytes:
+    return mutants.json_text(mutants.json_mutant(rich.GLTF_BESIDE, rng, words))
+
+
+def glb_of_mutant(rng: random.Random, words: tuple[str, ...]) -> bytes:
+    return glb_of_text(mutants.json_text(mutants.json_mutant(rich.GLTF, rng, words)), rich.BINARY)
+
+
+def xml(sound: str, rng: random.Random, words: tuple[str, ...]) -> bytes:
+    return mutants.xml_mutant(sound, rng, words)
+
+
+#: Changes that keep the form of a document.
+TREES: dict[str, Mutate] = {
+    "main.gltf": gltf,
+    "main.glb": glb_of_mutant,
+    "main.dae": partial(xml, rich.COLLADA),
+    "main.sdf": partial(xml, rich.SDF),
+    "main.xml": partial(xml, rich.MITSUBA),
+}
+#: Changes of bytes.
 SOUND: dict[str, Callable[[], bytes | str]] = {
-    "a.glb": lambda: glb(triangle_header(), TRIANGLE),
-    "a.gltf": lambda: json.dumps(triangle_header(buffers=[{"byteLength": 36, "uri": "a.bin"}])),
-    "a.dae": collada,
+    "main.glb": lambda: glb(rich.GLTF, rich.BINARY),
+    "main.gltf": lambda: json.dumps(rich.GLTF_BESIDE),
+    "main.dae": lambda: rich.COLLADA,
     "binary.ply": lambda: tetrahedron().export(file_type="ply"),
     "text.ply": lambda: tetrahedron().export(file_type="ply", encoding="ascii"),
     "binary.stl": lambda: tetrahedron().export(file_type="stl"),
     "text.stl": lambda: trimesh.exchange.stl.export_stl_ascii(tetrahedron()),
-    "a.obj": lambda: OBJ,
-    "a.sdf": lambda: SDF,
-    "a.xml": lambda: MITSUBA,
+    "text.off": lambda: tetrahedron().export(file_type="off"),
+    "main.obj": lambda: rich.OBJ,
+    "main.sdf": lambda: rich.SDF,
+    "main.xml": lambda: rich.MITSUBA,
 }
 
 
-def damaged(sound: bytes, rng: random.Random) -> bytes:
-    """A few bytes changed, cut out, replaced by a token, or repeated elsewhere."""
-    data = bytearray(sound)
-    for _ in range(rng.choice([1, 1, 2, 5])):
-        place, other = rng.randrange(len(data)), rng.randrange(len(data))
-        match rng.randrange(4):
-            case 0:
-                data[place] = rng.randrange(256)
-            case 1:
-                del data[place : place + rng.randrange(1, 20)]
-            case 2:
-                data[place : place + rng.randrange(6)] = rng.choice(TOKENS)
-            case 3:
-                data[place:place] = data[other : other + rng.randrange(1, 40)]
-    return bytes(data)
-
-
-def outcomes(folder: Path, name: str, count: int) -> set[str]:
+def bytes_of(name: str, rng: random.Random, words: tuple[str, ...]) -> bytes:
     sound = SOUND[name]()
-    content = sound.encode() if isinstance(sound, str) else sound
-    (folder / "a.bin").write_bytes(TRIANGLE)
-    file = folder / name
-    rng = random.Random(name)
-    found = set()
-    for _ in range(count):
-        file.write_bytes(damaged(content, rng))
-        try:
-            to_metres(READERS[file.suffix](file, Folders.around(file)), 1.0)
-            found.add("read")
-        except InputError as error:
-            found.add("refused in many lines" if "\n" in str(error) else "refused")
-    return found
+    return mutants.damaged(sound.encode() if isinstance(sound, str) else sound, rng)
+
+
+@pytest.fixture
+def outside(tmp_path: Path) -> Path:
+    """A file above the folder "in" of what is imported, which no import may read."""
+    (tmp_path / "in").mkdir()
+    rich.lay_out(tmp_path / "in")
+    secret = tmp_path / "secret.obj"
+    secret.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\no {SECRET}\nusemtl {SECRET}\nf 1 2 3\n")
+    (tmp_path / "in" / "link.obj").symlink_to(secret)
+    (tmp_path / "in" / "link").symlink_to(tmp_path)
+    (tmp_path / "out").mkdir()
+    return secret
+
+
+def attack(name: str, mutate: Mutate, outside: Path, seed: int, *, whole: int = 0) -> None:
+    """Read a mutant; every `whole` th one is imported, with its mesh files."""
+    rng = random.Random(f"{name} {seed}")
+    file = outside.parent / "in" / name
+    file.write_bytes(mutate(rng, mutants.references(str(outside))))
+    output = outside.parent / "out" / "scene.yaml"
+    told: list[str] = []
+    try:
+        if whole and seed % whole == 0:
+            options = Options(position_m=(-50.0, 0.0, 1.0), overwrite=True)
+            report = import_scene(file, output, options, READERS)
+            told = [*report.notes, *report.warnings]
+            assert SECRET not in output.read_text()
+        elif file.suffix == ".off":
+            load_mesh(file)
+        else:
+            told = to_metres(READERS[file.suffix](file, Folders.around(file)), 1.0).notes
+    except InputError as error:
+        told = [str(error)]
+    for text in told:
+        assert "\n" not in text, text
+        assert not INSIDES.search(text), text
+        assert len(text) < 2000, text
+        assert SECRET not in text, text
+
+
+def survived(attack: Callable[[int], None], outside: Path, seeds: range) -> None:
+    given, made = outside.parent / "in", outside.parent / "out"
+    hostile.survive(attack, seeds, readable=[given], writable=[given, made])
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_mutants(outside: Path, name: str) -> None:
+    survived(partial(attack, name, TREES[name], outside, whole=250), outside, range(1000))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TREES)
+def test_many_mutants(outside: Path, name: str) -> None:
+    survived(partial(attack, name, TREES[name], outside, whole=100), outside, range(100_000))
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_damage(tmp_path: Path, name: str) -> None:
-    assert outcomes(tmp_path, name, 120) == {"read", "refused"}
+def test_damage(outside: Path, name: str) -> None:
+    survived(partial(attack, name, partial(bytes_of, name), outside), outside, range(200))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SOUND)
-def test_much_damage(tmp_path: Path, name: str) -> None:
-    assert outcomes(tmp_path, name, 4000) == {"read", "refused"}
+def test_much_damage(outside: Path, name: str) -> None:
+    each = partial(attack, name, partial(bytes_of, name), outside, whole=100)
+    survived(each, outside, range(10_000))

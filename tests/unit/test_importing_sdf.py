@@ -299,7 +299,7 @@ def test_includes_that_double_are_stopped(tmp_path: Path) -> None:
         text = f'<sdf version="1.9"><model name="m">{rows}</model></sdf>'
         (tmp_path / f"{level}.sdf").write_text(text)
     (tmp_path / "15.sdf").write_text(f'<sdf version="1.9">{model("")}</sdf>')
-    with pytest.raises(InputError, match="more than 10,000 includes"):
+    with pytest.raises(InputError, match="more than 5,000 includes"):
         taken(tmp_path / "0.sdf")
 
 

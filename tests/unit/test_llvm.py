@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from reconstruction import InputError
-from spisim.transport import llvm
+from spisim import llvm
 
 
 @pytest.mark.parametrize(
@@ -92,23 +92,68 @@ def test_an_unusable_library_named_by_the_variable_is_refused(
     path = make(tmp_path)
     monkeypatch.setenv(llvm.VARIABLE, str(path))
     with pytest.raises(llvm.LLVMNotFound, match=reason) as caught:
-        llvm.use_working_llvm()
+        llvm.find_llvm()
     assert llvm.VARIABLE in str(caught.value)
     assert str(path) in str(caught.value)
 
 
-def test_a_bad_variable_gives_a_message_and_no_abort(tmp_path: Path) -> None:
-    old = _touched(tmp_path / "libLLVM-15.so.1")
-    code = "from spisim.transport.llvm import use_working_llvm; use_working_llvm()"
-    run = subprocess.run(
+def fresh_python(code: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a Python of its own that has been told nothing of LLVM but `variables`."""
+    environment = {name: text for name, text in os.environ.items() if name != llvm.VARIABLE}
+    return subprocess.run(
         [sys.executable, "-c", code],
-        env=os.environ | {llvm.VARIABLE: str(old)},
+        env=environment | variables,
         capture_output=True,
         text=True,
         check=False,
     )
+
+
+ACTIVATE = "from spisim.transport.backend import activate; print(activate())"
+KERNEL = """
+import drjit as dr
+from drjit.auto import Float
+assert dr.sum(dr.minimum(dr.arange(Float, 64), 1.0))[0] == 63.0
+"""
+
+
+def test_a_bad_variable_gives_a_message_and_no_abort(tmp_path: Path) -> None:
+    old = _touched(tmp_path / "libLLVM-15.so.1")
+    run = fresh_python(ACTIVATE, **{llvm.VARIABLE: str(old)})
+    if "cuda" in run.stdout:
+        pytest.skip("light is traced on the GPU here")
     assert run.returncode == 1
     assert "which is LLVM 15" in run.stderr
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        "import spisim, drjit, mitsuba",
+        "import mitsuba; mitsuba.set_variant('llvm_ad_mono')",
+        pytest.param("import drjit, spisim", marks=pytest.mark.slow),
+        pytest.param("import mitsuba, spisim, drjit", marks=pytest.mark.slow),
+    ],
+)
+def test_any_order_of_imports_works_or_is_told_truly(first: str) -> None:
+    """Only where Dr.Jit came first may it have loaded an old LLVM; the advice then helps."""
+    run = fresh_python(f"{first}\n{ACTIVATE}{KERNEL}")
+    if run.returncode == 0:
+        return
+    assert not first.startswith("import spisim"), run.stderr
+    assert "import spisim before mitsuba and drjit" in run.stderr
+    advised = run.stderr.strip().rpartition(f"{llvm.VARIABLE}=")[2]
+    run = fresh_python(f"{first}\n{ACTIVATE}{KERNEL}", **{llvm.VARIABLE: advised})
+    assert run.returncode == 0, run.stderr
+
+
+def test_a_library_that_the_user_names_goes_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = _touched(tmp_path / "libLLVM.so.22.1")
+    monkeypatch.setenv(llvm.VARIABLE, str(own))
+    llvm.prefer_working_llvm()
+    assert os.environ[llvm.VARIABLE] == str(own)
 
 
 def test_the_trial_kernel_runs_with_the_library_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from scipy.constants import c
 from scipy.linalg import hadamard
 
 from damage import refusals
+from hdf5files import changed
 from reconstruction import (
     Capture,
     InputError,
@@ -29,6 +30,7 @@ from reconstruction import (
 from reconstruction.capture import Buckets, Optics, Provenance
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.cli import main
+from reconstruction.files import mark
 from reconstruction.operators import expose
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.ranging import RANGING_METHODS, Alternative, Ranges
@@ -218,12 +220,16 @@ def test_without_time_of_flight_there_is_an_image_only_and_it_says_so(tmp_path, 
     ]
     out = tmp_path / "out"
     out.mkdir()
-    (out / "depth.png").write_bytes(b"of an earlier result")
+    (out / "depth.png").write_bytes(mark("depth").encode())
+    (out / "image_pursuit.png").write_bytes(b"of someone else")
     assert main(imported) == 0
-    assert main([str(tmp_path / "car.h5"), "-o", str(out)]) == 0
+    assert main([str(tmp_path / "car.h5"), "-o", str(out)]) == 2
+    assert "image_pursuit.png exists and is not an earlier image" in capsys.readouterr().err
+    assert main([str(tmp_path / "car.h5"), "-o", str(out), "--overwrite"]) == 0
     assert "no time of flight" in capsys.readouterr().out
     assert not (out / "depth.png").exists()
     assert (out / "image.png").exists()
+    assert (out / "image_pursuit.png").read_bytes() == b"of someone else"
 
 
 def test_import_with_a_named_plan_is_the_same_as_with_the_patterns(tmp_path):
@@ -243,7 +249,8 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
     np.save(readings, np.ones(63))
     rows, of_matrix = hadamard(64), tmp_path / "readings.npz"
     np.savez(of_matrix, short=np.ones(63), turned=np.ones((64, 2)), rows=rows)
-    by_rows = ["import", str(of_matrix), "-o", out, "--shape", "8x8", "--patterns-variable", "rows"]
+    new = str(tmp_path / "new.h5")
+    by_rows = ["import", str(of_matrix), "-o", new, "--shape", "8x8", "--patterns-variable", "rows"]
     for arguments, message in [
         ([str(tmp_path / "none.h5"), "-o", out], "no such capture file"),
         ([str(tmp_path / "text.h5"), "-o", out], "not an HDF5 file"),
@@ -256,8 +263,12 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         ([str(path), "-o", out, "--depth", "nearest,dense"], "'dense' needs pattern taps, which"),
         ([str(path), "-o", str(tmp_path / "file" / "x")], "file is not a folder"),
         ([str(path), "-o", str(tmp_path / "file")], "file is not a folder"),
-        (["import", str(path), "-o", out, "--shape", "8x8"], "unknown file type"),
-        (["import", str(readings), "-o", out, "--shape", "8x8"], f"{readings}: the readings have"),
+        (["import", str(path), "-o", new, "--shape", "8x8"], "unknown file type"),
+        (
+            ["import", str(path), "-o", out, "--shape", "8x8"],
+            "an ending is missing of this hardware capture",
+        ),
+        (["import", str(readings), "-o", new, "--shape", "8x8"], f"{readings}: the readings have"),
         ([*by_rows, "--variable", "short", "--shape", "7x8"], "expected (M, 56) for 7 x 8 pixels"),
         ([*by_rows, "--variable", "short"], "the readings have shape (63,)"),
         ([*by_rows, "--variable", "turned"], "the readings have shape (64, 2)"),
@@ -391,7 +402,7 @@ def test_a_damaged_result_is_told(result_file):
     [
         ("images/pursuit", None, "images/pursuit is missing"),
         ("rangings/cw/status", None, "dataset rangings/cw/status is missing"),
-        ("rangings/cw/status", ["ok", "ok", "ok", "fine"], "'fine'"),
+        ("rangings/cw/status", np.array([b"ok", b"ok", b"ok", b"fine"]), "'fine'"),
         ("images/zero-filled", np.zeros((4, 4)), r"images/zero-filled has shape \(4, 4\)"),
         ("images/zero-filled", np.full(SHAPE, b"x"), "images/zero-filled must hold numbers"),
         ("rangings/cw/range_m", np.zeros(3), r"rangings/cw/range_m has shape \(3,\)"),
@@ -400,7 +411,7 @@ def test_a_damaged_result_is_told(result_file):
     ],
 )
 def test_a_wrong_part_of_a_result_is_named(result_file, name, value, message):
-    with h5py.File(result_file, "r+") as content:
+    with changed(result_file) as content:
         units = content[name].attrs["units"]
         del content[name]
         if value is not None:

@@ -115,7 +115,7 @@ def test_a_full_report_has_all_parts_and_needs_no_other_file(
         for address in page.addresses
     )
     assert text.count("data:image/svg+xml;base64,") == 1
-    assert "http" not in text
+    assert "://" not in text
     assert "url(" not in text
     assert "a &lt;b&gt; &amp; c" in text
     assert "name: &lt;wall&gt;" in text
@@ -154,7 +154,7 @@ def test_the_look_of_plots_is_their_own() -> None:
         with plot_style():
             figure = light_figure(light, None)
             assert figure is not None
-            return file_of(figure, "svg")
+            return file_of(figure, "plot", "svg")
 
     usual = drawn()
     with rc_context({"font.size": 30, "axes.grid": False}):

@@ -127,7 +127,7 @@ def test_missing_scene_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"absent\.yaml: no such file"):
         load_scene(tmp_path / "absent.yaml")
     (tmp_path / "folder.yaml").mkdir()
-    with pytest.raises(InputError, match=r"folder\.yaml: cannot be read"):
+    with pytest.raises(InputError, match=r"folder\.yaml: not a regular file"):
         load_scene(tmp_path / "folder.yaml")
 
 

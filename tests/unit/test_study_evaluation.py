@@ -12,9 +12,10 @@ import pytest
 
 from datasets import make_set
 from reconstruction import Capture, InputError, evaluate, reconstruct
+from spisim.dataset.folder import Layout
 from spisim.dataset.records import Outcome, failure
 from spisim.study import QUANTITIES
-from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of, kept_at
+from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of
 from spisim.study.metrics import Metric, named_methods
 from spisim.study.profile import CENTRES_M, EDGES_M, depth_profile
 
@@ -153,9 +154,9 @@ def test_captures_are_evaluated_once_and_again_when_they_change(
     assert second == first
     assert asked == [[0, 1, 2]]
 
-    kept_at(folder, 1).unlink()
-    kept_at(folder, 2).write_text('{"key": "of an older reconstruction"}')
-    kept_at(folder, 0).write_text(kept_at(folder, 0).read_text()[:40])
+    Layout(folder).metrics(1).unlink()
+    Layout(folder).metrics(2).write_text('{"key": "of an older reconstruction"}')
+    Layout(folder).metrics(0).write_text(Layout(folder).metrics(0).read_text()[:40])
     _, third = evaluate_all(folder, Counting)
     assert third == first
     assert asked[1] == [0, 1, 2]
@@ -186,7 +187,8 @@ def test_a_capture_is_known_by_its_content(capture: Capture, tmp_path: Path) -> 
     _, found = evaluate_all(folder, InProcess)
     other = make_set(tmp_path / "others", replace(capture, provenance=replace(
         capture.provenance, scene="name: other")), done=1, failed=0)  # fmt: skip
-    kept_at(other, 0).parent.mkdir(parents=True)
-    kept_at(other, 0).write_bytes(kept_at(folder, 0).read_bytes().replace(b"4.0", b"1.0"))
+    kept = Layout(other).metrics(0)
+    kept.parent.mkdir(parents=True)
+    kept.write_bytes(Layout(folder).metrics(0).read_bytes().replace(b"4.0", b"1.0"))
     _, again = evaluate_all(other, InProcess)
     assert again == found

@@ -134,9 +134,9 @@ def test_mistakes_in_files(tmp_path: Path, change: tuple[str, str], message: str
 def test_files_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.csv: no such file"):
         load_trajectory(tmp_path / "none.csv")
-    (tmp_path / "picture").write_bytes(b"\xff\xd8\xff\xe0")
+    (tmp_path / "picture.csv").write_bytes(b"\xff\xd8\xff\xe0")
     with pytest.raises(InputError, match="not a text file"):
-        load_trajectory(tmp_path / "picture")
+        load_trajectory(tmp_path / "picture.csv")
     with pytest.raises(InputError, match="unknown frame 'bodi': did you mean 'body'"):
         load_trajectory(written(tmp_path, WAY_POINTS), "bodi")
 

@@ -1,61 +1,19 @@
 """Arrays of bucket readings, with a named pattern plan or the patterns themselves -> capture."""
 
-import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from datetime import UTC, datetime
-from pathlib import Path
-from typing import Any
 
-import h5py
 import numpy as np
-import scipy.io
 from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import Floats
-from ...errors import InputError, naming, nearest
+from ...errors import InputError
 from ...operators import Basis, PatternPlan, checked_shape, fwht
 from ...operators.bases.dense import Dense
 from ...operators.bases.hadamard import Hadamard
 from ...operators.hadamard import power_of_two
 from ..buckets import Buckets
 from ..model import Capture, Provenance
-
-
-def load_array(path: str | Path, variable: str | None = None) -> NDArray[Any]:
-    """Numeric array from .npy, .csv, .npz or .mat (v5 and v7.3).
-
-    ``variable`` names the one wanted of a .npz or .mat; not needed if there is just one. Raises
-    InputError if the file is missing, unreadable or without numbers, if there is no such variable,
-    or if one of its numbers is not finite.
-    """
-    path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(f"{path}: unknown file type; allowed: {', '.join(_READERS)}")
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    with naming(path):
-        try:
-            array = reader(path, variable)
-        except InputError:
-            raise
-        except Exception as error:  # each format has errors of its own
-            raise InputError(f"not a readable {path.suffix} file ({error})") from error
-        _check_numbers(array)
-    return array
-
-
-def _check_numbers(array: NDArray[Any]) -> None:
-    if array.dtype.kind not in "iufb":
-        raise InputError(f"holds {array.dtype}, not numbers")
-    if array.size == 0:
-        raise InputError("holds no numbers")
-    bad = np.argwhere(~np.isfinite(array))
-    if bad.size:
-        place = tuple(bad[0].tolist())
-        raise InputError(
-            f"the value at {list(place)} is {array[place]}, must be finite (positions count from 0)"
-        )
 
 
 def plan_from_matrix(
@@ -75,9 +33,9 @@ def plan_from_matrix(
             f"the pattern matrix has shape {matrix.shape}, expected (M, {height * width}) for "
             f"{height} x {width} pixels"
         )
-    bad = np.argwhere(~(np.abs(matrix) <= 1))
-    if bad.size:
-        row, column = bad[0]
+    good = np.abs(matrix) <= 1
+    if not good.all():
+        row, column = np.unravel_index(good.argmin(), matrix.shape)
         raise InputError(
             f"row {row} of the pattern matrix holds {matrix[row, column]:g}; allowed: 0..1 for "
             "displayed light, -1..1 for signed values"
@@ -156,48 +114,3 @@ def capture_from_readings(
             instrument="",
         ),
     )
-
-
-def _read_npy(path: Path, _variable: str | None) -> NDArray[Any]:
-    return np.asarray(np.load(path, allow_pickle=False))
-
-
-def _read_csv(path: Path, _variable: str | None) -> NDArray[Any]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # an empty file is told by whoever called
-        return np.loadtxt(path, delimiter=",")
-
-
-def _read_npz(path: Path, variable: str | None) -> NDArray[Any]:
-    with np.load(path, allow_pickle=False) as file:
-        return np.asarray(_pick(file, variable))
-
-
-def _read_mat(path: Path, variable: str | None) -> NDArray[Any]:
-    if h5py.is_hdf5(path):  # v7.3; MATLAB's columns come first
-        with h5py.File(path, "r") as file:
-            datasets = {key: item for key, item in file.items() if isinstance(item, h5py.Dataset)}
-            return np.asarray(_pick(datasets, variable)).T
-    content = scipy.io.loadmat(path)
-    return np.asarray(
-        _pick({key: item for key, item in content.items() if not key.startswith("__")}, variable)
-    )
-
-
-def _pick(variables: Mapping[str, Any], name: str | None) -> Any:
-    names = list(variables)
-    if name is None:
-        if len(names) != 1:
-            raise InputError(f"name one of its variables: {', '.join(names)}")
-        return variables[names[0]]
-    if name not in variables:
-        raise InputError(f"has no variable {name!r}: {nearest(name, names)}")
-    return variables[name]
-
-
-_READERS: dict[str, Callable[[Path, str | None], NDArray[Any]]] = {
-    ".mat": _read_mat,
-    ".npy": _read_npy,
-    ".npz": _read_npz,
-    ".csv": _read_csv,
-}

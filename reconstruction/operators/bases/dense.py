@@ -29,9 +29,9 @@ class Dense(Basis):
                 "(patterns, rows, columns) is needed"
             )
         super().__init__((shown.shape[1], shown.shape[2]))
-        bad = np.argwhere(~((shown >= 0) & (shown <= 1)))
-        if bad.size:
-            place = tuple(bad[0].tolist())
+        good = (shown >= 0) & (shown <= 1)
+        if not good.all():
+            place = tuple(int(n) for n in np.unravel_index(good.argmin(), shown.shape))
             raise InputError(
                 f"patterns: the value at {list(place)} is {shown[place]}; transmittances lie in "
                 "0..1 (positions count from 0)"

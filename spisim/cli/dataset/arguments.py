@@ -14,6 +14,12 @@ Workers = Annotated[int | None, number_option(1, 4096, "Processes; by default on
 RetryFailed = Annotated[
     bool, typer.Option("--retry-failed", help="Try samples again that failed before.")
 ]
+Deep = Annotated[
+    bool,
+    typer.Option(
+        "--deep", help="Read all files that are there, and make samples again that are damaged."
+    ),
+]
 Dask = Annotated[
     str | None,
     typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster, instead of processes."),

@@ -12,7 +12,7 @@ from reconstruction.errors import InputError
 
 from ..console import print_json, results, say
 from ..options import Bar, Json, number_option
-from .arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
+from .arguments import Dask, Deep, RetryFailed, SpaceTimeout, Timeout, Workers
 from .progress import short_time, shown
 from .running import executors, explained
 
@@ -33,6 +33,7 @@ def command(
         int | None, number_option(1, 10**7, "Instead of the plan's number of samples.")
     ] = None,
     retry_failed: RetryFailed = False,
+    deep: Deep = False,
     dask: Dask = None,
     timeout: Timeout = 1800,
     space_timeout: SpaceTimeout = 3600,
@@ -47,6 +48,8 @@ def command(
     Exit status: 0 all done, 1 some samples failed, 2 input that cannot be used, 3 no space left,
     130 interrupted.
     """
+    from reconstruction.files import require_folder
+    from spisim.dataset.folder import Layout, has_its_content, has_its_size
     from spisim.dataset.plan import load_plan
     from spisim.dataset.preview import check
     from spisim.dataset.runner import run_dataset
@@ -62,16 +65,21 @@ def command(
         return
     if output is None:
         raise InputError("--output DIR is missing")
+    folder = output.absolute()
+    require_folder(folder)
+    kept = Layout(folder).plan
+    if samples is not None and kept.exists() and kept.samefile(plan):
+        raise InputError(f"--samples would change {plan}: change it there, or give it another name")
     executor = executors(workers, dask, timeout)
     check(planned)
     activate()  # before every process finds out by itself that light cannot be traced
-    folder = output.absolute()
     with explained(), shown(progress) as update:
         state = run_dataset(
             planned,
             folder,
             executor(Maker(planned, folder)),
             retry_failed=retry_failed,
+            is_sound=has_its_content if deep else has_its_size,
             space_timeout_s=space_timeout,
             say=say,
             progress=update,

@@ -35,7 +35,7 @@ def executors(
     if workers is not None:
         raise InputError("--workers and --dask exclude each other")
     address = dask
-    return lambda make: DaskExecutor(make, address)
+    return lambda make: DaskExecutor(make, address, say)
 
 
 @contextmanager

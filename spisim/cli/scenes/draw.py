@@ -9,7 +9,7 @@ import typer
 from reconstruction.errors import InputError
 
 from ..console import print_json, say, warn
-from ..options import Json, Seed
+from ..options import Json, Overwrite, Seed
 
 EXAMPLE = "spisim scenes draw targets --seed 7 --set target=siemens-star -o star.yaml"
 
@@ -26,7 +26,7 @@ def command(
             help="A parameter of the family, see `spisim scenes list FAMILY`; repeatable.",
         ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace older files.")] = False,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Draw a scene: writes its file, and its meshes into a folder beside it.
@@ -54,7 +54,7 @@ def command(
 
 
 def _parameters(settings: list[str]) -> dict[str, object]:
-    import yaml
+    from spisim.config import load_yaml
 
     found = {}
     for setting in settings:
@@ -62,7 +62,7 @@ def _parameters(settings: list[str]) -> dict[str, object]:
         if not sign:
             raise InputError(f"--set {setting}: should be NAME=VALUE")
         try:
-            found[name] = yaml.safe_load(value)
-        except yaml.YAMLError:
+            found[name] = load_yaml(value, "--set")
+        except InputError:
             raise InputError(f"--set {setting}: {value!r} is no number or word") from None
     return found

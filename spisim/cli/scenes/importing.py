@@ -12,7 +12,7 @@ import typer
 from reconstruction.errors import InputError
 
 from ..console import print_json, results, say, warn
-from ..options import Json, real_option
+from ..options import Json, Overwrite, real_option
 
 if TYPE_CHECKING:
     from spisim.scene.importing import Import
@@ -60,7 +60,7 @@ def command(
     look_at: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="What it looks at, metres, z up.")
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace older files.")] = False,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Make an editable scene file, and its meshes beside it, of a file of another program."""

@@ -10,7 +10,9 @@ import typer
 
 from ..console import print_json, results, say, warn
 from ..inputs import instrument_with, scene_with
-from ..options import InstrumentOption, Json, SceneArgument, real_option
+from ..options import InstrumentOption, Json, Overwrite, SceneArgument, real_option
+from ..outputs import files_read
+from ..outputs import output as named
 from ..tables import plain_table
 
 if TYPE_CHECKING:
@@ -29,18 +31,20 @@ def command(
     fov: Annotated[
         float, real_option("Of the drone's view in the picture.", least=5, most=150, metavar="DEG")
     ] = 50.0,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Draw a scene from the drone, above and the right, with fields and spots; tell the distances.
 
     A drawing in clear air, by ray casting: quick, and without light transport.
     """
-    from reconstruction.files import require_file
+    from reconstruction.files import require_outputs
     from spisim.report.scene_view import Look, survey, write_look
     from spisim.transport import RayCaster
 
     picture = output or Path(f"{Path(scene).stem}.png")
-    require_file(picture)
+    files = [named(picture, "scene view")]
+    require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument)
     place, oddities = scene_with(scene, carried.wavelength_nm, None, clear=False)
     caster = RayCaster.of(place)

@@ -11,10 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from reconstruction.errors import InputError
-from reconstruction.files import require_folder, write_atomically
+from reconstruction.files import is_marked, mark, require_folder, write_atomically
 
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet, StoredSample
+
+
+#: Of the files, as their marks tell it.
+KIND = "export"
 
 
 def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -> list[Path]:
@@ -36,9 +40,10 @@ def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -
         for start in range(0, len(samples), shard_size)
     ]
     paths = [folder / f"shard-{number:06d}.tar" for number in range(len(batches))]
-    others = set(folder.glob("shard-*.tar")) - set(paths)
+    there = sorted(folder.glob("shard-*.tar"))
+    others = [path for path in there if path not in paths or not is_marked(path, KIND)]
     if others:
-        raise InputError(f"{min(others)} belongs to another export; choose an empty folder")
+        raise InputError(f"{others[0]} belongs to another export; choose an empty folder")
     for path, places in zip(paths, batches, strict=True):
         members = itertools.chain.from_iterable(_members(samples[place]) for place in places)
         write_atomically(path, _tar(members))
@@ -67,7 +72,10 @@ def _content(path: Path) -> bytes:
 
 def _tar(members: Iterator[tuple[str, bytes]]) -> bytes:
     buffer = io.BytesIO()
-    with tarfile.open(fileobj=buffer, mode="w", format=tarfile.USTAR_FORMAT) as tar:
+    comment = {"comment": mark(KIND)}
+    with tarfile.open(
+        fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT, pax_headers=comment
+    ) as tar:
         for name, content in members:
             header = tarfile.TarInfo(name)  # its time is 0, its owner nobody
             header.size = len(content)

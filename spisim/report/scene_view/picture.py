@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from reconstruction.arrays import Floats
 from reconstruction.files import write_atomically
 from spisim.instrument import Instrument
-from spisim.report.style import file_of, plot_style
+from spisim.report.style import drawn, file_of, plot_style
 from spisim.scene import Scene
 from spisim.transport import RayCaster
 
@@ -60,7 +60,7 @@ def write_look(path: str | Path, look: Look, fov_deg: float = 50.0) -> None:
 
     Raises OSError where the file cannot be written.
     """
-    write_atomically(path, file_of(look_figure(look, fov_deg), dpi=100))
+    write_atomically(path, file_of(look_figure(look, fov_deg), "scene view", dpi=100))
 
 
 @plot_style()
@@ -88,7 +88,7 @@ def view_image(scene: Scene, caster: RayCaster, fov_deg: float, pixels: int = PI
 
 def _title(sheet: Figure, look: Look) -> None:
     found = look.survey
-    sheet.text(0.012, 0.952, found.name, fontsize=15, weight="bold", color=INK, va="bottom")
+    sheet.text(0.012, 0.952, drawn(found.name), fontsize=15, weight="bold", color=INK, va="bottom")
     size = " × ".join(f"{side:.3g}" for side in found.extents_m)
     facts = (
         f"{found.objects} objects, {found.triangles:,} triangles, {size} m; "
@@ -147,7 +147,7 @@ def _spot_list(sheet: Figure, spots: tuple[Spot, ...]) -> None:
             bbox={"boxstyle": "circle,pad=0.25", "fc": SPOT_COLOURS[k], "ec": "none"},
         )
         name = spot.object or "nothing"
-        text = f"{_metres(spot)}  {name if len(name) < 30 else name[:29] + '…'}"
+        text = f"{_metres(spot)}  {drawn(name if len(name) < 30 else name[:29] + '…')}"
         sheet.text(left + 0.018, top, text, fontsize=9.5, color=INK, va="center")
 
 

@@ -3,29 +3,39 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from reconstruction.files import write_atomically
+from reconstruction.files import Output, is_marked, write_atomically
 from spisim import __version__
 from spisim.report.page import write_page
 from spisim.report.pictures import data_address
 from spisim.study.metrics import Metric
+from spisim.study.plan import PlannedStudy
 from spisim.study.results import Condition, Results, Row
 from spisim.study.statistics import FEW_UNITS, Estimate
 
 from .labels import axis_label, condition_label, method_label, metric_label
 from .plots import Plot, study_plots
-from .profile_plot import profile_plot
+from .profile_plot import NAME, profile_plot
 
 #: Estimates by combination, by the name of their column.
 Columns = dict[str, dict[Condition, Estimate]]
 
+#: Of all files, as their marks tell it.
+KIND = "study"
 #: Failures that are listed.
 MAX_FAILURES = 20
+
+
+def study_outputs(folder: Path, planned: PlannedStudy) -> list[Output]:
+    """Files that a study may leave in its folder beside its data set, those of this layer."""
+    names = [NAME, *(Metric.of(name).kind for name in planned.study.metrics)]
+    plots = [folder / "plots" / f"{name}{suffix}" for name in names for suffix in (".png", ".svg")]
+    return [Output(path, KIND) for path in (folder / "report.html", *dict.fromkeys(plots))]
 
 
 def write_study(folder: Path, results: Results) -> tuple[Path, ...]:
     """Write the page and the plots of a study into its folder; return them, the page first.
 
-    Plots of an earlier run are removed. Raises OSError where a file cannot be written.
+    Other plots of an earlier run are removed. Raises OSError where a file cannot be written.
     """
     plots = study_plots(results)
     if results.planned.study.x == "scene":
@@ -37,7 +47,8 @@ def write_study(folder: Path, results: Results) -> tuple[Path, ...]:
     for path, content in pictures.items():
         write_atomically(path, content)
     for path in set((folder / "plots").iterdir()) - set(pictures):
-        path.unlink()
+        if path.is_file() and is_marked(path, KIND):
+            path.unlink()
     write_study_page(folder / "report.html", results, plots)
     return (folder / "report.html", *pictures)
 
@@ -63,6 +74,7 @@ def write_study_page(path: Path, results: Results, plots: Sequence[Plot]) -> Non
         columns.setdefault(head, {})[each.condition] = each.estimate
     write_page(
         path,
+        KIND,
         "study",
         title=plan.name,
         description=plan.description,

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from spisim.report.style import file_of, plot_style
+from spisim.report.style import drawn, file_of, plot_style
 from spisim.study.metrics import Metric, Quantity
 from spisim.study.results import Condition, Results, Summary
 from spisim.study.statistics import Estimate
@@ -63,7 +63,7 @@ def saved(name: str, quantity: Quantity | None, draw: Callable[[], Figure]) -> P
     """A figure in the style of all plots, as files."""
     with plot_style():
         figure = draw()
-        return Plot(name, quantity, file_of(figure, "png"), file_of(figure, "svg"))
+        return Plot(name, quantity, file_of(figure, "study"), file_of(figure, "study", "svg"))
 
 
 def group_look(number: int) -> Look:
@@ -124,10 +124,10 @@ def _over_numbers(results: Results, metrics: Sequence[str]) -> Figure:
         reference = results.summaries[beside[0], metrics[0]].estimate.mean
         if reference is not None:
             axes.axhline(reference, color="0.5", lw=1, ls=(0, (6, 4)), zorder=0)
-    axes.set_xticks(list(ticks), list(ticks.values()))
+    axes.set_xticks(list(ticks), list(map(drawn, ticks.values())))
     for label in axes.get_xticklabels()[len(values) :]:
         label.set(rotation=35, ha="right", rotation_mode="anchor")
-    axes.set_xlabel(axis_label(study.x))
+    axes.set_xlabel(drawn(axis_label(study.x)))
     axes.set_ylabel(Metric.of(metrics[0]).quantity.label)
     _scale(axes, results, metrics)
     _legend(figure, results, metrics, along)
@@ -148,12 +148,13 @@ def _over_names(results: Results, metrics: Sequence[str]) -> Figure:
         places = [rows[point.condition[0]] + offset for point in points]
         estimates = [point.estimate for point in points]
         draw_estimates(axes, {**look, "ls": "none"}, places, estimates, along="x")
-    axes.set_yticks(range(len(names)), [study.reference if n is None else brief(n) for n in names])
+    told = [study.reference if name is None else brief(name) for name in names]
+    axes.set_yticks(range(len(names)), list(map(drawn, told)))
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.grid(visible=False, axis="y")
     for row in range(1, len(names)):
         axes.axhline(row - 0.5, color="0.9", lw=0.8, zorder=0)
-    axes.set_ylabel(axis_label(study.x))
+    axes.set_ylabel(drawn(axis_label(study.x)))
     axes.set_xlabel(Metric.of(metrics[0]).quantity.label)
     _scale(axes, results, metrics, along="x")
     _legend(figure, results, metrics, results.conditions)
@@ -214,7 +215,7 @@ def _legend(
 def legend_above(figure: Figure, handles: Sequence[Any], labels: Collection[str]) -> None:
     """A legend in as many columns as there is room for."""
     columns = max(1, min(len(labels), LEGEND_CHARACTERS // (max(map(len, labels)) + 8)))
-    figure.legend(handles, list(labels), loc="outside upper left", ncols=columns)
+    figure.legend(handles, list(map(drawn, labels)), loc="outside upper left", ncols=columns)
 
 
 def plain_log(axis: Axis) -> None:

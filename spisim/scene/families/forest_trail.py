@@ -124,7 +124,8 @@ def _crossing_branch(
     side = (-1) ** i * (1 if parameters.bend_m < 0 else -1)
     heading = np.degrees(np.arctan2(draft.look_at_m[1], draft.look_at_m[0]))
     x, y = ahead + 0.2, aside(ahead, heading + side * 14.0)
-    start = (x, y, draft.position_m[2] + aside(ahead, rng.uniform(-4.0, 9.0)))
+    height = draft.position_m[2] + aside(ahead, rng.uniform(-4.0, 9.0))
+    start = (x, y, max(height, ground.on(x, y, -0.2)[2]))  # above the bank, where that is near
     towards = unit((rng.uniform(-0.1, 0.3), -side, rng.uniform(-0.35, 0.15)))
     length = aside(ahead, rng.uniform(14.0, 22.0))
     grown = grow(rng, start, towards, length, parameters.branch_mm / 2000, 2, 4)

@@ -23,28 +23,37 @@ from spisim.scene.shapes import check_mesh
 AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
 #: Nodes instanced within nodes.
 MAX_DEPTH = 64
+MAX_NODES = 200_000
 
 
 def read_collada(path: Path, folders: Folders) -> Content:
     """Parts of a COLLADA file. InputError for what is damaged or refers to what is not there."""
     import collada
-    from collada.common import DaeUnsupportedError
+    from collada.common import DaeBrokenRefError, DaeUnsupportedError
 
     data = read_bytes(path)
     parse_xml(data, path)  # for what it refuses: pycollada's own parser expands entities
     _refuse_nan(data)
     with readable(str(path), "a COLLADA file"):
-        document = collada.Collada(io.BytesIO(data), ignore=[DaeUnsupportedError])
+        try:
+            document = collada.Collada(io.BytesIO(data), ignore=[DaeUnsupportedError])
+        except DaeBrokenRefError as error:
+            raise InputError(f"{path}: refers to what is not there: {_told(error)}") from None
         if document.scene is None:
             raise InputError(f"{path}: has no scene")
         content = _empty(document.assetInfo)
-        for error in document.errors:
-            content.note(f"{path.name}: {error}")
+        for lack in document.errors:
+            content.note(f"{path.name}: {_told(lack)}")
         _note_textures(document, path, folders, content)
-        meshes: dict[int, list[tuple[trimesh.Trimesh, str | None]]] = {}
+        walk = _Walk(content)
         for node in document.scene.nodes:
-            _walk(node, np.eye(4), path.stem, content, meshes, 0)
+            walk.add(node, np.eye(4), path.stem, 0)
         return content
+
+
+def _told(error: Any) -> str:
+    """What pycollada says of a file, in one line."""
+    return " ".join(str(error.msg).split())[:200]
 
 
 def _refuse_nan(data: bytes) -> None:
@@ -70,32 +79,42 @@ def _empty(asset: Any) -> Content:
     return content
 
 
-def _walk(
-    node: Any,
-    parent: Floats,
-    name: str,
-    content: Content,
-    meshes: dict[int, list[tuple[trimesh.Trimesh, str | None]]],
-    depth: int,
-) -> None:
-    from collada.scene import ControllerNode, GeometryNode, Node
+class _Walk:
+    """Adds what nodes show to a content."""
 
-    if depth > MAX_DEPTH:
-        raise InputError(f"node {name!r}: nodes are nested more than {MAX_DEPTH} deep")
-    if isinstance(node, Node):
-        to_world = parent @ np.asarray(node.matrix, float)
-        for child in node.children:
-            _walk(child, to_world, node.name or node.id or name, content, meshes, depth + 1)
-    elif isinstance(node, GeometryNode):
+    def __init__(self, content: Content) -> None:
+        self._content = content
+        self._meshes: dict[int, list[tuple[trimesh.Trimesh, str | None]]] = {}
+        self._nodes = 0
+
+    def add(self, node: Any, parent: Floats, name: str, depth: int) -> None:
+        """A node and all below it; InputError for too many, which instances in turn soon make."""
+        from collada.scene import ControllerNode, GeometryNode, Node, NodeNode
+
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            raise InputError(f"more than {MAX_NODES:,} nodes (instances counted)")
+        if depth > MAX_DEPTH:
+            raise InputError(f"node {name!r}: nodes are nested more than {MAX_DEPTH} deep")
+        if isinstance(node, NodeNode):  # an instance
+            node = node.node
+        if isinstance(node, Node):
+            to_world = parent @ np.asarray(node.matrix, float)
+            for child in node.children:
+                self.add(child, to_world, node.name or node.id or name, depth + 1)
+        elif isinstance(node, GeometryNode):
+            self._add_geometry(node, parent, name)
+        elif isinstance(node, ControllerNode):
+            self._content.note(f"node {name!r}: skinned meshes are left out")
+
+    def _add_geometry(self, node: Any, to_world: Floats, name: str) -> None:
         geometry = node.geometry
-        if id(geometry) not in meshes:
-            meshes[id(geometry)] = _meshes(geometry, content)
+        if id(geometry) not in self._meshes:
+            self._meshes[id(geometry)] = _meshes(geometry, self._content)
         surfaces = {bound.symbol: _surface(bound.target) for bound in node.materials}
-        for mesh, symbol in meshes[id(geometry)]:
+        for mesh, symbol in self._meshes[id(geometry)]:
             surface = surfaces.get(symbol, Surface(symbol))
-            content.add(Part(name or geometry.name, mesh, parent, surface))
-    elif isinstance(node, ControllerNode):
-        content.note(f"node {name!r}: skinned meshes are left out")
+            self._content.add(Part(name or geometry.name, mesh, to_world, surface))
 
 
 def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str | None]]:

@@ -10,6 +10,7 @@ import trimesh
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
+from spisim.scene.assemble import MAX_COORDINATE_M
 from spisim.scene.importing import drone as drones
 from spisim.scene.importing.drone import DronePose
 from spisim.scene.importing.files import Folders
@@ -79,7 +80,8 @@ def import_scene(
     """
     options = options or Options()
     reader = _reader(file, readers)
-    check_free(output, options.overwrite)
+    inputs = [path for path in (file, options.materials) if path is not None]
+    check_free(output, options.overwrite, inputs)
     chosen = {} if options.materials is None else read_map(options.materials)
     folders = Folders.around(file, options.model_path)
     with _naming_once(file):
@@ -87,7 +89,8 @@ def import_scene(
     content = choose_up(choose_unit(content, options.units), options.up)
     if not content.parts:
         raise InputError(f"{file}: holds no triangles")
-    content = to_metres(content, options.scale)
+    with _naming_once(file):
+        content = to_metres(content, options.scale)
     if options.materials is not None:
         check_map(chosen, content.parts, options.materials)
     matches = [match(part, chosen) for part in content.parts]
@@ -148,9 +151,16 @@ def _placed(content: Content) -> list[trimesh.Trimesh]:
     meshes = {id(part.geometry): as_mesh(part.geometry) for part in content.parts}
     count = sum(len(meshes[id(part.geometry)].faces) for part in content.parts)
     check_triangles(count)
-    return [
+    placed = [
         meshes[id(part.geometry)].copy().apply_transform(part.to_world) for part in content.parts
     ]
+    for part, mesh in zip(content.parts, placed, strict=True):
+        if not (far := float(np.abs(mesh.bounds).max())) <= MAX_COORDINATE_M:
+            raise InputError(
+                f"object {part.name!r:.80} reaches {far:.3g} m from the origin; at most "
+                f"{MAX_COORDINATE_M:g} m: see --units and --scale"
+            )
+    return placed
 
 
 def _drone(placed: Sequence[trimesh.Trimesh], content: Content, options: Options) -> DronePose:

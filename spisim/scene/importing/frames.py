@@ -16,6 +16,7 @@ from spisim.scene.importing.xml import numbers
 from spisim.scene.pose import pose_matrix
 
 SEPARATOR = "::"
+MAX_DEPTH = 200
 
 
 def read_pose(element: Element | None, what: str) -> tuple[Floats, str]:
@@ -62,6 +63,10 @@ class Frames:
             return np.eye(4)
         if name in path:
             raise InputError(f"{self._what}: poses go in a circle: {' → '.join((*path, name))}")
+        if len(path) > MAX_DEPTH:
+            raise InputError(
+                f"{self._what}: poses are relative to one another more than {MAX_DEPTH} deep"
+            )
         if name in self._poses:
             matrix, relative_to = self._poses[name]
             return self.pose(relative_to, (*path, name)) @ matrix

@@ -37,6 +37,8 @@ TRIANGLES, STRIP = 4, 5
 RETURNED_MODES = (0, 1, TRIANGLES, STRIP)
 COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+#: What a header lists, each of it an object.
+LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "materials", "images")
 #: Extensions that change how surfaces look, not where they are.
 HARMLESS = (
     "KHR_materials_",
@@ -86,6 +88,10 @@ def _check(header: Any, path: Path, folders: Folders) -> dict[str, bytes]:
     """External buffers by their URI; InputError for a header that cannot be trusted."""
     if not isinstance(header, dict) or "asset" not in header:
         raise InputError("its JSON is no glTF: `asset` is missing")
+    for name in LISTS:
+        rows = header.get(name, [])
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise InputError(f"{name} should be a list of objects")
     for name in header.get("extensionsRequired", []):
         if not str(name).startswith(HARMLESS):
             raise InputError(f"needs the extension {name}, which is not supported; export without")
@@ -243,29 +249,36 @@ def _note_textures(header: dict[str, Any], path: Path, folders: Folders, content
 
 def _matrix(node: dict[str, Any], number: int) -> Floats:
     """Pose of a node in its parent: a matrix by columns, or translation, rotation, scale."""
-    matrix = np.reshape(np.asarray(node.get("matrix", np.eye(4)), float), (4, 4)).T
-    turn = np.eye(4)
+    pose = np.eye(4)
+    if "matrix" in node:
+        pose = np.reshape(np.asarray(node["matrix"], float), (4, 4)).T
+    if "translation" in node:
+        pose = pose @ translation(node["translation"])
     if "rotation" in node:
         quaternion = np.asarray(node["rotation"], float)
         if not np.linalg.norm(quaternion) > 0:
             raise InputError(f"node {number}: its rotation is zero")
+        turn = np.eye(4)
         turn[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
-    return np.asarray(
-        matrix
-        @ translation(node.get("translation", [0, 0, 0]))
-        @ turn
-        @ scaling(node.get("scale", [1, 1, 1]))
-    )
+        pose = pose @ turn
+    if "scale" in node:
+        pose = pose @ scaling(node["scale"])
+    return np.asarray(pose)
 
 
 def _at(rows: list[Any], index: Any, what: str) -> Any:
     if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(rows):
-        raise InputError(f"refers to {what} {index!r}; there are {len(rows)}")
+        raise InputError(f"refers to {what} {_shown(index)}; there are {len(rows)}")
     return rows[index]
 
 
 def _whole(row: dict[str, Any], name: str, default: int | None = None) -> int:
     value = row.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise InputError(f"{name} should be a whole number of at least 0; found {value!r}")
+        raise InputError(f"{name} should be a whole number of at least 0; found {_shown(value)}")
     return value
+
+
+def _shown(value: Any) -> str:
+    """A value as it stands in the file."""
+    return json.dumps(value)[:80]

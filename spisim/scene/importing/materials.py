@@ -11,7 +11,7 @@ import yaml
 from pydantic import RootModel, ValidationError
 
 from reconstruction.errors import InputError, nearest
-from spisim.config import read_text
+from spisim.config import load_yaml, read_text
 from spisim.scene.importing.model import Part, Surface
 from spisim.scene.materials import material_table
 
@@ -36,9 +36,10 @@ class _Map(RootModel[dict[str, str]]):
 
 def read_map(path: Path) -> dict[str, str]:
     """The user's {name in the source: material}; InputError unless every material is known."""
+    text = read_text(path)
     try:
-        rows = _Map.model_validate(yaml.safe_load(read_text(path))).root
-    except (yaml.YAMLError, RecursionError, ValidationError):
+        rows = _Map.model_validate(load_yaml(text, path)).root
+    except (InputError, ValidationError):
         raise InputError(
             f"{path}: expected lines of `name in the source: material of spisim`"
         ) from None

@@ -47,7 +47,7 @@ class Node:
     @property
     def what(self) -> str:
         """How messages call it."""
-        name = self.id or self.name
+        name = (self.id or self.name)[:80]
         return " ".join(filter(None, (self.type, self.kind, repr(name) if name else None)))
 
     @property

@@ -1,8 +1,9 @@
 """What the readers of foreign formats hand over: parts in a common world, and what was odd."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from json import JSONDecodeError
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -69,10 +70,9 @@ class Content:
     camera: Floats | None = None  # (4, 4), looks along its z
 
     def add(self, part: Part) -> None:
-        """Append a part; InputError for too many of them, or a pose that is none."""
+        """Append a part; InputError for too many of them."""
         if len(self.parts) >= MAX_PARTS:
             raise InputError(f"more than {MAX_PARTS:,} parts (instances counted)")
-        check_pose(part.to_world, f"object {part.name!r}")
         self.parts.append(part)
 
     def note(self, text: str) -> None:
@@ -100,14 +100,21 @@ def check_triangles(count: int) -> None:
         )
 
 
-def check_pose(matrix: Floats, what: str) -> None:
-    """InputError unless a (4, 4) matrix places things: finite, affine, and flattens nothing."""
-    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise InputError(f"{what}: its pose is not made of finite numbers")
-    if not np.allclose(matrix[3], [0, 0, 0, 1]):
-        raise InputError(f"{what}: its pose is no affine matrix; the last row is {matrix[3]}")
-    if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
-        raise InputError(f"{what}: its pose flattens it; a scale is zero")
+def check_poses(matrices: Floats, what: Sequence[str]) -> None:
+    """InputError unless (n, 4, 4) matrices place things: finite, affine, and flatten nothing.
+
+    `what` (n,) they place is told.
+    """
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    for place in np.flatnonzero(~finite).tolist():
+        raise InputError(f"{what[place]}: its pose is not made of finite numbers")
+    affine = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1) <= 1e-8
+    for place in np.flatnonzero(~affine).tolist():
+        last = ", ".join(f"{value:g}" for value in matrices[place, 3])
+        raise InputError(f"{what[place]}: its pose is no affine matrix; the last row is {last}")
+    stretches = np.linalg.svd(matrices[:, :3, :3], compute_uv=False)
+    for place in np.flatnonzero(stretches[:, 2] <= 1e-15 * stretches[:, 0]).tolist():
+        raise InputError(f"{what[place]}: its pose flattens it; a scale is zero")
 
 
 def translation(offset: ArrayLike) -> Floats:
@@ -126,8 +133,9 @@ def scaling(factors: ArrayLike) -> Floats:
 def readable(what: str, kind: str) -> Iterator[None]:
     """Turn whatever a parser runs into within into an InputError that names the file.
 
-    Numbers that are not finite raise no warnings within; they are looked for afterwards. What
-    trimesh logs of damaged files is not for users.
+    What the parser says is about itself, so it is not told. Numbers that are not finite raise no
+    warnings within; they are looked for afterwards. What trimesh logs of damaged files is not for
+    users.
     """
     logged = trimesh.util.log.disabled
     trimesh.util.log.disabled = True
@@ -137,9 +145,19 @@ def readable(what: str, kind: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        if isinstance(error, RecursionError):
-            reason = "nested too deeply"
-        raise InputError(f"{what}: cannot be read as {kind}: {reason[:200]}") from None
+        raise InputError(f"{what}: cannot be read as {kind}: {_reason(error)}") from None
     finally:
         trimesh.util.log.disabled = logged
+
+
+def _reason(error: Exception) -> str:
+    match error:
+        case RecursionError():
+            return "nested too deeply"
+        case MemoryError():
+            return "it needs more memory than there is"
+        case JSONDecodeError():
+            return f"no valid JSON in line {error.lineno}"
+        case UnicodeDecodeError():
+            return "it is not text in UTF-8"
+    return "it is damaged, or holds what is not supported"

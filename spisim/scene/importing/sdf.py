@@ -21,7 +21,7 @@ from spisim.scene.importing.sdf_visual import Visuals
 from spisim.scene.importing.xml import parse_xml
 
 MAX_INCLUDE_DEPTH = 16
-MAX_INCLUDES = 10_000
+MAX_INCLUDES = 5000
 #: Elements of worlds and models that show something and are not read, and what to call them.
 LEFT_OUT = {
     "light": "lights are left out: give daylight under `ambient` in the scene file",

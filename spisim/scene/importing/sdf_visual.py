@@ -16,7 +16,7 @@ from spisim.scene.importing.model import (
     Part,
     Shape,
     Surface,
-    check_pose,
+    check_poses,
     check_triangles,
     scaling,
 )
@@ -65,7 +65,7 @@ class Visuals:
             parts = _only(parts, submesh, what)
         factors = numbers(element.findtext("scale") or "1 1 1", 3, f"{what}: scale")
         grown = scaling(factors)
-        check_pose(grown, f"{what}: scale {factors}")
+        check_poses(grown[None], [f"{what}: scale {factors}"])
         return [
             Part(part.name, part.geometry, grown @ part.to_world, surface or part.surface)
             for part in parts

@@ -9,7 +9,7 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
-from spisim.scene.importing.model import Axis, Content, Part, Shape, scaling
+from spisim.scene.importing.model import Axis, Content, Part, Shape, check_poses, scaling
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
@@ -44,10 +44,11 @@ def choose_up(content: Content, axis: str | None) -> Content:
     raise InputError(f"--up: unknown axis {axis!r}: {nearest(axis, TO_Z_UP)}")
 
 
+@np.errstate(all="ignore")  # poses are checked to be finite in the end
 def to_metres(content: Content, scale: float) -> Content:
     """The content with its meshes and poses in metres, z up, and everything scaled once more.
 
-    Raises InputError unless the scale is a positive number.
+    Raises InputError unless the scale is a positive number, and for poses that place nothing.
     """
     if not 0 < scale < math.inf:
         raise InputError(f"--scale should be a positive number; found {scale}")
@@ -61,14 +62,14 @@ def to_metres(content: Content, scale: float) -> Content:
     for part in content.parts:
         if id(part.geometry) not in resized:
             resized[id(part.geometry)] = _resized(part.geometry, factor)
+    given = np.reshape([part.to_world for part in content.parts], (-1, 4, 4))
+    names = [f"object {part.name!r:.80}" for part in content.parts]
+    check_poses(given, names)
+    poses = turn @ grow @ given @ shrink
+    check_poses(poses, names)
     parts = [
-        Part(
-            part.name,
-            resized[id(part.geometry)],
-            turn @ grow @ part.to_world @ shrink,
-            part.surface,
-        )
-        for part in content.parts
+        Part(part.name, resized[id(part.geometry)], pose, part.surface)
+        for part, pose in zip(content.parts, poses, strict=True)
     ]
     camera = None if content.camera is None else turn @ grow @ content.camera @ shrink
     return replace(content, parts=parts, camera=camera)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -9,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
+from reconstruction.errors import InputError
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 
 #: Poses of the drone over a recording for which the box of drops has to hold the field.
 POSES = 9
+#: Drops of a recording: what fits into 4 GB.
+MAX_DROPS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +71,7 @@ def drop_field(
     """Draw the drops around an instrument for a recording: a Poisson number, uniform in place.
 
     The box holds the field of the instrument from one frame's middle to half a frame before and
-    after, whatever the drone does.
+    after, whatever the drone does. Raises InputError for more than `MAX_DROPS`.
     """
     start = np.linalg.inv(scene.drone_pose)
 
@@ -78,11 +82,18 @@ def drop_field(
     times = np.linspace(0, frames * instrument.frame_time_s, POSES)
     seen = np.concatenate([corners @ pose_at(time)[:3, :3].T for time in times])
     fastest = precipitation.fall_speed_m_s(np.array([precipitation.largest_mm]))[0]
-    speed = fastest + np.linalg.norm(np.subtract(precipitation.wind_m_s, scene.drone_velocity_m_s))
+    speed = fastest + math.dist(precipitation.wind_m_s, scene.drone_velocity_m_s)
     margin = speed * instrument.frame_time_s / 2
     box = np.array([seen.min(axis=0) - margin, seen.max(axis=0) + margin])
     size = box[1] - box[0]
-    count = int(rng.poisson(precipitation.number_per_m3 * size.prod()))
+    expected = precipitation.number_per_m3 * math.prod(size.tolist())
+    if not expected <= MAX_DROPS:
+        raise InputError(
+            f"scene {scene.name!r}: about {expected:.2g} drops would cross the field in a frame of "
+            f"{instrument.frame_time_s:.3g} s, at {speed:.3g} m/s; at most {MAX_DROPS:.0g}: "
+            "less wind, a slower drone, less precipitation or shorter frames"
+        )
+    count = int(rng.poisson(expected))
     diameters = precipitation.diameters_mm(count, rng)
     falling = np.zeros((count, 3))
     falling[:, 2] = -precipitation.fall_speed_m_s(diameters)

@@ -1,8 +1,8 @@
 """Find an LLVM library that Dr.Jit can work with, before Dr.Jit loads a wrong one.
 
-The Dr.Jit wheel loads whichever libLLVM the system offers. Versions 14 to 16 then abort the whole
-process on machines with AVX-512 ("Cannot select: fminimum"), so versions are told apart here
-without loading the library into this process.
+Dr.Jit loads a library when it is imported, whichever the system offers. Versions 14 to 16 then
+abort the whole process on machines with AVX-512 ("Cannot select: fminimum"), so versions are told
+apart here without loading the library into this process.
 """
 
 import ctypes
@@ -13,6 +13,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -77,16 +78,16 @@ def find_llvm() -> Path:
     )
 
 
-def use_working_llvm() -> Path:
-    """Make Dr.Jit use a working LLVM. Call this before Dr.Jit's LLVM backend starts.
+def prefer_working_llvm() -> None:
+    """Make Dr.Jit load a working LLVM when it is imported; one that the user names goes first.
 
-    Raises LLVMNotFound.
+    Where there is none nothing is done: a GPU may do, and who traces light says what is missing.
     """
-    path = find_llvm()
-    if path.parent == PRIVATE_FOLDER:
+    if not os.environ.get(VARIABLE):
+        with suppress(LLVMNotFound):
+            os.environ[VARIABLE] = str(find_llvm())
+    if Path(os.environ.get(VARIABLE, "")).parent == PRIVATE_FOLDER:
         _preload(PRIVATE_FOLDER)
-    os.environ[VARIABLE] = str(path)
-    return path
 
 
 def candidates() -> Iterator[Path]:

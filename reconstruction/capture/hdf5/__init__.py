@@ -1,0 +1,22 @@
+"""HDF5 files that say what they are: a format name, a unit with every dataset, a digest of all."""
+
+from .formats import Format
+from .opening import opened, surveyed
+from .reading import Contents, Dataset
+from .sizes import MAX_UNPACKED_BYTES, NUMBER_BYTES, check_sizes
+from .writing import content, put, put_attribute, put_format
+
+__all__ = [
+    "MAX_UNPACKED_BYTES",
+    "NUMBER_BYTES",
+    "Contents",
+    "Dataset",
+    "Format",
+    "check_sizes",
+    "content",
+    "opened",
+    "put",
+    "put_attribute",
+    "put_format",
+    "surveyed",
+]

@@ -1,0 +1,106 @@
+"""Strings of variable length, whose lengths are not believed.
+
+Such a string is stored as a length and a place. The library takes as much memory as the length
+says, up to 4 GiB, before it looks at what is there; so it is compared with the file first, where
+the format has it: https://support.hdfgroup.org/documentation/hdf5/latest/_f_m_t3.html, IV.A.
+"""
+
+import os
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+import h5py
+from h5py import h5d, h5o
+
+from ...errors import InputError
+
+CONTINUED, ATTRIBUTE = 0x10, 0x0C
+SHARED = 0x02
+MAX_BLOCKS = 256
+
+
+def check_dataset(name: str, dataset: h5py.Dataset) -> None:
+    """InputError unless the string of a dataset fits into its file."""
+    if dataset.id.get_create_plist().get_layout() != h5d.CONTIGUOUS:
+        raise InputError(f"{name} holds a string of variable length in chunks: store it contiguous")
+    place = dataset.id.get_offset()
+    if place is not None:  # else it was never written, and is empty
+        with Path(dataset.file.filename).open("rb") as file:
+            _check(name, _at(file, place, 4), _size(file))
+
+
+def check_attribute(item: h5py.File | h5py.Dataset, name: str) -> None:
+    """InputError unless the string of an attribute fits into its file."""
+    where = f"attribute {name!r} of {item.name}"
+    base = item.file.userblock_size
+    with Path(item.file.filename).open("rb") as file:
+        found = [
+            _value(body)
+            for kind, flags, body in _messages(file, base, h5o.get_info(item.id).addr)
+            if kind == ATTRIBUTE and not flags & SHARED and _name(body) == name.encode()
+        ]
+        if not found:
+            raise InputError(
+                f"{where} is stored in a way that is not read: make it of fixed length"
+            )
+        for value in found:
+            _check(where, value[:4], _size(file))
+
+
+def _check(where: str, length: bytes, file_bytes: int) -> None:
+    (told,) = struct.unpack("<I", length)
+    if told > file_bytes:
+        raise InputError(f"{where} tells of a string of {told} bytes in a file of {file_bytes}")
+
+
+def _messages(file: IO[bytes], base: int, address: int) -> Iterator[tuple[int, int, bytes]]:
+    """Type, flags and body of all that an object's header holds."""
+    head = _at(file, base + address, 12)
+    if head.startswith(b"OHDR"):
+        flags = head[5]
+        begin = 6 + (16 if flags & 0x20 else 0) + (4 if flags & 0x10 else 0)
+        width = 1 << (flags & 3)
+        size = int.from_bytes(_at(file, base + address + begin, width), "little")
+        layout, blocks = ("<BHB", 2 * (flags >> 2 & 1)), [(address + begin + width, size)]
+        frame = (4, 4)  # signature and checksum of a further block
+    else:
+        layout, blocks = ("<HHB", 3), [(address + 16, struct.unpack_from("<I", head, 8)[0])]
+        frame = (0, 0)
+    form, skipped = layout
+    for number, (begin, size) in enumerate(blocks):  # grows
+        if number >= MAX_BLOCKS:
+            raise InputError("has an object whose header has too many parts")
+        block, place = _at(file, base + begin, min(size, _size(file))), 0
+        while place + struct.calcsize(form) + skipped <= len(block):
+            kind, length, flags = struct.unpack_from(form, block, place)
+            place += struct.calcsize(form) + skipped
+            body = block[place : place + length]
+            place += length
+            if kind == CONTINUED and length >= 16:
+                further, extent = struct.unpack_from("<QQ", body)
+                blocks.append((further + frame[0], max(0, extent - sum(frame))))
+            yield kind, flags, body
+
+
+def _name(attribute: bytes) -> bytes:
+    version, size = attribute[0], struct.unpack_from("<H", attribute, 2)[0]
+    begin = 9 if version == 3 else 8
+    return attribute[begin : begin + size].partition(b"\0")[0]
+
+
+def _value(attribute: bytes) -> bytes:
+    version, *sizes = struct.unpack_from("<BxHHH", attribute)
+    if version == 1:  # the first version pads
+        sizes = [-(-size // 8) * 8 for size in sizes]
+    return attribute[(9 if version == 3 else 8) + sum(sizes) :]
+
+
+def _at(file: IO[bytes], place: int, size: int) -> bytes:
+    file.seek(place)
+    return file.read(size)
+
+
+def _size(file: IO[bytes]) -> int:
+    return os.fstat(file.fileno()).st_size

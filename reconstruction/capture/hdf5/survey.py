@@ -1,0 +1,80 @@
+"""A look through an HDF5 file before anything of it is read.
+
+Links, storage and data sets of HDF5 can lead out of the file: reading one would read another file
+of whoever reads. Whatever does is refused, wherever it stands, and nothing is followed that could.
+"""
+
+import h5py
+from h5py import h5d, h5g, h5l, h5o
+
+from ...errors import InputError
+
+MAX_OBJECTS = 10_000
+"""Groups and datasets of a file; links of a group."""
+MAX_DEPTH = 32
+"""Groups within groups."""
+MAX_NAME_BYTES = 1024
+
+_LINKS = {h5l.TYPE_SOFT: "a soft link", h5l.TYPE_EXTERNAL: "a link to another file"}
+
+
+def survey(file: h5py.File) -> dict[str, h5py.Dataset]:
+    """All datasets of a file by their paths, none of them read.
+
+    Raises InputError for links that are not hard, objects with two names (so for circles), objects
+    that are neither group nor dataset, data stored in other files, and beyond the limits.
+    """
+    root = h5g.open(file.id, b"/")
+    datasets: dict[str, h5py.Dataset] = {}
+    addresses = {h5o.get_info(root).addr}
+    groups = [("", root)]
+    while groups:
+        path, group = groups.pop()
+        for name, address in _members(path, group):
+            where = f"{path}{name.decode()}"
+            if address in addresses:
+                raise InputError(f"{where} is a second name of the same group or dataset")
+            addresses.add(address)
+            if len(addresses) > MAX_OBJECTS:
+                raise InputError(f"holds more than {MAX_OBJECTS} groups and datasets")
+            found = h5o.open(group, name)
+            if isinstance(found, h5d.DatasetID):
+                _check_storage(where, found)
+                datasets[where] = h5py.Dataset(found, readonly=True)  # remembers its shape
+            elif isinstance(found, h5g.GroupID):
+                if where.count("/") >= MAX_DEPTH:
+                    raise InputError(f"holds groups within more than {MAX_DEPTH} groups")
+                groups.append((f"{where}/", found))
+            else:
+                raise InputError(f"{where} is neither a group nor a dataset")
+    return datasets
+
+
+def _members(path: str, group: h5g.GroupID) -> list[tuple[bytes, int]]:
+    """Names and addresses of what a group holds."""
+    links: list[tuple[bytes, int, int]] = []
+
+    def keep(name: bytes, info: h5l.LinkInfo) -> bool | None:
+        links.append((bytes(name), info.type, info.u))
+        return len(links) > MAX_OBJECTS or None  # anything but None ends the iteration
+
+    group.links.iterate(keep, info=True)
+    if len(links) > MAX_OBJECTS:
+        raise InputError(f"holds more than {MAX_OBJECTS} groups and datasets")
+    for name, kind, _ in links:
+        if not 0 < len(name) <= MAX_NAME_BYTES or b"/" in name or name == b".":
+            raise InputError(f"{path} holds a name that is empty, too long or a path")
+        if kind != h5l.TYPE_HARD:
+            what = _LINKS.get(kind, "a link of an unknown kind")
+            raise InputError(
+                f"{path}{name.decode()} is {what}; a file must hold all that it tells of itself"
+            )
+    return [(name, address) for name, _, address in links]
+
+
+def _check_storage(where: str, dataset: h5d.DatasetID) -> None:
+    stored = dataset.get_create_plist()
+    if stored.get_layout() == h5d.VIRTUAL:
+        raise InputError(f"{where} is a virtual dataset; a file must hold its data itself")
+    if stored.get_layout() == h5d.CONTIGUOUS and stored.get_external_count():
+        raise InputError(f"{where} is stored in other files; a file must hold its data itself")

@@ -1,0 +1,83 @@
+"""Datasets with units, each under a checksum, in a file with a digest."""
+
+import io
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5d, h5p, h5s, h5t
+from numpy.typing import NDArray
+
+from .formats import Format, dotted
+from .sealing import HEAD_BYTES, head, seal
+
+COMPACT_BYTES = 2**13
+"""Datasets up to this size lie in their header, under its checksum."""
+CHUNK_BYTES = 2**16
+"""Larger ones lie in chunks of about this size, each under a checksum of its own."""
+
+
+def content(write: Callable[[h5py.File], None], kind: str) -> bytes:
+    """The bytes of a file of a kind that ``write`` fills; equal content gives equal bytes.
+
+    The format of HDF5 1.8 has checksums, without which the library may not return from a damaged
+    file.
+    """
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", libver=("v108", "v108"), userblock_size=HEAD_BYTES) as file:
+        write(file)
+    with buffer.getbuffer() as view:
+        view[HEAD_BYTES - len(head(kind)) : HEAD_BYTES] = head(kind)
+        seal(view)
+    return buffer.getvalue()
+
+
+def put(file: h5py.File, name: str, value: Any, units: str) -> None:
+    """Write a dataset: numbers, or a string."""
+    data = np.asarray(_fixed(value) if isinstance(value, str) else value)
+    if data.nbytes > COMPACT_BYTES:
+        data = np.atleast_1d(data)  # only arrays have chunks
+    space = h5s.create_simple(data.shape) if data.shape else h5s.create(h5s.SCALAR)
+    kind = h5t.py_create(data.dtype, logical=True)
+    folder, _, last = name.rpartition("/")
+    group = file.require_group(folder or "/")
+    dataset = h5d.create(group.id, last.encode(), kind, space, _layout(data))
+    dataset.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(data).reshape(data.shape))
+    put_attribute(h5py.Dataset(dataset), "units", units)
+
+
+def put_format(file: h5py.File, form: Format) -> None:
+    """Write which format this is."""
+    put_attribute(file, "format", form.name)
+    put_attribute(file, "version", dotted(form.version))
+
+
+def put_attribute(item: h5py.File | h5py.Dataset, name: str, text: str) -> None:
+    """Write text as an attribute."""
+    item.attrs[name] = _fixed(text)
+
+
+def _layout(data: NDArray[Any]) -> h5p.PropDCID:
+    """How a dataset is stored, so that a checksum covers it."""
+    layout = h5p.create(h5p.DATASET_CREATE)
+    layout.set_obj_track_times(False)  # which would tell when, and no two files were equal
+    if data.nbytes <= COMPACT_BYTES:
+        layout.set_layout(h5d.COMPACT)
+    else:
+        layout.set_chunk((_rows_of_a_chunk(data), *data.shape[1:]))
+        layout.set_fletcher32()
+    return layout
+
+
+def _rows_of_a_chunk(data: NDArray[Any]) -> int:
+    """Rows, of which one or more are read at a time, in chunks that are about equally full."""
+    rows = len(data)
+    most = max(1, CHUNK_BYTES * rows // data.nbytes)
+    return -(-rows // -(-rows // most))
+
+
+def _fixed(text: str) -> NDArray[np.bytes_]:
+    """A string of fixed length: others lie in a heap without a checksum."""
+    encoded = text.encode()
+    return np.array(encoded, dtype=h5py.string_dtype("utf-8", max(1, len(encoded))))

@@ -1,0 +1,69 @@
+"""Words of strangers, shown so that they can do nothing."""
+
+import codecs
+import json
+import re
+import sys
+import unicodedata
+from io import TextIOWrapper
+from typing import Any
+
+#: Control characters but tabs and line breaks, turns of the writing's direction, halves of others.
+_STEERING = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]"
+)
+
+#: How characters that this software writes are told where there is nothing but ASCII.
+_PLAIN = {
+    "×": "x",
+    "·": "*",
+    "–": "-",
+    "−": "-",
+    "⁻": "^-",
+    "√": "sqrt ",
+    "≤": "<=",
+    "≥": ">=",
+    "°": " deg",
+    "’": "'",
+    "µ": "u",
+    "α": "alpha",
+    "σ": "sigma",
+    "ρ": "rho",
+    "λ": "lambda",
+}
+
+
+def printable(text: str) -> str:
+    """Text in which whatever could steer a terminal, or turn its writing, is shown as an escape."""
+    return _STEERING.sub(_escape, text)
+
+
+def _escape(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
+
+
+def json_line(report: Any) -> str:
+    """One JSON object in ASCII, so that it passes every terminal. Raises ValueError for NaN."""
+    return json.dumps(report, allow_nan=False).replace("\x7f", r"\u007f")
+
+
+def write_anything() -> None:
+    """Let stdout and stderr of this process take all text, whatever their encoding has."""
+    codecs.register_error("told plainly", _told_plainly)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="told plainly")
+
+
+def _told_plainly(error: UnicodeError) -> tuple[str, int]:
+    """An error handler of codecs: what an encoding lacks, in ASCII."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    return "".join(map(_ascii, lacking)), error.end
+
+
+def _ascii(character: str) -> str:
+    plain = _PLAIN.get(character) or unicodedata.normalize("NFKD", character)
+    return plain if plain.isascii() else character.encode("ascii", "backslashreplace").decode()
