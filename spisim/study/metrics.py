@@ -55,6 +55,20 @@ QUANTITIES: Mapping[str, Quantity] = {
         "low",
         "absolute difference of measured and true range, mean over the spots that have a range",
     ),
+    "range_rmse_m": Quantity(
+        "spots",
+        "rmse_m",
+        "RMS range error, m",
+        "low",
+        "RMS difference of measured and true range over the spots that have a range",
+    ),
+    "range_within_sigma": Quantity(
+        "spots",
+        "within_sigma",
+        "ranges within their sigma, share",
+        "high",
+        "share of the spots with a range whose error is within the stated sigma; 0.68 is honest",
+    ),
     "range_sigma_m": Quantity(
         "spots",
         "sigma_m",
@@ -170,6 +184,12 @@ def _spot_figures(spots: Sequence[Mapping[str, Any]]) -> dict[str, float | None]
     return {
         "bias_m": _mean(errors),
         "error_m": _mean(map(abs, errors)),
+        "rmse_m": float(np.sqrt(np.mean(np.square(errors)))) if errors else None,
+        "within_sigma": _mean(
+            float(abs(spot["error_m"]) <= spot["sigma_m"])
+            for spot in valid
+            if spot["error_m"] is not None
+        ),
         "sigma_m": float(np.sqrt(np.mean(np.square(sigmas)))) if sigmas else None,
         "valid": float(len(valid)),
     }

@@ -6,7 +6,7 @@ from ...arrays import Floats
 from ...capture.spots import SpotOptics
 from ...errors import InputError
 
-APERTURE_POINTS = 128
+APERTURE_POINTS = 512
 NEEDED = ("detector_axes", "half_fields_rad", "falloffs", "aperture_radii_m",
           "beam_divergence_rad", "beam_waist_m")  # fmt: skip
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
@@ -29,7 +29,7 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
     light that a diffuser sends back with unit radiance per incident power is collected so.
     Raises InputError for a detector that sees nothing of its beam.
     """
-    weights, paths = [], []
+    weights = []
     for number in range(4):
         direction = optics.directions[number]
         axis = optics.detector_axes[number]
@@ -51,8 +51,14 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
                 f"{range_m[-1]:.3g} m: its position, axis or field in spots/ cannot be right"
             )
         weights.append(np.pi * optics.aperture_radii_m[number] ** 2 * total)
-        paths.append(range_m + np.linalg.norm(range_m[:, None] * direction - position, axis=1))
-    return np.array(weights), np.array(paths)
+    return np.array(weights), path_lengths(optics, range_m)
+
+
+def path_lengths(optics: SpotOptics, range_m: Floats) -> Floats:
+    """Lengths (4, R) of the paths over points at ranges (R,) along the lasers to the detectors."""
+    points = range_m[:, None] * optics.directions[:, None]
+    back = np.linalg.norm(points - optics.detector_positions_m[:, None], axis=-1)
+    return np.asarray(range_m + back)
 
 
 def _pencils(optics: SpotOptics, direction: Floats, range_m: Floats) -> list[tuple[Floats, float]]:

@@ -7,12 +7,14 @@ import numpy as np
 
 from ...arrays import Floats
 from ...capture.spots import SpotOptics
-from .overlap import overlap
+from .overlap import overlap, path_lengths
 
 STEP_M = 0.01
 """Between ranges in the tables."""
 INTEGRATION_STEPS = 4
 """Steps of the fog's integral within one of the table."""
+OVERLAP_STEP_M = 0.02
+"""Between ranges for which the overlap of beams and fields is computed."""
 PATCH_STEP = 25
 """Steps of the table between ranges at which the echo of uneven fog is known."""
 EXTINCTIONS_PER_M = np.array([0.002, 0.01, 0.025, 0.045, 0.07, 0.1, 0.15, 0.22, 0.32])
@@ -44,7 +46,9 @@ def make_templates(
 ) -> Templates:
     """Tables up to a range; ``response`` gives readings (n, ...) of all light by its path (...)."""
     fine_m = np.arange(STEP_M / INTEGRATION_STEPS, longest_m, STEP_M / INTEGRATION_STEPS)
-    weight, path_m = overlap(optics, fine_m)
+    coarse_m = np.arange(0.0, longest_m + OVERLAP_STEP_M, OVERLAP_STEP_M) + STEP_M
+    weight = np.array([np.interp(fine_m, coarse_m, w) for w in overlap(optics, coarse_m)[0]])
+    path_m = path_lengths(optics, fine_m)
     told = np.stack([response(path) for path in path_m])  # (4, n, fine)
     keep = slice(INTEGRATION_STEPS - 1, None, INTEGRATION_STEPS)
     target, fog, uneven = [], [], []
