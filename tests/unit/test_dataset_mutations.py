@@ -71,7 +71,8 @@ def brief(error: InputError) -> None:
 
 
 @seeds
-def test_plans(tmp_path: Path, seeds: range) -> None:
+def test_plans(tmp_path: Path, seeds: range, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SPISIM_CACHE", str(tmp_path / "cache"))
     base = yaml.safe_load(FULL_PLAN)
 
     def attack(seed: int) -> None:
