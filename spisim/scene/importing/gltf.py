@@ -20,7 +20,6 @@ from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import MAX_FILE_BYTES, Folders, read_bytes
 from spisim.scene.importing.model import (
-    MAX_TRIANGLES,
     Content,
     Part,
     Surface,
@@ -28,7 +27,7 @@ from spisim.scene.importing.model import (
     scaling,
     translation,
 )
-from spisim.scene.shapes import check_mesh
+from spisim.scene.shapes import MAX_TRIANGLES, check_mesh
 
 MAGIC = b"glTF"
 JSON_CHUNK = 0x4E4F534A

@@ -16,7 +16,8 @@ from spisim.scene.importing import shapes
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.meshes import read_obj, read_ply
 from spisim.scene.importing.mitsuba_file import Node, Parse, read_elements
-from spisim.scene.importing.model import Content, Part, Shape, Surface, check_triangles, translation
+from spisim.scene.importing.model import Content, Part, Shape, Surface, translation
+from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
 #: What Mitsuba calls metals, as words.

@@ -17,11 +17,11 @@ from spisim.scene.importing.model import (
     Shape,
     Surface,
     check_poses,
-    check_triangles,
     scaling,
 )
 from spisim.scene.importing.units import to_metres
 from spisim.scene.importing.xml import numbers
+from spisim.scene.shapes import check_triangles
 
 #: Geometries that Gazebo knows and that are not read.
 LEFT_OUT = ("heightmap", "polyline", "image", "empty")
