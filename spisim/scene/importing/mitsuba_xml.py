@@ -76,7 +76,7 @@ class _Shapes:
         else:
             hint = "export the mesh as PLY" if kind == "serialized" else ""
             known = hint or nearest(kind, (*MESHES, *SIMPLE))
-            raise InputError(f"{node.what}: shape {kind!r} is not supported: {known}")
+            raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {known}")
         for part in parts:
             geometry = part.geometry
             if node.value("flip_normals", False):
