@@ -92,8 +92,8 @@ class _Reader:
         version = root.get("version", "")
         if not re.match(r"[23]\.", version):
             raise InputError(
-                f"{path}: version {shown(version)}: Mitsuba scene format 2 or 3 is expected; Mitsuba 3 "
-                "itself upgrades older files"
+                f"{path}: version {shown(version)}: Mitsuba scene format 2 or 3 is expected; "
+                "Mitsuba 3 itself upgrades older files"
             )
         for element in root:
             self._fill(element, path)
