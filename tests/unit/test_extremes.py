@@ -69,6 +69,14 @@ def test_a_mesh_beyond_all_bounds(tmp_path: Path) -> None:
     refused(lambda: taken(tmp_path / "a.obj"), "reaches 1e[+]308 from its origin")
 
 
+def test_more_copies_than_memory_holds() -> None:
+    """A ball has 5120 triangles."""
+    copies = "[" + "{}, " * 4000 + "]"
+    ball = f"{{name: b, shape: sphere, radius_m: 0.1, material: concrete, instances: {copies}}}"
+    text = f"name: s\ndrone: {{position_m: [0, 0, 0], look_at_m: [1, 0, 0]}}\nobjects: [{ball}]"
+    refused(lambda: make_scene(text, Path(), "text"), "20,480,000 triangles, instances counted")
+
+
 def test_a_pose_beyond_all_bounds(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     refused(lambda: taken(tmp_path / "a.obj", scale=1e9), "reaches 1e[+]09 m .*--units and --scale")

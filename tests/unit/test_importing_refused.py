@@ -238,7 +238,7 @@ def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
 
 @pytest.mark.parametrize("name", ["a.sdf", "a.xml"])
 def test_mesh_files_count_together(tmp_path: Path, name: str, monkeypatch) -> None:
-    monkeypatch.setattr("spisim.scene.importing.model.MAX_TRIANGLES", 10)
+    monkeypatch.setattr("spisim.scene.shapes.MAX_TRIANGLES", 10)
     shapes, visuals = "", ""
     for i in range(3):
         tetrahedron().export(tmp_path / f"{i}.ply")
