@@ -46,7 +46,7 @@ SDF = """<sdf version="1.9"><world name="w">
 </visual>
 <visual name="c"><geometry><mesh><uri>a.obj</uri><submesh><name>X_red brick</name>
 <center>true</center></submesh><scale>1 2 -1</scale></mesh></geometry></visual>
-<visual name="d"><geometry><mesh><uri>model://chair/chair.dae</uri></mesh></geometry></visual>
+<visual name="d"><geometry><mesh><uri>model://chair/chair.ply</uri></mesh></geometry></visual>
 <visual name="e"><geometry><plane><normal>0 1 0</normal><size>9 9</size></plane></geometry></visual>
 <visual name="i"><transparency>1</transparency><geometry><heightmap/></geometry></visual>
 <visual name="j"><geometry><cone><radius>1</radius><length>2</length></cone></geometry></visual>
@@ -143,11 +143,12 @@ def lay_out(folder: Path) -> None:
     texts = {
         "a.obj": OBJ, "a.mtl": MTL, "b.sdf": CHAIR, "b.xml": INCLUDED, "a.dae": COLLADA,
         "loop.sdf": LOOP_SDF, "loop.xml": LOOP_XML, "chair/chair.sdf": CHAIR,
-        "chair/chair.dae": COLLADA, "chair/model.config": config, "a.sdf": SDF, "a.xml": MITSUBA,
+        "chair/model.config": config, "a.sdf": SDF, "a.xml": MITSUBA,
     }  # fmt: skip
     for name, text in texts.items():
         (folder / name).write_text(text)
     (folder / "a.bin").write_bytes(BINARY)
     (folder / "a.glb").write_bytes(glb(GLTF, BINARY))
-    (folder / "a.ply").write_bytes(tetrahedron().export(file_type="ply"))
+    for name in ("a.ply", "chair/chair.ply"):
+        (folder / name).write_bytes(tetrahedron().export(file_type="ply"))
     (folder / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n")

@@ -32,7 +32,7 @@ from spisim.scene.materials import Material, find_material, make_material
 from spisim.scene.model import Ambient, Scene, SceneObject, Vector3, Volume
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
-from spisim.scene.shapes import make_mesh, texture_coordinates
+from spisim.scene.shapes import check_triangles, make_mesh, texture_coordinates
 from spisim.scene.soundness import warn_of_odd_sizes, warn_of_unsound_meshes
 from spisim.scene.volumes import warn_of_overlap
 from spisim.scene.warning import SceneWarning
@@ -91,10 +91,14 @@ def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_
         for name in described.material_swaps.values():
             find_material(name, materials, wavelength_nm)
     objects: list[SceneObject] = []
+    triangles = 0
     for i, row in enumerate(described.objects):
         with _problems_at(source, f"objects[{i}] ({row.name})"):
             name = described.material_swaps.get(row.material, row.material)
-            objects += _place(row, find_material(name, materials, wavelength_nm), folder, meshes)
+            placed = _place(row, find_material(name, materials, wavelength_nm), folder, meshes)
+            triangles += sum(len(thing.mesh.faces) for thing in placed)
+            check_triangles(triangles)
+            objects += placed
     volumes: list[Volume] = []
     for i, box in enumerate(described.volumes):
         with _problems_at(source, f"volumes[{i}] ({box.name})"):
@@ -192,6 +196,7 @@ def _place(
         )
     mesh.apply_scale(described.scale)
     mesh.apply_transform(pose_matrix(described.rotate_deg, described.translate_m))
+    check_triangles(len(mesh.faces) * len(described.instances or [mesh]))
     instances = {described.name: mesh}
     if described.instances is not None:
         instances = {

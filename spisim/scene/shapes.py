@@ -20,6 +20,8 @@ from spisim.scene.description import (
 SPHERE_SUBDIVISIONS = 4  # 5120 triangles, radius true to 0.1 %
 CYLINDER_SECTIONS = 96  # radius true to 0.05 %
 
+#: More is refused: every instance is a mesh of its own in memory.
+MAX_TRIANGLES = 20_000_000
 #: Of vertices in the unit of a file: beyond, areas and volumes overflow.
 MAX_COORDINATE = 1e30
 
@@ -102,6 +104,14 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
         )
     if not mesh.area > 0:
         raise InputError(f"mesh {name!r} has no area: all its triangles are degenerate")
+
+
+def check_triangles(count: int) -> None:
+    """InputError for more triangles than are read."""
+    if count > MAX_TRIANGLES:
+        raise InputError(
+            f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not read"
+        )
 
 
 def _rectangle(width_m: float, height_m: float) -> trimesh.Trimesh:

@@ -52,7 +52,7 @@ def test_one_of_several_variables(tmp_path):
 @pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.mat", "a.csv"])
 def test_broken_files_are_named(tmp_path, name):
     (tmp_path / name).write_bytes(b"\x93NUMPY rubbish")
-    with pytest.raises(InputError, match=rf"{name}: not a readable"):
+    with pytest.raises(InputError, match=rf"{name}: (not a readable|should hold numbers)"):
         load_array(tmp_path / name)
 
 

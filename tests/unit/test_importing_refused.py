@@ -238,7 +238,7 @@ def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
 
 @pytest.mark.parametrize("name", ["a.sdf", "a.xml"])
 def test_mesh_files_count_together(tmp_path: Path, name: str, monkeypatch) -> None:
-    monkeypatch.setattr("spisim.scene.importing.model.MAX_TRIANGLES", 10)
+    monkeypatch.setattr("spisim.scene.shapes.MAX_TRIANGLES", 10)
     shapes, visuals = "", ""
     for i in range(3):
         tetrahedron().export(tmp_path / f"{i}.ply")
@@ -352,7 +352,7 @@ def test_failure_while_putting_in_place_restores(tmp_path: Path, monkeypatch) ->
 @pytest.mark.parametrize("name", ["scene.txt", "scene"])
 def test_output_needs_the_suffix_of_a_scene(tmp_path: Path, name: str) -> None:
     tetrahedron().export(tmp_path / "a.ply")
-    with pytest.raises(InputError, match=r"should end in \.yaml"):
+    with pytest.raises(InputError, match=r"scene.*: allowed: \.yaml, \.yml"):
         import_scene(tmp_path / "a.ply", tmp_path / name, Options())
 
 

@@ -15,7 +15,7 @@ import trimesh
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.importing.files import Folders, read_bytes
+from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.model import Axis, Content, Part, Surface, readable
 from spisim.scene.importing.xml import parse_xml
 from spisim.scene.shapes import check_mesh
@@ -95,7 +95,7 @@ class _Walk:
         if self._nodes > MAX_NODES:
             raise InputError(f"more than {MAX_NODES:,} nodes (instances counted)")
         if depth > MAX_DEPTH:
-            raise InputError(f"node {name!r}: nodes are nested more than {MAX_DEPTH} deep")
+            raise InputError(f"node {shown(name)}: nodes are nested more than {MAX_DEPTH} deep")
         if isinstance(node, NodeNode):  # an instance
             node = node.node
         if isinstance(node, Node):
@@ -105,7 +105,7 @@ class _Walk:
         elif isinstance(node, GeometryNode):
             self._add_geometry(node, parent, name)
         elif isinstance(node, ControllerNode):
-            self._content.note(f"node {name!r}: skinned meshes are left out")
+            self._content.note(f"node {shown(name)}: skinned meshes are left out")
 
     def _add_geometry(self, node: Any, to_world: Floats, name: str) -> None:
         geometry = node.geometry
@@ -127,7 +127,7 @@ def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str 
     for primitive in geometry.primitives:
         triangles = primitive.triangleset() if isinstance(primitive, Polylist) else primitive
         if not isinstance(triangles, TriangleSet) or triangles.vertex is None:
-            content.note(f"geometry {name!r}: lines are left out")
+            content.note(f"geometry {shown(name)}: lines are left out")
             continue
         mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
         check_mesh(mesh, name)

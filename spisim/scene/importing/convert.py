@@ -16,12 +16,13 @@ from spisim.scene.importing.drone import DronePose
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.materials import Match, check_map, match, read_map
 from spisim.scene.importing.meshes import READERS
-from spisim.scene.importing.model import Content, Reader, check_triangles
+from spisim.scene.importing.model import Content, Reader
 from spisim.scene.importing.sdf import read_sdf
 from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
 from spisim.scene.importing.write import scene_fields
 from spisim.scene.model import Vector3
+from spisim.scene.shapes import check_triangles
 from spisim.scene.write import Written, check_free, write_scene
 
 #: By suffix. Mitsuba's scenes need Mitsuba: their reader stands in `spisim.transport`.

@@ -45,16 +45,16 @@ class Folders:
             inside = [path for path in resolved if self._holds(path)]
             found = [path for path in inside if path.exists()]
         except (OSError, RuntimeError, ValueError):  # loops of links, names that cannot be
-            raise InputError(f"{referrer}: {_shown(reference)} is no usable path") from None
+            raise InputError(f"{referrer}: {shown(reference)} is no usable path") from None
         if found:
             return found[0]
         if not inside:
             raise InputError(
-                f"{referrer}: {_shown(reference)} lies outside the folders that may be read "
+                f"{referrer}: {shown(reference)} lies outside the folders that may be read "
                 f"({self._list()}); copy it there or name its folder with --model-path"
             )
         searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
-        raise InputError(f"{referrer}: no file {_shown(reference)}; searched {searched}")
+        raise InputError(f"{referrer}: no file {shown(reference)}; searched {searched}")
 
     def _candidates(self, reference: str, beside: Path, referrer: str) -> list[Path]:
         if not reference:
@@ -70,11 +70,11 @@ class Folders:
             return [beside / rest]
         if scheme in ("http", "https", "ftp", "fuel"):
             raise InputError(
-                f"{referrer}: {_shown(reference)} is on the network, which is never read; "
+                f"{referrer}: {shown(reference)} is on the network, which is never read; "
                 "download it and refer to the file"
             )
         known = nearest(scheme, ("model", "file"))
-        raise InputError(f"{referrer}: {_shown(reference)} has an unknown scheme: {known}")
+        raise InputError(f"{referrer}: {shown(reference)} has an unknown scheme: {known}")
 
     def _holds(self, path: Path) -> bool:
         return any(path.is_relative_to(root) for root in self.roots)
@@ -106,5 +106,6 @@ def _split(reference: str) -> tuple[str, str]:
     return parts.scheme.lower(), unquote(parts.netloc + parts.path)
 
 
-def _shown(reference: str) -> str:
+def shown(reference: str) -> str:
+    """A reference or name in quotes, as messages tell it: cut off where it is long."""
     return repr(reference if len(reference) <= MAX_SHOWN else f"{reference[:MAX_SHOWN]}…")

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
+from spisim.scene.importing.files import shown
 from spisim.scene.importing.xml import numbers
 from spisim.scene.pose import pose_matrix
 
@@ -52,7 +53,7 @@ class Frames:
         if not name:
             raise InputError(f"{self._what}: something in it has no name")
         if name in self._poses or name == self._root:
-            raise InputError(f"{self._what}: two things in it are named {name!r}")
+            raise InputError(f"{self._what}: two things in it are named {shown(name)}")
         self._poses[name] = (pose, relative_to)
         if inner is not None:
             self._inner[name] = inner
@@ -62,7 +63,7 @@ class Frames:
         if name in ("", self._root):
             return np.eye(4)
         if name in path:
-            raise InputError(f"{self._what}: poses go in a circle: {' → '.join((*path, name))}")
+            raise InputError(f"{self._what}: poses go in a circle: {_chain(*path, name)}")
         if len(path) > MAX_DEPTH:
             raise InputError(
                 f"{self._what}: poses are relative to one another more than {MAX_DEPTH} deep"
@@ -74,4 +75,8 @@ class Frames:
         if separator and outer in self._inner:
             return self.pose(outer, (*path, name)) @ self._inner[outer].pose(rest)
         known = nearest(name, (self._root, *self._poses))
-        raise InputError(f"{self._what}: no frame {name!r}: {known}")
+        raise InputError(f"{self._what}: no frame {shown(name)}: {known}")
+
+
+def _chain(*names: str) -> str:
+    return " → ".join(name[:80] for name in names[:20])

@@ -18,9 +18,8 @@ from trimesh.exchange.gltf import load_glb, load_gltf
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.importing.files import MAX_FILE_BYTES, Folders, read_bytes
+from spisim.scene.importing.files import MAX_FILE_BYTES, Folders, read_bytes, shown
 from spisim.scene.importing.model import (
-    MAX_TRIANGLES,
     Content,
     Part,
     Surface,
@@ -28,7 +27,7 @@ from spisim.scene.importing.model import (
     scaling,
     translation,
 )
-from spisim.scene.shapes import check_mesh
+from spisim.scene.shapes import MAX_TRIANGLES, check_mesh
 
 MAGIC = b"glTF"
 JSON_CHUNK = 0x4E4F534A
@@ -202,7 +201,7 @@ def _meshes(
             mode = primitive.get("mode", TRIANGLES)
             found = next(arrays) if mode in RETURNED_MODES else None
             if found is None or mode not in (TRIANGLES, STRIP):
-                content.note(f"mesh {name!r}: points, lines and fans are left out")
+                content.note(f"mesh {shown(name)}: points, lines and fans are left out")
                 continue
             mesh = trimesh.Trimesh(found["vertices"], found["faces"], process=False)
             check_mesh(mesh, name)

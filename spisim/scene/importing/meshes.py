@@ -13,9 +13,9 @@ from reconstruction.errors import InputError
 from spisim.scene.importing.collada import read_collada
 from spisim.scene.importing.files import Folders, read_bytes
 from spisim.scene.importing.gltf import read_glb, read_gltf
-from spisim.scene.importing.model import MAX_TRIANGLES, Content, Part, Reader, Surface, readable
+from spisim.scene.importing.model import Content, Part, Reader, Surface, readable
 from spisim.scene.importing.shapes import as_mesh
-from spisim.scene.shapes import check_mesh
+from spisim.scene.shapes import MAX_TRIANGLES, check_mesh
 
 #: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
 CUT_SHORT = "string or file could not be read to its end"

@@ -19,7 +19,7 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
-from spisim.scene.importing.files import Folders, read_bytes
+from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.xml import numbers, parse_xml
 
 MAX_INCLUDE_DEPTH = 15  # as Mitsuba's own
@@ -92,8 +92,8 @@ class _Reader:
         version = root.get("version", "")
         if not re.match(r"[23]\.", version):
             raise InputError(
-                f"{path}: version {version!r}: Mitsuba scene format 2 or 3 is expected; Mitsuba 3 "
-                "itself upgrades older files"
+                f"{path}: version {shown(version)}: Mitsuba scene format 2 or 3 is expected; "
+                "Mitsuba 3 itself upgrades older files"
             )
         for element in root:
             self._fill(element, path)
@@ -106,7 +106,7 @@ class _Reader:
                 self._take(element, path)
 
     def _include(self, name: str, path: Path, chain: tuple[Path, ...]) -> None:
-        what = f"{path}: include {name!r}"
+        what = f"{path}: include {shown(name)}"
         self._includes += 1
         found = self._folders.find(name, path.parent, what)
         if found in chain:

@@ -16,7 +16,8 @@ from spisim.scene.importing import shapes
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.meshes import read_obj, read_ply
 from spisim.scene.importing.mitsuba_file import Node, Parse, read_elements
-from spisim.scene.importing.model import Content, Part, Shape, Surface, check_triangles, translation
+from spisim.scene.importing.model import Content, Part, Shape, Surface, translation
+from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
 #: What Mitsuba calls metals, as words.
@@ -75,7 +76,7 @@ class _Shapes:
         else:
             hint = "export the mesh as PLY" if kind == "serialized" else ""
             known = hint or nearest(kind, (*MESHES, *SIMPLE))
-            raise InputError(f"{node.what}: shape {kind!r} is not supported: {known}")
+            raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {known}")
         for part in parts:
             geometry = part.geometry
             if node.value("flip_normals", False):

@@ -19,8 +19,7 @@ from spisim.scene.importing.files import Folders
 Axis = Literal["x", "y", "z"]
 Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
 
-#: More is refused: every instance is a mesh of its own in memory.
-MAX_TRIANGLES = 20_000_000
+#: Instances counted.
 MAX_PARTS = 100_000
 
 
@@ -90,14 +89,6 @@ class Content:
 
 #: Parts of a file, which may refer to others in the folders.
 Reader: TypeAlias = Callable[[Path, Folders], Content]
-
-
-def check_triangles(count: int) -> None:
-    """InputError for more triangles than are read."""
-    if count > MAX_TRIANGLES:
-        raise InputError(
-            f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not read"
-        )
 
 
 def check_poses(matrices: Floats, what: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.importing.files import Folders, read_bytes
+from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.frames import Frames, read_pose
 from spisim.scene.importing.model import Content, Part
 from spisim.scene.importing.sdf_visual import Visuals
@@ -44,7 +44,7 @@ def read_sdf(path: Path, folders: Folders) -> Content:
     if len(worlds) > 1:
         content.note(f"{path.name}: only the first of {len(worlds)} worlds is read")
     top = worlds[0] if worlds else root
-    what = f"world {top.get('name', '')!r}" if worlds else path.name
+    what = f"world {shown(top.get('name', ''))}" if worlds else path.name
     scope = _Scope(path, (path.resolve(),), what)
     for model, pose in reader.models(top, Frames("world", what), scope):
         model.show(pose, content)
@@ -62,7 +62,7 @@ class _Scope:
     what: str
 
     def within(self, kind: str, name: str) -> _Scope:
-        return _Scope(self.path, self.chain, f"{self.what}: {kind} {name!r}")
+        return _Scope(self.path, self.chain, f"{self.what}: {kind} {shown(name)}")
 
 
 @dataclass
@@ -163,7 +163,7 @@ class _Reader:
     def _include(self, element: Element, scope: _Scope) -> tuple[_Model, Floats, str, str]:
         """The model that an `<include>` names, its pose, what that is relative to, its frame."""
         uri = (element.findtext("uri") or "").strip()
-        what = f"{scope.what}: include {uri!r}"
+        what = f"{scope.what}: include {shown(uri)}"
         self._includes += 1
         if self._includes > MAX_INCLUDES:
             raise InputError(f"{what}: more than {MAX_INCLUDES:,} includes")

@@ -17,11 +17,11 @@ from spisim.scene.importing.model import (
     Shape,
     Surface,
     check_poses,
-    check_triangles,
     scaling,
 )
 from spisim.scene.importing.units import to_metres
 from spisim.scene.importing.xml import numbers
+from spisim.scene.shapes import check_triangles
 
 #: Geometries that Gazebo knows and that are not read.
 LEFT_OUT = ("heightmap", "polyline", "image", "empty")
@@ -118,7 +118,7 @@ def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
     chosen = [part for part in parts if part.name == name]
     if not chosen:
         known = nearest(name, dict.fromkeys(part.name for part in parts))
-        raise InputError(f"{what}: no submesh {name!r}: {known}")
+        raise InputError(f"{what}: no submesh {name[:80]!r}: {known}")
     if (submesh.findtext("center") or "").strip().lower() not in ("true", "1"):
         return chosen
     corners = [

@@ -95,6 +95,7 @@ def as_mesh(geometry: trimesh.Trimesh | Shape) -> trimesh.Trimesh:
     return geometry if isinstance(geometry, trimesh.Trimesh) else make_mesh(geometry, Path())
 
 
+@np.errstate(all="ignore")  # lengths too small for their squares: nothing is at right angles
 def stretched(geometry: Shape, to_world: Floats) -> tuple[Shape, Floats] | None:
     """A box or rectangle that its pose scales along its edges, with the scale in its size.
 
