@@ -82,7 +82,7 @@ NOT_NEEDED = (
 @pytest.mark.parametrize("method", READINGS)
 def test_what_only_fog_needs_may_be_absent_and_is_then_nan(capture, path, method):
     write_capture(replace(capture, spots=make_spots(method)), path)
-    with h5py.File(path, "r+") as file:
+    with changed(path) as file:
         absent = [name for name in NOT_NEEDED if name in file["spots"]]
         for name in absent:
             del file[f"spots/{name}"]
@@ -100,7 +100,7 @@ def test_one_value_may_stand_for_all_taps(capture, path):
     alike = {"periods": 70, "noise_electrons": 9.0, "laser_energies_j": 1e-6, "contrasts": 0.5}
     spots = replace(capture.spots, **alike)
     write_capture(replace(capture, spots=spots), path)
-    with h5py.File(path, "r+") as file:  # as MATLAB has it
+    with changed(path) as file:  # as MATLAB has it
         del file["spots/periods"]
         file["spots/periods"] = np.array([[70.0]])
         file["spots/periods"].attrs["units"] = "1"

@@ -334,7 +334,7 @@ def test_ranges_that_a_spot_may_have_come_back(capture, tmp_path):
     path = tmp_path / "result.h5"
     path.write_bytes(result_bytes(result))
     assert read_result(path).ranges.alternatives == AMBIGUOUS.alternatives
-    with h5py.File(path, "r+") as content:
+    with changed(path) as content:
         del content["rangings/cw/alternatives"]
     copy = read_result(path).ranges
     assert copy.alternatives == ((), (), (), ())
@@ -355,7 +355,7 @@ def test_ranges_that_a_spot_may_have_come_back(capture, tmp_path):
 def test_wrong_alternatives_are_named(capture, tmp_path, name, value, message):
     path = tmp_path / "result.h5"
     path.write_bytes(result_bytes(replace(reconstruct(capture), rangings={"cw": AMBIGUOUS})))
-    with h5py.File(path, "r+") as content:
+    with changed(path) as content:
         group = content["rangings/cw/alternatives"]
         units = group[name].attrs["units"]
         del group[name]
