@@ -8,7 +8,7 @@ from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
 from .modes import LOG_DEVIATION
 from .posterior import Posterior, SpotPosterior
 
-CERTAIN = 0.92
+CERTAIN = 0.9
 """Probability from which on a range counts as known,"""
 NARROW_M = 0.3
 """give or take so much."""
