@@ -282,7 +282,11 @@ def promises(ways: Sequence[Way], found: Results) -> list[Check]:
         checks += [
             Check(f"{where}: RMSE / bound", found["fog", "fog", CLEAR, klx].ratio, 1.1),
             Check(f"{where}: rms difference from plain, sigmas", _rms(apart), 0.1),
-            Check(f"{where}: |ln (sigma / plain sigma)|, mean", float(np.abs(width).mean()), 0.05),
+            Check(
+                f"{where}: log of sigma over plain sigma, mean absolute",
+                float(np.abs(width).mean()),
+                0.05,
+            ),
         ]
     for way in ways:
         wrong = np.concatenate(
@@ -312,7 +316,7 @@ def _cell_checks(
     share = float(found.within.mean())
     rmse = [Check(f"{where}: RMSE, m", found.rmse_m, rmse_m)] if np.isfinite(rmse_m) else []
     return [
-        Check(f"{where}: |bias|, m", abs(float(found.error_m.mean())), bias_m),
+        Check(f"{where}: absolute bias, m", abs(float(found.error_m.mean())), bias_m),
         *rmse,
         Check(f"{where}: valid", float(found.valid.mean()), valid, at_least=True),
         Check(f"{where}: within 1 sigma", share, least, at_least=True),

@@ -107,9 +107,9 @@ class StudyPlan(Plan):
             yield told
 
     def _check_told_apart(self, values: list[dict[str, Any]]) -> None:
-        seen: dict[tuple[Any, ...], dict[str, Any]] = {}
+        seen: dict[str, dict[str, Any]] = {}
         for each in values:
-            key = (each.get("scene"), *condition_of(each, self.study))
+            key = repr((each.get("scene"), *condition_of(each, self.study)))  # may be lists
             if key in seen:
                 other = seen[key]
                 differing = [n for n in {**other, **each} if other.get(n) != each.get(n)]
