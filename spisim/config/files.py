@@ -11,6 +11,7 @@ from reconstruction import npy
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.config.reading import read_text
+from spisim.config.tables import is_number
 
 MAX_PIXELS = 2**24
 MAX_TABLE_BYTES = 2**26
@@ -104,7 +105,7 @@ def read_columns(path: Path) -> Floats:
     if suffix != ".csv":
         raise InputError(f"table {path.name!r} should be a CSV or NPY file")
     lines = read_text(path, "a table in CSV").splitlines()
-    has_header = bool(lines) and not _is_number(lines[0].partition(",")[0])
+    has_header = bool(lines) and not is_number(lines[0].partition(",")[0])
     rows = [
         [_number(cell, path, number) for cell in line.split(",")]
         for number, line in enumerate(lines[has_header:], start=1 + has_header)
@@ -144,11 +145,3 @@ def _check_pixels(path: Path) -> None:
         raise InputError(
             f"picture {path.name!r} has {width} x {height} pixels, at most {MAX_PIXELS} are read"
         )
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
