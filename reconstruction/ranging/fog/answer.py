@@ -20,14 +20,23 @@ SPOILT = 1.15
 UNKNOWN = Alternative(np.nan, np.nan, np.nan)
 
 
-def ranges_of(known: Posterior, saturated: Mask, dark: Mask, background: Floats) -> Ranges:
-    """Ranges, or the reasons why there are none; ``dark`` (4,) where readings are but noise."""
+def ranges_of(
+    known: Posterior, saturated: Mask, dark: Mask, background: Floats, numbers: int
+) -> Ranges:
+    """Ranges, or the reasons why there are none; ``dark`` (4,) where readings are but noise.
+
+    ``numbers`` are told by each spot's readings. Range and reflectance take two of them, and where
+    there are no more, nothing is left that tells the fog.
+    """
     guessed = known.fog.log_backscatter_sigma > GUESSED * LOG_DEVIATION
+    blind = guessed and numbers <= 2
 
     def status(spot: int) -> Status:
         if saturated[spot]:
             return "saturated"
-        return "weak" if dark[spot] else _status(known.spots[spot], guessed)
+        if dark[spot]:
+            return "weak"
+        return "fog" if blind else _status(known.spots[spot], guessed)
 
     statuses = tuple(map(status, range(4)))
     best = [

@@ -66,7 +66,8 @@ def _of_charge(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
         modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
         known = posterior(modes, belief)
         known = with_edges(known, modes, belief, templates, echoes, covariance)
-        return ranges_of(known, saturated, dark, readings.mean(axis=1)), known.fog
+        mean = readings.mean(axis=1)
+        return ranges_of(known, saturated, dark, mean, len(combine)), known.fog
 
     return solve
 
@@ -96,7 +97,8 @@ def _of_histograms(spots: HistogramSpots, longest_m: float) -> FogSolver:
         )
         known = replace(known, spots=revised)
         dark = _is_even(counts)
-        return ranges_of(known, saturated, dark, np.median(counts, axis=1)), known.fog
+        median = np.median(counts, axis=1)
+        return ranges_of(known, saturated, dark, median, counts.shape[1]), known.fog
 
     return solve
 
