@@ -90,13 +90,15 @@ def test_absorbing_grid_attenuates_by_its_optical_depth():
     assert np.mean(runs) == pytest.approx(closed, rel=0.02, abs=0)
 
 
+BANK = worlds.box_pose((1.5, 2.0, 1.0), (0.1, 0.2, 3.0))
+
+
 @pytest.mark.parametrize(
     ("pose", "density"),
     [
-        (worlds.box_pose((1.5, 2.0, 1.0), (0.1, 0.2, 3.0)), None),
-        (worlds.box_pose((1.5, 2.0, 1.0), (0.1, 0.2, 3.0)), bumps()),
+        pytest.param(BANK, None, id="bank", marks=pytest.mark.slow),
+        pytest.param(BANK, bumps(), id="plume"),
     ],
-    ids=["bank", "plume"],
 )
 def test_bounded_fog_against_mitsuba(pose, density):
     place = worlds.scene(*worlds.room(), volumes=[volume(pose, 0.8, albedo=0.9, density=density)])

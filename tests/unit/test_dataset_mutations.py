@@ -101,7 +101,9 @@ MODELS: dict[str, tuple[Callable[[], list[Path]], Any]] = {
 
 
 @pytest.mark.parametrize("kind", MODELS)
-@seeds
+@pytest.mark.parametrize(
+    "seeds", [FEW, pytest.param(MANY, marks=pytest.mark.slow)], ids=["250", "100000"]
+)
 def test_files_of_fields(tmp_path: Path, seeds: range, kind: str) -> None:
     find, model = MODELS[kind]
     bases = [yaml.safe_load(file.read_text(encoding="utf-8")) for file in find()]
