@@ -52,7 +52,7 @@ frames: 2
 keep: {transport: true}
 """
 KEEPS = f"{PLAN.replace('5', '2')}keep: {{histograms: true}}\n"
-FAST, MANY = range(1000), range(100_000)
+FEW, FAST, MANY = range(250), range(1000), range(100_000)
 seeds = pytest.mark.parametrize(
     "seeds", [FAST, pytest.param(MANY, marks=pytest.mark.slow)], ids=["1000", "100000"]
 )
