@@ -8,7 +8,7 @@ quarter of the shortest wavelength of the readings look like one between them, w
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ...arrays import Floats
 from ..ranges import Alternative
@@ -78,7 +78,7 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
 
 def _is_odd(spot: SpotPosterior, readings: int) -> bool:
     """Whether one target explains the readings so badly that chance hardly does it."""
-    return bool(spot.alternatives and spot.misfit > chi2.isf(UNLIKELY, _freedom(readings)))
+    return bool(spot.alternatives and spot.misfit > chdtri(_freedom(readings), UNLIKELY))
 
 
 def _freedom(readings: int) -> int:

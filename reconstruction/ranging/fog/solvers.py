@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.special import ndtr
-from scipy.stats import chi2
+from scipy.special import chdtri, ndtr
 
 from ...arrays import Floats, Mask
 from ...capture import Spots
@@ -62,7 +61,7 @@ def _of_charge(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
         saturated = spots.saturated[0].any(axis=1)
         covariance = (combine * variance[:, None]) @ combine.T
         echoes = readings @ combine.T
-        dark = _squares(echoes, covariance) < chi2.isf(ndtr(-MIN_SIGNAL), len(combine))
+        dark = _squares(echoes, covariance) < chdtri(len(combine), ndtr(-MIN_SIGNAL))
         modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
         known = posterior(modes, belief)
         known = with_edges(known, modes, belief, templates, echoes, covariance)
@@ -113,7 +112,7 @@ def _is_even(counts: Floats) -> Mask:
     blocks = np.stack([part.sum(axis=1) for part in np.array_split(counts, BLOCKS, axis=1)])
     mean = np.maximum(blocks.mean(axis=0), 1e-12)
     squares = ((blocks - mean) ** 2 / mean).sum(axis=0)
-    return np.asarray(squares < chi2.isf(ndtr(-MIN_SIGNAL), BLOCKS - 1))
+    return np.asarray(squares < chdtri(BLOCKS - 1, ndtr(-MIN_SIGNAL)))
 
 
 def _combinations(spots: CwSpots | PulsedSpots, longest_m: float) -> Floats:
