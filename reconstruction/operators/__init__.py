@@ -15,6 +15,7 @@ from .plan import (
     mean_illumination,
     ordered_rows,
 )
+from .redundancy import redundant_combinations
 
 __all__ = [
     "BASES",
@@ -35,5 +36,6 @@ __all__ = [
     "make_plan",
     "mean_illumination",
     "ordered_rows",
+    "redundant_combinations",
     "sequency",
 ]
