@@ -65,34 +65,42 @@ class CoefficientDecoder:
         """
         values = self._decoder.decode(signal)
         known = np.isfinite(variance)
-        if not self._alike:
-            variance = np.fmax(variance, (MIN_ERROR * np.std(signal)) ** 2)
-        elif known.any():
+        if known.any():
             variance = np.where(known, variance, np.median(variance[known]))
         else:
             variance = np.full(variance.shape, self._estimated(signal, values))
-        left = self._decoder.own_variance(variance)
-        if self._columns.size:
-            values, left = without_shared_errors(
-                self._columns,
-                values,
-                own=left,
-                shared=variance[self._decoder.shared],
-                prior=self._prior.variance(values),
-            )
         if self._alike:
+            values, left = self._unshared(values, variance)
             return Coefficients(values, np.sqrt(np.full(left.shape, np.median(left))))
-        return self._without_hidden(values, left)
+        variance = np.fmax(variance, (MIN_ERROR * np.std(signal)) ** 2)
+        return self._without_hidden(*self._unshared(values, variance))
+
+    def _unshared(self, values: NDArray[Any], variance: Floats) -> tuple[NDArray[Any], Floats]:
+        """Coefficients without the errors that they share, and the variance of the rest."""
+        own = self._decoder.own_variance(variance)
+        if not self._columns.size:
+            return values, own
+        shared, prior = variance[self._decoder.shared], self._prior.variance(values)
+        return without_shared_errors(self._columns, values, own=own, shared=shared, prior=prior)
 
     def _estimated(self, signal: NDArray[Any], values: NDArray[Any]) -> float:
         """Variance of each reading, where nothing is known of it."""
         told = variance_by_repetition(self._redundant, signal)
         if told is not None:
             return told
-        measured = values[self._prior.varying] / self._decoder.operator.row_length
-        of_one = np.median(self._decoder.own_variance(np.ones(signal.size)))
-        variance = variance_by_spectrum(measured, self._prior.expected)
-        return float(variance * self._decoder.operator.row_length**2 / of_one)
+        variance = self._by_spectrum(values)
+        if self._columns.size:  # what all share looks white, too
+            values, _ = self._unshared(values, np.full(signal.shape, variance))
+            variance = self._by_spectrum(values)
+        return variance
+
+    def _by_spectrum(self, values: NDArray[Any]) -> float:
+        varying, expected = self._prior.varying, self._prior.expected
+        readings = self._decoder.matrix.shape[1]
+        of_one = self._decoder.own_variance(np.ones(readings))[varying]
+        length = self._decoder.operator.row_length
+        scaled = values[varying] / np.sqrt(of_one)
+        return variance_by_spectrum(scaled, expected * length**2 / of_one)
 
     def _without_hidden(self, values: NDArray[Any], variance: Floats) -> Coefficients:
         """Coefficients less those that noise hides: it is larger than what images vary by."""

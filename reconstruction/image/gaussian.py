@@ -115,11 +115,12 @@ class GaussianModel:
         least = LEAST_NOISE * float(np.sqrt(np.mean(np.abs(measured[known]) ** 2)))
         noise = np.maximum(noise, least)
         rms = float(np.sqrt(np.mean(noise[known] ** 2)))
-        components = self._components(noise / rms)
+        # Rounded, so that frames of one kind of noise have the same, to the last bit.
+        components = self._components((noise / rms).astype(np.float32).astype(np.float64))
         return Posterior(measured[known], noise, rms, components)
 
     def _components(self, relative: Floats) -> Components:
-        key = relative.astype(np.float32).tobytes()
+        key = relative.tobytes()
         if key not in self._kept:
             known = np.isfinite(relative)
             self._kept[key] = Components(

@@ -45,7 +45,7 @@ def variance_by_repetition(combinations: sparse.csr_array, signal: NDArray[Any])
 def variance_by_spectrum(measured: NDArray[Any], expected: Floats) -> float:
     """Variance of the noise of coefficients (K,) that images vary by ``expected`` (K,) in."""
     power = np.abs(measured) ** 2
-    mean = float(power.mean())
+    mean = float(power.mean()) if power.size else 0.0
     if mean == 0:
         return 0.0
     likelihood = _log_likelihood(power / mean, expected / expected.mean())

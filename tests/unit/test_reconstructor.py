@@ -254,8 +254,11 @@ def register(monkeypatch, registry, **methods):
         monkeypatch.setitem(registry._loaded, name, method)
 
 
+GREY = np.full((16, 16), 3, dtype=np.int16)
+
+
 def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
-    register(monkeypatch, IMAGE_METHODS, grey=Giving(Estimate(np.full((16, 16), 3, dtype=np.int16))))
+    register(monkeypatch, IMAGE_METHODS, grey=Giving(Estimate(GREY)))
     nowhere = np.full((16, 16), np.nan)
     register(monkeypatch, DEPTH_METHODS, nowhere=Giving(nowhere), never=Giving(None))
     result = reconstruct(capture, image=["grey", "pursuit"], depth=["nowhere", "never", "anchored"])
