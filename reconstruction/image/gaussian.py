@@ -7,9 +7,9 @@ noise n of variance s^2 T^2, T diagonal, the posterior is
     mean = C R^T (R C R^T + s^2 T^2 / v)^-1 m,
     covariance = v (C - C R^T (R C R^T + s^2 T^2 / v)^-1 R C)
 
-(C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press 2006, ch.
-2). One eigendecomposition of T^-1 R C R^T T^-1 = U diag(l) U^T serves every v, every s and every frame:
-the components U^T T^-1 m of coefficients vary independently, by v l + s^2.
+(C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press 2006,
+ch. 2). One eigendecomposition of T^-1 R C R^T T^-1 = U diag(l) U^T serves every v, every s and
+every frame: the components U^T T^-1 m of coefficients vary independently, by v l + s^2.
 """
 
 from collections import OrderedDict
