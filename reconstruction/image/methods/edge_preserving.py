@@ -27,11 +27,13 @@ from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
 from ..gaussian import Field, GaussianModel, Posterior
+from ..gradient import divergence, gradient
+from ..grid import Grid, at_most, band
 from ..method import Estimate
-from .least_squares import LeastSquaresSolver
+from .least_squares import METHOD as LEAST_SQUARES
 
-ROUNDS = 4
-STEPS = 6
+ROUNDS = 3
+STEPS = 5
 """Of conjugate gradients in each round."""
 WINDOW = 1.0
 """Deviation of the Gaussian window in pixels of the grid."""
@@ -54,42 +56,34 @@ class EdgePreservingSolver:
     """Holds what depends on the operator alone."""
 
     def __init__(self, operator: MeasurementOperator) -> None:
-        self._linear = linear = LeastSquaresSolver(operator, DICTIONARY)
+        self._linear = linear = LEAST_SQUARES.compile(operator)
         field = linear.field
-        spectra = field.vertical.T @ linear.rows.reshape(-1, *field.shape) @ field.horizontal
-        height, width = grid = _grid((spectra**2).sum(axis=0) * field.variance)
-        vertical, horizontal = (DICTIONARY.atoms(side) for side in grid)
-        self._down: Floats = field.vertical[:, :height] @ vertical.T
-        self._across: Floats = field.horizontal[:, :width] @ horizontal.T
-        low = vertical @ spectra[:, :height, :width] @ horizontal.T
-        self._rows: Floats = low.reshape(len(low), -1)
-        self._model = GaussianModel(
-            self._rows, Field(vertical, horizontal, field.variance[:height, :width])
-        )
-        # Frequencies of the 1/f prior are in cycles per two pixels of the image, and a cosine of
-        # one has gradients of pi times as much.
-        spacing = field.shape[0] / height, field.shape[1] / width
-        self._tensors = Tensors(grid, (1 / spacing[0], 1 / spacing[1]))
+        high, wide = band(linear.seen, SEEN)
+        height, width = at_most((2 * high, 2 * wide), field.shape)
+        self._grid = Grid((height, width), field.shape)
+        self._rows: Floats = np.array(
+            [self._grid.coarser(row).ravel() for row in linear.rows.reshape(-1, *field.shape)]
+        ).reshape(-1, height * width)
+        atoms = DICTIONARY.atoms(height), DICTIONARY.atoms(width)
+        self._model = GaussianModel(self._rows, Field(*atoms, field.variance[:height, :width]))
+        # The 1/f prior is in frequencies per two pixels of the image, of which a cosine of one
+        # has gradients of pi: differences on the grid are taken back to these pixels.
+        sides = operator.image_shape
+        self._tensors = Tensors((height, width), (height / sides[0], width / sides[1]))
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image whose edges agree with itself."""
-        linear = self._linear
+        linear, grid = self._linear, self._grid
         start = linear.posterior(coefficients)
         if start is None:
-            return linear(coefficients)
+            return linear.flat(coefficients)
         measured, noise = linear.varying(coefficients)
-        fine = start.mean - self._finer(self._coarser(start.mean))
-        image, unevenness = self._followed(measured - linear.rows @ fine.ravel(), noise)
-        finer = self._finer(unevenness)
-        variance = start.variance * np.maximum(finer / finer.mean(), 0)
-        return linear.with_level(fine + self._finer(image), variance, coefficients)
-
-    def _finer(self, image: NDArray[Any]) -> NDArray[Any]:
-        """An image on the grid as one of (H, W)."""
-        return np.asarray(self._down @ image @ self._across.T)
-
-    def _coarser(self, image: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(self._down.T @ image @ self._across)
+        fine = start.mean - grid.finer(grid.coarser(start.mean))
+        image, energy = self._followed(measured - linear.rows @ fine.ravel(), noise)
+        unevenness = grid.finer_density(energy / energy.mean())
+        variance = linear.variance(start, start.variance * unevenness)
+        followed = linear.grid.finer(fine + grid.finer(image))
+        return linear.with_level(followed, variance, coefficients)
 
     def _followed(self, measured: NDArray[Any], noise: Floats) -> tuple[NDArray[Any], Floats]:
         """Image on the grid, and the energy of its gradients."""
@@ -166,32 +160,11 @@ class Stiffness:
     def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
         """The matrix times an image."""
         down, along = gradient(image, self._scale)
-        return _divergence(
+        return divergence(
             self._vertical * down + self._across * along,
             self._across * down + self._horizontal * along,
             self._scale,
         )
-
-
-def gradient(image: NDArray[Any], scale: tuple[float, float]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Differences to the next pixel down and along, times scale; 0 at the last."""
-    down, along = np.zeros_like(image), np.zeros_like(image)
-    np.subtract(image[1:], image[:-1], out=down[:-1])
-    np.subtract(image[:, 1:], image[:, :-1], out=along[:, :-1])
-    return down * scale[0], along * scale[1]
-
-
-def _divergence(
-    down: NDArray[Any], along: NDArray[Any], scale: tuple[float, float]
-) -> NDArray[Any]:
-    """The transpose of the gradient."""
-    down, along = down * scale[0], along * scale[1]
-    total = np.zeros_like(down)
-    total[1:] = down[:-1]
-    total[:-1] -= down[:-1]
-    total[:, 1:] += along[:, :-1]
-    total[:, :-1] -= along[:, :-1]
-    return total
 
 
 def _window(side: int) -> Floats:
@@ -201,16 +174,6 @@ def _window(side: int) -> Floats:
     distances = np.array([direct, mirrored, 2 * side - mirrored])
     weights = np.exp(-((distances / WINDOW) ** 2) / 2).sum(axis=0)
     return np.asarray(weights / weights.sum(axis=0))
-
-
-def _grid(seen: Floats) -> tuple[int, int]:
-    """Sides of the grid that holds twice the frequencies of what is ``seen`` (H, W) of them."""
-    halves = (
-        int(np.searchsorted(np.cumsum(seen.sum(axis=1 - axis)), SEEN * seen.sum())) + 1
-        for axis in (0, 1)
-    )
-    height, width = (min(2 * half, side) for half, side in zip(halves, seen.shape, strict=True))
-    return height, width
 
 
 METHOD = EdgePreserving()

@@ -1,0 +1,54 @@
+"""Coarser grids for images of which nothing finer was measured."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from .dictionaries.dct import DICTIONARY
+
+Shape = tuple[int, int]
+
+
+class Grid:
+    """Images of the lowest ``shape`` (h, w) frequencies of finer ones, as pixels of their own.
+
+    The way there and back leaves the length of an image as it is, so that pixels become larger by
+    `scale`.
+    """
+
+    def __init__(self, shape: Shape, finer: Shape) -> None:
+        self.shape = shape
+        self.same = shape == finer
+        self.scale = float(np.sqrt(finer[0] * finer[1] / (shape[0] * shape[1])))
+        self._down, self._across = (
+            DICTIONARY.atoms(side)[:, :fewer] @ DICTIONARY.atoms(fewer).T
+            for side, fewer in zip(finer, shape, strict=True)
+        )
+
+    def finer(self, image: NDArray[Any]) -> NDArray[Any]:
+        """An image (h, w) on the finer grid."""
+        return image if self.same else np.asarray(self._down @ image @ self._across.T)
+
+    def coarser(self, image: NDArray[Any]) -> NDArray[Any]:
+        """The low frequencies of a finer image on this grid, (h, w)."""
+        return image if self.same else np.asarray(self._down.T @ image @ self._across)
+
+    def finer_density(self, image: Floats) -> Floats:
+        """What is the same for pixels of any size, as a relative variance, on the finer grid."""
+        return np.maximum(self.scale * self.finer(image), 0)
+
+
+def band(seen: Floats, share: float) -> Shape:
+    """The lowest frequencies that hold a share of what is ``seen`` (H, W) of all."""
+    rows, columns = (
+        int(np.searchsorted(np.cumsum(seen.sum(axis=1 - axis)), share * seen.sum())) + 1
+        for axis in (0, 1)
+    )
+    return min(rows, seen.shape[0]), min(columns, seen.shape[1])
+
+
+def at_most(shape: Shape, limit: Shape) -> Shape:
+    """A shape, no side longer than the limit's."""
+    return min(shape[0], limit[0]), min(shape[1], limit[1])
