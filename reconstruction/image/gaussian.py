@@ -103,7 +103,8 @@ class GaussianModel:
     def __init__(self, rows: Floats, field: Field) -> None:
         self.field = field
         self._rows = rows
-        self._seen: Floats = field(rows.reshape(-1, *field.shape)).reshape(len(rows), -1)
+        images = rows.reshape(len(rows), *field.shape)
+        self._seen: Floats = field(images).reshape(rows.shape)
         self._kept: OrderedDict[bytes, Components] = OrderedDict()
 
     def given(self, measured: NDArray[Any], noise: Floats) -> Posterior:

@@ -61,9 +61,8 @@ class EdgePreservingSolver:
         high, wide = band(linear.seen, SEEN)
         height, width = at_most((2 * high, 2 * wide), field.shape)
         self._grid = Grid((height, width), field.shape)
-        self._rows: Floats = np.array(
-            [self._grid.coarser(row).ravel() for row in linear.rows.reshape(-1, *field.shape)]
-        ).reshape(-1, height * width)
+        rows = linear.rows.reshape(len(linear.rows), *field.shape)
+        self._rows: Floats = self._grid.coarser(rows).reshape(len(rows), height * width)
         atoms = DICTIONARY.atoms(height), DICTIONARY.atoms(width)
         self._model = GaussianModel(self._rows, Field(*atoms, field.variance[:height, :width]))
         # The 1/f prior is in frequencies per two pixels of the image, of which a cosine of one

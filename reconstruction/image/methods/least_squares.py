@@ -55,8 +55,9 @@ class LeastSquaresSolver:
         vertical, horizontal = dictionary.atoms(height), dictionary.atoms(width)
         self.field = Field(vertical, horizontal, variance[:height, :width])
         lowest = np.indices(shape).reshape(2, -1)
-        spectra = prior.atoms.of((lowest[0], lowest[1])).reshape(-1, *shape)
-        self.rows: Floats = (vertical @ spectra @ horizontal.T).reshape(-1, height * width)
+        spectra = prior.atoms.of((lowest[0], lowest[1]))
+        pixels = vertical @ spectra.reshape(len(spectra), *shape) @ horizontal.T
+        self.rows: Floats = pixels.reshape(spectra.shape)
         self.model = GaussianModel(self.rows, self.field)
         self._finer_variance: Floats = np.zeros(operator.image_shape)
         if not self.grid.same:

@@ -1,0 +1,109 @@
+"""Gaussian images: posterior mean and variance are those of the textbook."""
+
+import numpy as np
+import pytest
+
+from images import correlation, natural_image
+from reconstruction.image import Coefficients, image_method
+from reconstruction.image.dictionaries.dct import DICTIONARY
+from reconstruction.image.gaussian import Field, GaussianModel
+from reconstruction.image.grid import Grid, band
+from reconstruction.image.methods import least_squares
+from reconstruction.operators import decoder_for, make_plan
+
+SHAPE = (8, 16)
+
+
+@pytest.fixture(scope="module")
+def field():
+    atoms = (DICTIONARY.atoms(side) for side in SHAPE)
+    return Field(*atoms, DICTIONARY.deviation(SHAPE) ** 2)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    operator = decoder_for(make_plan(SHAPE, 40, polarity="signed")).operator
+    return operator.matmat(np.eye(128))[1:] / operator.row_length
+
+
+def dense(field):
+    return field(np.eye(128).reshape(-1, *SHAPE)).reshape(128, 128)
+
+
+def drawn(field, contrast, seed):
+    """An image of this covariance."""
+    white = np.random.default_rng(seed).standard_normal(SHAPE)
+    spectrum = np.sqrt(contrast * field.variance) * white
+    return field.vertical @ spectrum @ field.horizontal.T
+
+
+@pytest.mark.parametrize("noise", ["even", "uneven", "one unknown"])
+def test_the_posterior_is_that_of_the_joint_covariance(field, rows, noise):
+    rng = np.random.default_rng(1)
+    sigma = np.full(39, 2.0) if noise == "even" else rng.uniform(0.5, 3, 39)
+    measured = rows @ drawn(field, 50.0, 2).ravel() + sigma * rng.standard_normal(39)
+    if noise == "one unknown":
+        sigma[7], measured[7] = np.inf, 0
+    posterior = GaussianModel(rows, field).given(measured, sigma)
+    known = np.isfinite(sigma)
+    prior, seen = posterior.contrast * dense(field), rows[known]
+    gain = np.linalg.solve(seen @ prior @ seen.T + np.diag(sigma[known] ** 2), seen @ prior).T
+    covariance = prior - gain @ seen @ prior
+    np.testing.assert_allclose(posterior.mean.ravel(), gain @ measured[known], rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(posterior.variance.ravel(), np.diag(covariance), rtol=1e-4)
+    image = rng.standard_normal(SHAPE)
+    np.testing.assert_allclose(
+        posterior.covariance(image).ravel(), covariance @ image.ravel(), rtol=1e-3, atol=1e-3
+    )
+
+
+def test_errors_have_the_variance_that_is_told(field, rows):
+    """Over images of the prior, squared errors over variances are chi squared, mean by mean."""
+    model, sigma = GaussianModel(rows, field), 2.0
+    ratios = []
+    for seed in range(200):
+        image = drawn(field, 50.0, seed)
+        noise = sigma * np.random.default_rng(10_000 + seed).standard_normal(39)
+        posterior = model.given(rows @ image.ravel() + noise, np.full(39, sigma))
+        ratios.append(np.mean((posterior.mean - image) ** 2) / posterior.variance.mean())
+    z = (np.mean(ratios) - 1) / (np.std(ratios) / np.sqrt(len(ratios)))
+    assert abs(z) < 4
+
+
+def test_contrast_is_found(field, rows):
+    """Of 39 coefficients the variance is known within sqrt(2 / 39), the logarithm as well."""
+    model = GaussianModel(rows, field)
+    logs = [
+        np.log(model.given(rows @ drawn(field, 50.0, seed).ravel(), np.full(39, 0.01)).contrast)
+        for seed in range(200)
+    ]
+    bias = -1 / 39  # of the logarithm of a mean of squares
+    z = (np.mean(logs) - np.log(50.0) - bias) / (np.sqrt(2 / 39) / np.sqrt(200))
+    assert abs(z) < 4
+
+
+def test_a_coarser_grid_keeps_length_and_knows_its_way_back():
+    grid = Grid((4, 6), SHAPE)
+    image = np.random.default_rng(0).standard_normal((4, 6))
+    assert np.linalg.norm(grid.finer(image)) == pytest.approx(np.linalg.norm(image))
+    np.testing.assert_allclose(grid.coarser(grid.finer(image)), image, atol=1e-12)
+    np.testing.assert_allclose(grid.finer_density(np.ones((4, 6))), np.ones(SHAPE))
+
+
+def test_the_band_holds_its_share():
+    seen = np.outer([8.0, 1, 0.5, 0.5], [9.0, 1, 0, 0])
+    assert band(seen, 0.85) == (2, 1)
+    assert band(seen, 1.0) == (4, 2)
+
+
+def test_least_squares_on_a_grid_is_nearly_that_on_all_pixels(monkeypatch):
+    image = natural_image(64, 3)
+    operator = decoder_for(make_plan(image.shape, 128, polarity="signed")).operator
+    coefficients = Coefficients(operator.forward(image), np.full(128, 1.0))
+    exact = image_method("least-squares").compile(operator)(coefficients)
+    monkeypatch.setattr(least_squares, "MOST", 127 * 32 * 32)
+    solver = image_method("least-squares").compile(operator)
+    assert solver.grid.shape == (32, 32)
+    coarse = solver(coefficients)
+    assert correlation(coarse.image, exact.image) > 0.995
+    np.testing.assert_allclose(coarse.deviation.mean(), exact.deviation.mean(), rtol=0.05)

@@ -1,0 +1,106 @@
+"""Noise of recordings that do not tell it."""
+
+import numpy as np
+import pytest
+
+from images import natural_image
+from reconstruction.image import Imaging, Prior
+from reconstruction.image.dictionaries.dct import DICTIONARY
+from reconstruction.image.noise import variance_by_repetition, variance_by_spectrum
+from reconstruction.operators import (
+    PatternPlan,
+    decoder_for,
+    expose,
+    make_plan,
+    redundant_combinations,
+)
+
+SHAPE = (16, 16)
+
+
+def repeated(polarity):
+    """A plan of 20 patterns that is shown three times."""
+    plan = make_plan(SHAPE, 20, polarity=polarity)
+    return PatternPlan(SHAPE, np.tile(plan.index, 3), np.tile(plan.polarity, 3))
+
+
+@pytest.mark.parametrize(
+    ("plan", "rows"),
+    [
+        (make_plan(SHAPE, 30, polarity="differential"), 29),
+        (make_plan(SHAPE, 30, polarity="single-ended"), 0),
+        (make_plan(SHAPE, 30, polarity="signed"), 0),
+        (repeated("signed"), 40),
+        (repeated("differential"), 80 + 19),
+    ],
+    ids=["differential", "single-ended", "signed", "repeated", "both"],
+)
+def test_light_cancels_and_noise_does_not(plan, rows):
+    usable = np.ones(plan.exposures, dtype=bool)
+    combinations = redundant_combinations(plan, usable)
+    assert combinations.shape == (rows, plan.exposures)
+    background = np.where(plan.polarity == 0, 0.0, 17.0)
+    light = expose(plan, natural_image(16, 0)) + background
+    np.testing.assert_allclose(combinations @ light, 0, atol=1e-10)
+    np.testing.assert_allclose((combinations**2).sum(axis=1), 1)
+
+
+def test_saturated_readings_tell_nothing():
+    plan = make_plan(SHAPE, 30, polarity="differential")
+    usable = np.ones(plan.exposures, dtype=bool)
+    usable[4] = False
+    combinations = redundant_combinations(plan, usable)
+    assert combinations.shape[0] == 28
+    assert not combinations[:, [4, 5]].nnz
+
+
+def test_repetition_tells_the_noise_whatever_drifts_and_flickers():
+    plan = make_plan((32, 32), 400, polarity="differential")
+    combinations = redundant_combinations(plan, np.ones(plan.exposures, dtype=bool))
+    light = expose(plan, natural_image(32, 1)) + 50 + np.linspace(0, 20, plan.exposures)
+    found = []
+    for seed in range(40):
+        readings = light + 0.5 * np.random.default_rng(seed).standard_normal(light.shape)
+        readings[seed] += 100
+        found.append(variance_by_repetition(combinations, readings))
+    # The median of n magnitudes errs by 1.17 / sqrt(2 n), neighbours are half dependent.
+    z = (np.mean(np.sqrt(found)) - 0.5) / (np.std(np.sqrt(found)) / np.sqrt(40))
+    assert abs(z) < 4
+    assert np.std(np.sqrt(found)) < 0.5 * 0.15
+
+
+def test_too_few_repetitions_are_none():
+    plan = make_plan(SHAPE, 8, polarity="differential")
+    combinations = redundant_combinations(plan, np.ones(plan.exposures, dtype=bool))
+    assert variance_by_repetition(combinations, np.zeros(plan.exposures)) is None
+
+
+@pytest.mark.parametrize("patterns", [64, 256])
+def test_the_spectrum_tells_strong_noise_and_mistakes_no_image_for_it(patterns):
+    operator = decoder_for(make_plan((32, 32), patterns, polarity="signed")).operator
+    expected = Prior(operator, DICTIONARY).expected
+    strong, none = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        signal = operator.forward(natural_image(32, seed))[1:] / 32
+        noise = 2 * signal.std()
+        white = noise * rng.standard_normal(signal.shape)
+        strong.append(np.sqrt(variance_by_spectrum(signal + white, expected)) / noise)
+        none.append(np.sqrt(variance_by_spectrum(signal, expected)) / signal.std())
+    assert np.median(strong) == pytest.approx(1, abs=0.25)
+    assert np.median(none) < 0.2
+
+
+def test_nothing_has_no_noise():
+    assert variance_by_spectrum(np.zeros(5), np.arange(1.0, 6)) == 0
+
+
+def test_an_unknown_scale_does_not_change_what_is_told_of_the_noise():
+    plan = make_plan((32, 32), 100, polarity="signed")
+    readings = expose(plan, natural_image(32, 2))
+    readings = readings + readings[1:].std() * np.random.default_rng(3).standard_normal(100)
+    usable = Imaging(plan).of(np.ones(100, dtype=bool))
+    nothing = np.full(100, np.nan)
+    once, more = (usable.decode(scale * readings, nothing).noise for scale in (1, 1e6))
+    np.testing.assert_allclose(1e6 * once, more, rtol=1e-6)
+    assert (once > 0).all()
