@@ -30,11 +30,11 @@ def imported(source: str) -> set[str]:
 def test_its_distribution_asks_for_what_it_imports() -> None:
     project = tomllib.loads((ROOT / "reconstruction" / "pyproject.toml").read_text())["project"]
     required = {re.split(r"\W", line)[0] for line in project["dependencies"]}
-    for_plots = {re.split(r"\W", line)[0] for line in project["optional-dependencies"]["plots"]}
+    extras = {"pictures.py": "plots", "compiled.py": "fast"}
     for path in sorted((ROOT / "reconstruction").rglob("*.py")):
         foreign = imported(path.read_text(encoding="utf-8")) - sys.stdlib_module_names
-        allowed = required | for_plots if path.name == "pictures.py" else required
-        assert foreign <= allowed, path
+        extra = project["optional-dependencies"].get(extras.get(path.name), [])
+        assert foreign <= required | {re.split(r"\W", line)[0] for line in extra}, path
 
 
 def loaded_after(code: str) -> set[str]:

@@ -74,7 +74,7 @@ class PursuitSolver:
             columns, expected = columns[rows], expected[rows]
             gram = columns.T @ columns
         variance, ridge = fit_variance(measured, expected)
-        chosen, values = batch_omp(
+        values = batch_omp(
             gram,
             columns.T @ measured,
             float(np.vdot(measured, measured).real),
@@ -83,8 +83,8 @@ class PursuitSolver:
             max_atoms=min(MAX_CHOSEN, measured.size),
         )
         spectrum = np.zeros(self.operator.image_shape, dtype=measured.dtype)
-        spectrum[self.atoms[0][chosen], self.atoms[1][chosen]] = self.deviation[chosen] * values
-        unexplained = measured - columns[:, chosen] @ values
+        spectrum[self.atoms] = self.deviation * values
+        unexplained = measured - columns @ values
         total = variance * (expected + ridge)
         noise = coefficients.noise[seen] / length
         left = coefficients.values.copy()
