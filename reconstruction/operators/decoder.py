@@ -8,6 +8,7 @@ without these two are compared with their mean (F. Ferri et al., Phys. Rev. Lett
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,10 +55,14 @@ class Decoder:
         The covariance of all is S V S^T + diag(own), with S the columns of the shared readings
         and V = diag of their variance.
         """
-        alone = ~self.shared
-        squared = self.matrix[:, alone] ** 2
-        flat = variance[..., alone].reshape(-1, np.count_nonzero(alone))
+        squared = self._own_squared
+        flat = variance[..., ~self.shared].reshape(-1, squared.shape[1])
         return np.asarray((squared @ flat.T).T).reshape(*variance.shape[:-1], -1)
+
+    @cached_property
+    def _own_squared(self) -> sparse.csr_array | Floats:
+        """Squared columns of the readings that are not shared."""
+        return self.matrix[:, ~self.shared] ** 2
 
     def shared_columns(self) -> Floats:
         """Columns (K, S) of the readings that many coefficients share."""

@@ -91,7 +91,7 @@ class SeenAtoms:
 
 
 class RowOperator(MeasurementOperator):
-    """Rows of an orthogonal basis, by its fast transform."""
+    """Rows of an orthogonal basis, by their factors where the basis has them."""
 
     def __init__(self, basis: Basis, index: NDArray[np.int32]) -> None:
         super().__init__(len(index), basis.shape)
@@ -100,6 +100,7 @@ class RowOperator(MeasurementOperator):
         self.row_length = float(np.sqrt(basis.pixels))
         place = np.flatnonzero(index == (-1 if basis.level is None else basis.level))
         self.level = int(place[0]) if place.size else None
+        self._products = None if basis.factors is None else _Products(*basis.factors, index)
 
     def in_atoms(self, vertical: Floats, horizontal: Floats) -> SeenAtoms:
         """As any operator does, by factors where the basis has them."""
@@ -111,10 +112,39 @@ class RowOperator(MeasurementOperator):
         return _SeenFactors(*products, np.unravel_index(self.index[self.varying], (height, width)))
 
     def _project(self, flat: NDArray[Any]) -> NDArray[Any]:
-        return self.basis.project(flat, self.index)
+        if self._products is None:
+            return self.basis.project(flat, self.index)
+        return self._products.project(flat)
 
     def _combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
-        return self.basis.combine(coefficients, self.index)
+        if self._products is None:
+            return self.basis.combine(coefficients, self.index)
+        return self._products.combine(coefficients)
+
+
+class _Products:
+    """Rows that are outer products: of either side's factors only those that occur."""
+
+    def __init__(self, tall: Floats, wide: Floats, index: NDArray[np.int32]) -> None:
+        vertical, horizontal = np.divmod(index, len(wide))
+        above, row = np.unique(vertical, return_inverse=True)
+        beside, column = np.unique(horizontal, return_inverse=True)
+        self._tall, self._wide = tall[above], wide[beside]
+        self._place = row * len(beside) + column
+
+    def project(self, flat: NDArray[Any]) -> NDArray[Any]:
+        images = flat.reshape(*flat.shape[:-1], self._tall.shape[1], self._wide.shape[1])
+        products = self._tall @ images @ self._wide.T
+        return products.reshape(*flat.shape[:-1], -1)[..., self._place]
+
+    def combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        stack = coefficients.shape[:-1]
+        weights = np.zeros(
+            (*stack, len(self._tall) * len(self._wide)), np.result_type(coefficients, np.float64)
+        )
+        weights[..., self._place] = coefficients
+        weights = weights.reshape(*stack, len(self._tall), len(self._wide))
+        return (self._tall.T @ weights @ self._wide).reshape(*stack, -1)
 
 
 class _SeenFactors(SeenAtoms):
