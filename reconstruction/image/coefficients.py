@@ -59,7 +59,7 @@ class CoefficientDecoder:
             variance = np.fmax(variance, (MIN_ERROR * np.std(signal)) ** 2)
         elif not known.any():
             return Coefficients(values, np.zeros(values.size))
-        else:
+        elif not known.all():
             variance = np.where(known, variance, np.median(variance[known]))
         left = self._decoder.own_variance(variance)
         if self._columns.size:

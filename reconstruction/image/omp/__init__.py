@@ -59,7 +59,8 @@ def batch_omp(
 
 def pursuit_of(frames: int) -> Callable[..., NDArray[Any]]:
     """The compiled one, where there is one and work that is worth it."""
-    many = frames > 1 or next(_calls) > FEW
+    loaded = _compiled.cache_info().currsize > 0
+    many = loaded or frames > 1 or next(_calls) > FEW
     return (_compiled() if many else None) or pursue_frames
 
 
