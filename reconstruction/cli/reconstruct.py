@@ -4,7 +4,6 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -71,8 +70,6 @@ def run(options: argparse.Namespace) -> None:
     result = replace(result, recording=recording.frame().digest(recording.setup))
     files = write_outputs(result, capture, options.output)
     warnings = capture_warnings(capture)
-    if find_spec("matplotlib") is None:
-        warnings.append("Matplotlib is not installed: there are no pictures")
     for warning in warnings:
         print(printable(f"warning: {warning}"), file=sys.stderr)
     if options.json:
