@@ -65,7 +65,8 @@ import zlib
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import Floats
 
 HEIGHT = {height}
 """Of a line, in pixels."""
@@ -81,15 +82,15 @@ _PACKED = (
 
 
 @cache
-def _glyphs() -> dict[str, NDArray[np.float32]]:
+def _glyphs() -> dict[str, Floats]:
     packed = np.frombuffer(zlib.decompress(base64.b85decode(_PACKED)), np.uint8)
     levels = np.stack([packed >> 4, packed & 15], axis=-1).reshape(HEIGHT, -1)
     ends = np.cumsum([int(width, 16) for width in WIDTHS])
-    parts = np.split(levels[:, : ends[-1]] / np.float32(15), ends[:-1], axis=1)
+    parts = np.split(levels[:, : ends[-1]] / 15, ends[:-1], axis=1)
     return dict(zip(LETTERS, parts, strict=True))
 
 
-def written(text: str) -> NDArray[np.float32]:
+def written(text: str) -> Floats:
     """How much of each pixel a line of text covers, 0..1: (HEIGHT, width)."""
     glyphs = _glyphs()
     return np.hstack([glyphs[" "][:, :0], *(glyphs.get(each, glyphs["?"]) for each in text)])

@@ -1,21 +1,27 @@
 """What decoded readings say of an image: linear operators with orthogonal rows of one length."""
 
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator
 
 from ..arrays import Floats
 from .basis import Basis
 
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import LinearOperator
 
-class MeasurementOperator(LinearOperator):
+
+class MeasurementOperator:
     """y = A x of images x (N,) as K coefficients, with A A^T = row_length^2 I.
 
-    ``image_shape`` (H, W); ``level`` is the row that alone sees a constant image, or None. As a
-    `LinearOperator` it acts on flat images; `forward` and `back_project` on stacks of (H, W).
+    ``image_shape`` (H, W); ``level`` is the row that alone sees a constant image, or None.
+    `forward` and `back_project` act on stacks of (H, W). SciPy's solvers take it as it is, for it
+    has the methods that `scipy.sparse.linalg.aslinearoperator` asks for, of flat images.
     """
+
+    dtype = np.dtype(np.float64)
 
     image_shape: tuple[int, int]
     row_length: float
@@ -23,7 +29,7 @@ class MeasurementOperator(LinearOperator):
 
     def __init__(self, rows: int, image_shape: tuple[int, int]) -> None:
         self.image_shape = image_shape
-        super().__init__(np.dtype(np.float64), (rows, image_shape[0] * image_shape[1]))  # type: ignore[call-arg]
+        self.shape = rows, image_shape[0] * image_shape[1]
 
     def forward(self, images: NDArray[Any]) -> NDArray[Any]:
         """Coefficients (..., K) of images (..., H, W), real or complex."""
@@ -58,17 +64,40 @@ class MeasurementOperator(LinearOperator):
     def _combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         raise NotImplementedError
 
-    def _matvec(self, x: NDArray[Any]) -> NDArray[Any]:
-        return self._project(np.ravel(x))
+    def matvec(self, image: NDArray[Any]) -> NDArray[Any]:
+        """A x of a flat image (N,)."""
+        return self._project(np.ravel(image))
 
-    def _rmatvec(self, x: NDArray[Any]) -> NDArray[Any]:
-        return self._combine(np.ravel(x))
+    def rmatvec(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        """A^T y of coefficients (K,), a flat image."""
+        return self._combine(np.ravel(coefficients))
 
-    def _matmat(self, x: NDArray[Any]) -> NDArray[Any]:
-        return self._project(x.T).T
+    def matmat(self, images: NDArray[Any]) -> NDArray[Any]:
+        """A X of flat images (N, F) in columns."""
+        return self._project(images.T).T
 
-    def _rmatmat(self, x: NDArray[Any]) -> NDArray[Any]:
-        return self._combine(x.T).T
+    def rmatmat(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        """A^T Y of coefficients (K, F) in columns."""
+        return self._combine(coefficients.T).T
+
+    @cached_property
+    def linear(self) -> "LinearOperator":
+        """The same as SciPy's own kind of operator."""
+        from scipy.sparse.linalg import LinearOperator  # slow to import
+
+        return LinearOperator(
+            self.shape, self.matvec, self.rmatvec, self.matmat, self.dtype, self.rmatmat
+        )
+
+    def __matmul__(self, other: Any) -> Any:
+        return self.linear @ other
+
+    @property
+    def H(self) -> "LinearOperator":
+        """A^T."""
+        return self.linear.H
+
+    T = H
 
 
 class SeenAtoms:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..capture import Setup
 from ..depth import pixel_of
 from ..files import mark
@@ -135,7 +136,7 @@ def _label(picture: Canvas, text: str, row: int, column: int) -> None:
     _ink(picture, cover, top, left, 255)
 
 
-def _ink(canvas: Canvas, cover: NDArray[np.float32], top: int, left: int, colour: int = 0) -> None:
+def _ink(canvas: Canvas, cover: Floats, top: int, left: int, colour: int = 0) -> None:
     """Draw what covers the canvas in a grey, in place; what lies beyond its edges is cut off."""
     part = canvas[top : top + cover.shape[0], left : left + cover.shape[1]]
     share = cover[: part.shape[0], : part.shape[1], None]

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 GREY = ("000000", "ffffff")
-VIRIDIS = tuple(
-    "fde724 d4e11a aadb32 81d34c 5bc862 3dbb74 27ad80 1e9e88 208f8c "
-    "26808e 2c718e 33618d 3b518a 423e85 472b7a 471669 440154".split()
+VIRIDIS = (
+    *("fde724", "d4e11a", "aadb32", "81d34c", "5bc862", "3dbb74"),
+    *("27ad80", "1e9e88", "208f8c", "26808e", "2c718e", "33618d"),
+    *("3b518a", "423e85", "472b7a", "471669", "440154"),
 )
 """Near yellow, far violet; S. van der Walt, N. Smith, public domain, at 17 equal steps."""
 STEPS = (1, 2, 2.5, 5, 10)
