@@ -23,7 +23,6 @@ from ..reconstructor import Reconstructor
 from ..result import Result
 from ..text import json_line, printable
 
-HELP = "capture -> image, ranges, depth map, point cloud"
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = "python -m reconstruction capture.h5 -o result"
 STATIONS: dict[str, Iterable[str]] = {

@@ -1,7 +1,6 @@
 """What decoded readings say of an image: linear operators with orthogonal rows of one length."""
 
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,16 +8,13 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from .basis import Basis
 
-if TYPE_CHECKING:
-    from scipy.sparse.linalg import LinearOperator
-
 
 class MeasurementOperator:
     """y = A x of images x (N,) as K coefficients, with A A^T = row_length^2 I.
 
     ``image_shape`` (H, W); ``level`` is the row that alone sees a constant image, or None.
-    `forward` and `back_project` act on stacks of (H, W). SciPy's solvers take it as it is, for it
-    has the methods that `scipy.sparse.linalg.aslinearoperator` asks for, of flat images.
+    `forward` and `back_project` act on stacks of (H, W). SciPy's solvers take it as it is:
+    `scipy.sparse.linalg.aslinearoperator` asks for shape, type, `matvec` and `rmatvec`.
     """
 
     dtype = np.dtype(np.float64)
@@ -71,33 +67,6 @@ class MeasurementOperator:
     def rmatvec(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         """A^T y of coefficients (K,), a flat image."""
         return self._combine(np.ravel(coefficients))
-
-    def matmat(self, images: NDArray[Any]) -> NDArray[Any]:
-        """A X of flat images (N, F) in columns."""
-        return self._project(images.T).T
-
-    def rmatmat(self, coefficients: NDArray[Any]) -> NDArray[Any]:
-        """A^T Y of coefficients (K, F) in columns."""
-        return self._combine(coefficients.T).T
-
-    @cached_property
-    def linear(self) -> "LinearOperator":
-        """The same as SciPy's own kind of operator."""
-        from scipy.sparse.linalg import LinearOperator  # slow to import
-
-        return LinearOperator(
-            self.shape, self.matvec, self.rmatvec, self.matmat, self.dtype, self.rmatmat
-        )
-
-    def __matmul__(self, other: Any) -> Any:
-        return self.linear @ other
-
-    @property
-    def H(self) -> "LinearOperator":
-        """A^T."""
-        return self.linear.H
-
-    T = H
 
 
 class SeenAtoms:
