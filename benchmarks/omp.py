@@ -75,8 +75,9 @@ def pursuits(calls: int) -> tuple[list[Table], list[Check]]:
         seconds = {}
         for frames, repeated in ((1, calls), (FRAMES, max(calls // 10, 3))):
             work = contenders(dictionary, measured[:frames], atoms)
-            seconds[frames] = np.array(in_turns(work, repeated)) / frames
-            rows.append((size.name, f"{atoms} of {ATOMS}", f"{frames}", *_ms(seconds[frames])))
+            seconds[frames] = [each / frames for each in in_turns(work, repeated)]
+            times = [f"{1e3 * each:.3f}" for each in seconds[frames]]
+            rows.append((size.name, f"{atoms} of {ATOMS}", f"{frames}", *times))
         here, theirs, sklearn, _ = seconds[1]
         name = f"{size.name}, {size.patterns} readings"
         checks += [
@@ -183,10 +184,6 @@ def from_counts(
 ) -> Callable[[], Any]:
     """All that a frame takes; the variance of the counts is the counts."""
     return lambda: solve(usable.decode(counts, counts))
-
-
-def _ms(seconds: Floats) -> list[str]:
-    return [f"{1e3 * each:.3f}" for each in seconds]
 
 
 if __name__ == "__main__":
