@@ -14,7 +14,7 @@ from .scale import GREY, VIRIDIS, Scale
 
 SIDE = 512
 """The longer side of an image is enlarged to this by a whole number, or stays as it is."""
-MIN_SIDE = 120
+MIN_SIDE = 220
 """Of what stands beside the numbers of a scale."""
 MARGIN, BAR, GAP = 16, 18, 8
 """Width of the margin, of the scale, and of what is left free between things."""
@@ -101,38 +101,25 @@ def _mark_spots(picture: Canvas, setup: Setup, ranges: Ranges) -> None:
     factor = picture.shape[0] / shape[0]
     anchors = (pixel_of(setup.spots.directions, setup.optics, shape) + 0.5) * factor
     depths = ranges.range_m * setup.spots.directions[:, 2]
+    edge = np.array(picture.shape[:2]) - 1
     for place, depth_m, status in zip(anchors, depths, ranges.status, strict=True):
-        if not np.isfinite(place).all():
-            continue
-        row, column = (int(each) for each in np.clip(place, 0, np.array(picture.shape[:2]) - 1))
-        _cross(picture, row, column)
-        _label(picture, spot_label(depth_m, status), row, column)
+        row, column = np.clip(place, 0, edge).astype(int)
+        draw_spot(picture, row, column, f"{depth_m:.2f} m" if status == "ok" else status)
 
 
-def _cross(picture: Canvas, row: int, column: int) -> None:
-    """Draw a white cross on black."""
+def draw_spot(picture: Canvas, row: int, column: int, text: str) -> None:
+    """Draw a white cross on black, and a text beside it, white on half black."""
     for half_width, grey in ((1, 0), (0, 255)):
-        for long, wide in ((half_width, CROSS), (CROSS, half_width)):
-            rows = slice(max(row - long, 0), row + long + 1)
+        for tall, wide in ((half_width, CROSS), (CROSS, half_width)):
+            rows = slice(max(row - tall, 0), row + tall + 1)
             picture[rows, max(column - wide, 0) : column + wide + 1] = grey
-
-
-def spot_label(depth_m: float, status: str) -> str:
-    """What stands beside a spot: its depth, or why it has none."""
-    return f"{depth_m:.2f} m" if status == "ok" else status
-
-
-def _label(picture: Canvas, text: str, row: int, column: int) -> None:
-    """Write beside a spot, white on half black, within the picture."""
     cover = written(text)
     height, width = cover.shape
-    left = column + CROSS + 4
+    left = column + 2 * CROSS
     if left + width > picture.shape[1]:
-        left = column - CROSS - 4 - width
-    left = max(left, 0)
+        left = max(column - 2 * CROSS - width, 0)
     top = max(min(row - height // 2, picture.shape[0] - height), 0)
-    part = picture[top : top + height, left : left + width]
-    part //= 2
+    picture[top : top + height, left : left + width] //= 2
     _ink(picture, cover, top, left, 255)
 
 

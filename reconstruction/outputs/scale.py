@@ -12,7 +12,7 @@ VIRIDIS = (
     *("3b518a", "423e85", "472b7a", "471669", "440154"),
 )
 """Near yellow, far violet; S. van der Walt, N. Smith, public domain, at 17 equal steps."""
-STEPS = (1, 2, 2.5, 5, 10)
+STEPS = (1, 2, 2.5, 5, 10, 20)
 """Round steps between numbers of a scale, in powers of ten."""
 EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -37,12 +37,9 @@ class Scale:
         """At most so many round numbers: their values, how they read, and the factor they lack."""
         exponent = self._exponent
         low, high = self.low / 10.0**exponent, self.high / 10.0**exponent
-        rough = (high - low) / max(most - 1, 1)
-        power = int(np.floor(np.log10(rough)))
-        step = next(each for each in STEPS if each * 10.0**power >= rough * (1 - 1e-9))
-        step *= 10.0**power
+        step = _step(low, high, most)
         digits = next(n for n in range(20) if abs(round(step, n) - step) < 1e-9 * step)
-        ticks = step * np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1)
+        ticks = step * np.arange(*_multiples(low, high, step))
         factor = f"×10{str(exponent).translate(EXPONENTS)}" if exponent else ""
         return list(ticks * 10.0**exponent), [f"{tick + 0.0:.{digits}f}" for tick in ticks], factor
 
@@ -52,3 +49,18 @@ class Scale:
         largest = max(abs(self.low), abs(self.high))
         power = int(np.floor(np.log10(largest))) if largest > 0 else 0
         return 0 if -3 <= power < 5 else power
+
+
+def _step(low: float, high: float, most: int) -> float:
+    """The least round step with at most so many multiples between two numbers."""
+    power = 10.0 ** np.floor(np.log10((high - low) / most))
+    return next(
+        step
+        for step in (share * power for share in STEPS)
+        if np.diff(_multiples(low, high, step)) <= most
+    )
+
+
+def _multiples(low: float, high: float, step: float) -> tuple[float, float]:
+    """The first multiple of a step between two numbers, and the one after the last."""
+    return float(np.ceil(low / step - 1e-9)), float(np.floor(high / step + 1e-9) + 1)

@@ -32,6 +32,7 @@ from reconstruction.operators import (
     mean_illumination,
 )
 from reconstruction.operators.bases.dense import Dense
+from reconstruction.operators.sparse import SparseRows
 
 SHAPE = (4, 8)
 BACKGROUND = 11.0
@@ -165,6 +166,31 @@ def test_scipy_takes_it_for_a_linear_operator(plan):
     solved = lsqr(operator, forward, atol=1e-12, btol=1e-12)[0]
     expected = operator.least_energy(forward)
     np.testing.assert_allclose(solved.reshape(plan.shape), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("values", [np.arange(16.0), np.arange(32).reshape(16, 2) * 1j])
+def test_sparse_rows_are_a_matrix(values):
+    rng = np.random.default_rng(8)
+    dense = rng.random((9, 16)) * (rng.random((9, 16)) < 0.2)
+    dense[:, 3] = 1  # no row is empty
+    rows, columns = dense.nonzero()
+    sparse = SparseRows(rows, columns, dense[rows, columns], dense.shape)
+    np.testing.assert_allclose(sparse @ values, dense @ values)
+    np.testing.assert_allclose(sparse**2 @ values, dense**2 @ values)
+    kept = rng.random(9) < 0.5
+    np.testing.assert_allclose(sparse.only(kept) @ values, dense[kept] @ values)
+    assert (sparse.only(np.zeros(9, dtype=bool)) @ values).shape == (0, *values.shape[1:])
+
+
+def test_rows_too_long_for_matrices_are_transformed_fast(monkeypatch):
+    plan, image = make_plan(SHAPE, 13), np.random.default_rng(9).random((2, *SHAPE))
+    by_factors = decoder_for(plan).operator
+    monkeypatch.setattr("reconstruction.operators.bases.hadamard.MAX_SIDE", 4)
+    fast = decoder_for(make_plan(SHAPE, 13)).operator
+    coefficients = by_factors.forward(image)
+    np.testing.assert_allclose(fast.forward(image), coefficients)
+    back = by_factors.back_project(coefficients)
+    np.testing.assert_allclose(fast.back_project(coefficients), back)
 
 
 def test_what_rows_see_of_atoms_is_the_same_by_factors_and_by_brute_force():
