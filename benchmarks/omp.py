@@ -21,7 +21,10 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import sys
 from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -61,6 +64,8 @@ def main() -> int:
     contenders(dictionary, measured, atoms)[0]()  # many frames: the pursuit is compiled
     around = surroundings(("numpy", "scipy", "numba", "spams-bin", "scikit-learn"))
     tables, checks = pursuits(calls)
+    for name, put in devices().items():
+        tables.append(on_a_device(name, put, max(calls // 10, 3)))
     more_tables, more_checks = images(calls)
     return finish(
         options, DOCS, "benchmark omp", around, tables + more_tables, checks + more_checks
@@ -124,6 +129,57 @@ def others(dictionary: Floats, measured: Floats, atoms: int) -> int:
     """Number of frames for which scikit-learn takes other atoms."""
     here, _, sklearn, _ = (each() for each in contenders(dictionary, measured, atoms))
     return int(((here != 0) != (sklearn.T != 0)).any(axis=1).sum())
+
+
+def devices() -> dict[str, Callable[[Floats], Any]]:
+    """What puts an array on the graphics processor, by library; empty where there is none."""
+    found: dict[str, Callable[[Floats], Any]] = {}
+    if find_spec("torch") is not None:
+        import torch
+
+        if torch.cuda.is_available():
+            found["PyTorch"] = lambda values: torch.asarray(values, device="cuda")
+    if find_spec("cupy") is not None:
+        import cupy
+
+        found["CuPy"] = cupy.asarray
+    return found
+
+
+def on_a_device(name: str, put: Callable[[Floats], Any], calls: int) -> Table:
+    """Time on the clock per frame of batches there, from readings to coefficients, and here."""
+    rows = []
+    for size in PAPER:
+        dictionary, _, atoms = problem(size)
+        gram = dictionary.T @ dictionary
+        places = [(dictionary, gram, np.asarray), (put(dictionary), put(gram), put)]
+        for frames in (FRAMES, 16 * FRAMES):
+            measured = np.random.default_rng(1).standard_normal((frames, size.patterns))
+            took = [
+                on_the_clock(partial(pursued, *place, measured, atoms), calls) for place in places
+            ]
+            rows.append((size.name, f"{frames}", *(f"{1e3 * each / frames:.4f}" for each in took)))
+    columns = ("size", "frames at once", "here, ms", f"GPU by {name}, ms")
+    return Table("Time on the clock per frame of a pursuit:", columns, rows)
+
+
+def pursued(
+    columns: Any, gram: Any, put: Callable[[Floats], Any], measured: Floats, atoms: int
+) -> Any:
+    """Coefficients of readings that are in memory here, on the device of the columns."""
+    given = put(measured)
+    energy = (given**2).sum(axis=1)
+    return batch_omp(gram, given @ columns, energy, max_atoms=atoms)
+
+
+def on_the_clock(work: Callable[[], Any], calls: int) -> float:
+    """Median time until the first number of the result is here."""
+    seconds = []
+    for _ in range(calls + 1):
+        began = perf_counter()
+        float(work()[0, 0])
+        seconds.append(perf_counter() - began)
+    return float(np.median(seconds[1:]))
 
 
 def images(calls: int) -> tuple[list[Table], list[Check]]:

@@ -9,7 +9,8 @@ With L z = correlation[S], the residual's correlation is correlation - F D^-1 z,
 coefficients u solve L^T u = D^-1 z, and J = energy - z^T D^-1 z. An atom adds a column to F, and
 changes none.
 
-Where Numba is installed the pursuit is compiled, which makes it several times as fast.
+Where Numba is installed the pursuit is compiled, which makes it several times as fast. Arrays of
+other libraries than NumPy, such as PyTorch's and CuPy's, are pursued where they are: on a GPU.
 """
 
 from collections.abc import Callable
@@ -19,10 +20,9 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ...arrays import Floats
-from .interpreted import pursue_frames
+from . import interpreted
 
 FEW = 16
 """So many calls take less time than loading the compiled pursuit."""
@@ -31,14 +31,14 @@ _calls = count(1)
 
 
 def batch_omp(
-    gram: Floats,
-    correlation: NDArray[Any],
-    energy: ArrayLike,
+    gram: Any,
+    correlation: Any,
+    energy: Any,
     *,
-    ridge: ArrayLike = 0.0,
-    tolerance: ArrayLike = 0.0,
+    ridge: Any = 0.0,
+    tolerance: Any = 0.0,
     max_atoms: int,
-) -> NDArray[Any]:
+) -> Any:
     """Greedy minimisation of J(u) = |y - Phi u|^2 + ridge |u|^2 over few atoms.
 
     ``gram`` (n, n) is Phi^T Phi, ``correlation`` (..., n) Phi^T y of each frame, ``energy`` (...)
@@ -48,20 +48,24 @@ def batch_omp(
     coefficients u (..., n), 0 where an atom was not taken. Columns need not be normalised: the
     longer ones are preferred. Measurements, and with them the coefficients, may be complex.
     """
-    correlation = np.asarray(correlation)
+    if not isinstance(gram, np.ndarray):
+        from .in_step import pursue  # needs what NumPy does not
+
+        return pursue(gram, correlation, energy, ridge, tolerance, max_atoms)
     frames = correlation.reshape(-1, len(gram))
     limits = np.empty((3, len(frames)))
     for number, limit in enumerate((energy, ridge, tolerance)):
         limits[number] = np.ravel(limit)
-    pursue = pursuit_of(len(frames))
-    return pursue(gram, frames, *limits, min(max_atoms, len(gram))).reshape(correlation.shape)
+    pursue_frames = pursuit_of(len(frames))
+    found = pursue_frames(gram, frames, *limits, min(max_atoms, len(gram)))
+    return found.reshape(correlation.shape)
 
 
 def pursuit_of(frames: int) -> Callable[..., NDArray[Any]]:
     """The compiled one, where there is one and work that is worth it."""
     loaded = _compiled.cache_info().currsize > 0
     many = loaded or frames > 1 or next(_calls) > FEW
-    return (_compiled() if many else None) or pursue_frames
+    return (_compiled() if many else None) or interpreted.pursue_frames
 
 
 @cache
