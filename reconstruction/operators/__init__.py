@@ -15,6 +15,8 @@ from .plan import (
     mean_illumination,
     ordered_rows,
 )
+from .redundancy import redundant_combinations
+from .sparse import SparseRows
 
 __all__ = [
     "BASES",
@@ -27,6 +29,7 @@ __all__ = [
     "PatternPlan",
     "RowOperator",
     "SeenAtoms",
+    "SparseRows",
     "checked_shape",
     "decoder_for",
     "expose",
@@ -35,5 +38,6 @@ __all__ = [
     "make_plan",
     "mean_illumination",
     "ordered_rows",
+    "redundant_combinations",
     "sequency",
 ]
