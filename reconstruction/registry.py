@@ -6,13 +6,14 @@ modules whose names begin with an underscore, are none. Other packages add their
 of the registry's ``group``, by name, each of which points to an entry itself.
 """
 
+import sys
 import warnings
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
-from typing import Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 from .errors import InputError, nearest
 
@@ -70,7 +71,8 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     @cached_property
     def _others(self) -> dict[str, list[EntryPoint]]:
         found: dict[str, list[EntryPoint]] = {}
-        for point in sorted(entry_points(group=self.group), key=lambda point: point.name):
+        points = _entry_points(tuple(sys.path)).select(group=self.group)
+        for point in sorted(points, key=lambda point: point.name):
             found.setdefault(point.name, []).append(point)
         return found
 
@@ -95,6 +97,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
                 f"{self.kind} {name!r} of {owners[0]} cannot be loaded: "
                 f"{type(error).__name__}: {error}"
             ) from error
+
+
+@lru_cache(maxsize=1)
+def _entry_points(path: tuple[str, ...]) -> Any:
+    """Those of all packages on the ``path``, which takes a while to search."""
+    return entry_points()
 
 
 def _owner(point: EntryPoint) -> str:

@@ -3,13 +3,17 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
 from ..errors import InputError, explain
 from ..text import printable, write_anything
-from . import importing, reconstruct
 
-COMMANDS = {"reconstruct": reconstruct, "import": importing}
+COMMANDS = {
+    "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
+    "import": ("importing", "array of bucket readings -> capture"),
+}
+"""Module of each, imported when it is called, and what it does."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -18,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
         arguments.insert(0, "reconstruct")
-    options = _parser().parse_args(arguments)
+    options = _parser(arguments[:1]).parse_args(arguments)
     try:
         options.run(options)
     except InputError as error:
@@ -40,15 +44,18 @@ class _Parser(argparse.ArgumentParser):
         super()._print_message(printable(message), file)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(called: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="python -m reconstruction",
         description="From a capture to image, ranges and depth map.",
         epilog="A capture as the first word means reconstruct.",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, command in COMMANDS.items():
-        verb = commands.add_parser(name, help=command.HELP, epilog=f"example: {command.EXAMPLE}")
-        command.add_options(verb)
-        verb.set_defaults(run=command.run)
+    for name, (module, does) in COMMANDS.items():
+        verb = commands.add_parser(name, help=does)
+        if name in called:
+            command = import_module(f".{module}", __name__)
+            verb.epilog = f"example: {command.EXAMPLE}"
+            command.add_options(verb)
+            verb.set_defaults(run=command.run)
     return parser

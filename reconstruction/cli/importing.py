@@ -14,7 +14,6 @@ from ..files import Output, require_outputs
 from ..operators import ORDERS, POLARITIES, make_plan
 from ..text import printable
 
-HELP = "array of bucket readings -> capture"
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = (
     "python -m reconstruction import car.mat -o car.h5 --shape 32x32 --variable data "

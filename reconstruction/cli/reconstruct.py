@@ -4,7 +4,6 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ from ..reconstructor import Reconstructor
 from ..result import Result
 from ..text import json_line, printable
 
-HELP = "capture -> image, ranges, depth map, point cloud"
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = "python -m reconstruction capture.h5 -o result"
 STATIONS: dict[str, Iterable[str]] = {
@@ -71,8 +69,6 @@ def run(options: argparse.Namespace) -> None:
     result = replace(result, recording=recording.frame().digest(recording.setup))
     files = write_outputs(result, capture, options.output)
     warnings = capture_warnings(capture)
-    if find_spec("matplotlib") is None:
-        warnings.append("Matplotlib is not installed: there are no pictures")
     for warning in warnings:
         print(printable(f"warning: {warning}"), file=sys.stderr)
     if options.json:

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ..arrays import Floats
-from ..operators import Decoder, RowOperator
+from ..operators import Decoder, RowOperator, SparseRows
 from .noise import variance_by_repetition, variance_by_spectrum
 from .prior import Prior, fit_scale
 from .shared_errors import without_shared_errors
@@ -44,9 +43,7 @@ class CoefficientDecoder:
     ``redundant`` are the combinations of readings that tell their noise.
     """
 
-    def __init__(
-        self, decoder: Decoder, prior: Callable[[], Prior], redundant: sparse.csr_array
-    ) -> None:
+    def __init__(self, decoder: Decoder, prior: Callable[[], Prior], redundant: SparseRows) -> None:
         self._decoder = decoder
         self._redundant = redundant
         self._alike = isinstance(decoder.operator, RowOperator)  # all rows are
@@ -65,10 +62,10 @@ class CoefficientDecoder:
         """
         values = self._decoder.decode(signal)
         known = np.isfinite(variance)
-        if known.any():
-            variance = np.where(known, variance, np.median(variance[known]))
-        else:
+        if not known.any():
             variance = np.full(variance.shape, self._estimated(signal, values))
+        elif not known.all():
+            variance = np.where(known, variance, np.median(variance[known]))
         if self._alike:
             values, left = self._unshared(values, variance)
             return Coefficients(values, np.sqrt(np.full(left.shape, np.median(left))))

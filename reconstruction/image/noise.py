@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.special import gammaincc
 
 from ..arrays import Floats
+from ..operators import SparseRows
 
 FEWEST = 8
 """Combinations that tell the noise by themselves."""
@@ -32,7 +31,7 @@ VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 28))
 """Of signal and noise, over the power of the coefficients."""
 
 
-def variance_by_repetition(combinations: sparse.csr_array, signal: NDArray[Any]) -> float | None:
+def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> float | None:
     """Variance of a reading, from combinations (D, M) that are noise alone; None if too few.
 
     By the median, so that a lamp that flickers once is not all there is.
@@ -54,6 +53,8 @@ def variance_by_spectrum(measured: NDArray[Any], expected: Floats) -> float:
 
 def _log_likelihood(power: Floats, expected: Floats) -> Floats:
     """Of each of `VARIANCES`, with the contrast that explains most."""
+    from scipy.special import gammaincc  # slow to import
+
     weights = np.diff(gammaincc(FREEDOM / 2, FREEDOM / 2 / _edges()))
     scales = np.unique(np.outer(CONTRASTS, FACTORS).round(12))
     variance = scales[:, None, None] * expected + np.maximum(VARIANCES, 1e-9)[:, None]

@@ -1,5 +1,6 @@
 """What is known of the coefficients of an image before they are measured."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,9 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..operators import MeasurementOperator
 from .dictionary import Dictionary
+
+WHITE = np.logspace(-6, 3, 46)
+"""White parts that are tried, relative to the mean variance."""
 
 
 class Prior:
@@ -24,6 +28,10 @@ class Prior:
         self.atoms = operator.in_atoms(dictionary.atoms(height), dictionary.atoms(width))
         self.expected: Floats = self.atoms.by_row(self.deviation**2)
 
+    @cached_property
+    def _fit(self) -> "VarianceFit":
+        return VarianceFit(self.expected)
+
     def variance(self, coefficients: NDArray[Any]) -> Floats:
         """Variance (K,) that coefficients (K,) like these have from image to image.
 
@@ -32,22 +40,30 @@ class Prior:
         variance = np.full(coefficients.size, np.inf)
         measured = coefficients[self.varying]
         if measured.any():
-            scale, white = fit_variance(measured, self.expected)
+            scale, white = self._fit(measured)
             variance[self.varying] = scale * (self.expected + white)
         return variance
 
 
-def fit_variance(measured: NDArray[Any], expected: Floats) -> tuple[float, float]:
-    """Maximum-likelihood fit of var(measured) = v (expected + r): returns v and r.
+class VarianceFit:
+    """Maximum-likelihood fit of var(measured) = v (expected + r) to frames, by a grid of r."""
 
-    ``r`` is the white part, noise and what the expected spectrum misses, relative to v.
-    """
-    white = expected.mean() * np.logspace(-6, 3, 46)
-    shape = expected + white[:, None]
-    variance = (np.abs(measured) ** 2 / shape).mean(axis=1)
-    cost = measured.size * np.log(variance) + np.log(shape).sum(axis=1)
-    best = int(np.argmin(cost))
-    return float(variance[best]), float(white[best])
+    def __init__(self, expected: Floats) -> None:
+        self._white = expected.mean() * WHITE
+        shape = expected + self._white[:, None]
+        self._weight = 1 / (shape * expected.size)
+        self._volume = np.log(shape).sum(axis=1)
+
+    def __call__(self, measured: NDArray[Any]) -> tuple[float, float]:
+        """The scale v and the white part r, noise and what the spectrum misses, relative to v."""
+        variance = self._weight @ np.abs(measured) ** 2
+        best = int(np.argmin(measured.size * np.log(variance) + self._volume))
+        return float(variance[best]), float(self._white[best])
+
+
+def fit_variance(measured: NDArray[Any], expected: Floats) -> tuple[float, float]:
+    """The same of one frame."""
+    return VarianceFit(expected)(measured)
 
 
 def fit_scale(measured: NDArray[Any], expected: Floats, noise: Floats | float) -> float:

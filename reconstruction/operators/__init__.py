@@ -16,6 +16,7 @@ from .plan import (
     ordered_rows,
 )
 from .redundancy import redundant_combinations
+from .sparse import SparseRows
 
 __all__ = [
     "BASES",
@@ -28,6 +29,7 @@ __all__ = [
     "PatternPlan",
     "RowOperator",
     "SeenAtoms",
+    "SparseRows",
     "checked_shape",
     "decoder_for",
     "expose",

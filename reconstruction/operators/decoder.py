@@ -8,16 +8,17 @@ without these two are compared with their mean (F. Ferri et al., Phys. Rev. Lett
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ..arrays import Floats, Mask
 from ..errors import InputError
 from .operator import MatrixOperator, MeasurementOperator, RowOperator
 from .plan import PatternPlan
+from .sparse import SparseRows
 
 RANK = 1e-6
 """Directions that patterns excite by less than this share of the strongest are not measured."""
@@ -33,7 +34,7 @@ class Decoder:
     shown. ``shared`` (M,): readings that enter several coefficients of an orthogonal basis.
     """
 
-    matrix: sparse.csr_array | Floats
+    matrix: SparseRows | Floats
     operator: MeasurementOperator
     index: NDArray[np.int32]
     shared: Mask
@@ -54,15 +55,19 @@ class Decoder:
         The covariance of all is S V S^T + diag(own), with S the columns of the shared readings
         and V = diag of their variance.
         """
-        alone = ~self.shared
-        squared = self.matrix[:, alone] ** 2
-        flat = variance[..., alone].reshape(-1, np.count_nonzero(alone))
-        return np.asarray((squared @ flat.T).T).reshape(*variance.shape[:-1], -1)
+        own = np.where(self.shared, 0.0, variance).reshape(-1, self.shared.size)
+        return np.asarray((self._squared @ own.T).T).reshape(*variance.shape[:-1], -1)
+
+    @cached_property
+    def _squared(self) -> SparseRows | Floats:
+        return self.matrix**2
 
     def shared_columns(self) -> Floats:
         """Columns (K, S) of the readings that many coefficients share."""
-        columns = self.matrix[:, self.shared]
-        return np.asarray(columns.toarray() if sparse.issparse(columns) else columns)
+        (places,) = self.shared.nonzero()
+        units = np.zeros((self.shared.size, places.size))
+        units[places, range(places.size)] = 1
+        return np.asarray(self.matrix @ units)
 
 
 def decoder_for(plan: PatternPlan, usable: Mask | None = None) -> Decoder:
@@ -76,17 +81,19 @@ def decoder_for(plan: PatternPlan, usable: Mask | None = None) -> Decoder:
         return _dense_decoder(plan, usable)
     matrix = _row_decoder(plan)
     complete = rows_resting_on(matrix, usable)
-    matrix, index = matrix[complete], plan.distinct[complete]
-    shared = np.bincount(matrix.indices, minlength=plan.exposures) > 1
+    matrix, index = matrix.only(complete), plan.distinct[complete]
+    shared = np.bincount(matrix.columns, minlength=plan.exposures) > 1
     return Decoder(matrix, RowOperator(plan.patterns, index), index, shared)
 
 
-def rows_resting_on(matrix: sparse.csr_array, usable: Mask) -> Mask:
+def rows_resting_on(matrix: SparseRows, usable: Mask) -> Mask:
     """Which rows (K,) rest on ``usable`` (M,) readings alone."""
-    return np.asarray(abs(matrix) @ (~usable).astype(float) == 0)
+    resting = np.ones(matrix.shape[0], dtype=bool)
+    resting[matrix.rows[~usable[matrix.columns]]] = False
+    return resting
 
 
-def _row_decoder(plan: PatternPlan) -> sparse.csr_array:
+def _row_decoder(plan: PatternPlan) -> SparseRows:
     """The (K, M) matrix that turns M readings into K signed coefficients."""
     rows = {int(k): row for row, k in enumerate(plan.distinct)}
     shown = {
@@ -117,7 +124,7 @@ def _row_decoder(plan: PatternPlan) -> sparse.csr_array:
     row_of = np.concatenate([np.full(at.size, row) for row, at, _ in entries])
     column_of = np.concatenate([at for _, at, _ in entries])
     value = np.concatenate([np.full(at.size, weight / at.size) for _, at, weight in entries])
-    return sparse.csr_array((value, (row_of, column_of)), shape=(len(rows), plan.exposures))
+    return SparseRows(row_of, column_of, value, (len(rows), plan.exposures))
 
 
 def _dense_decoder(plan: PatternPlan, usable: Mask) -> Decoder:

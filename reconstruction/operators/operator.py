@@ -4,18 +4,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator
 
 from ..arrays import Floats
 from .basis import Basis
 
 
-class MeasurementOperator(LinearOperator):
+class MeasurementOperator:
     """y = A x of images x (N,) as K coefficients, with A A^T = row_length^2 I.
 
-    ``image_shape`` (H, W); ``level`` is the row that alone sees a constant image, or None. As a
-    `LinearOperator` it acts on flat images; `forward` and `back_project` on stacks of (H, W).
+    ``image_shape`` (H, W); ``level`` is the row that alone sees a constant image, or None.
+    `forward` and `back_project` act on stacks of (H, W). SciPy's solvers take it as it is:
+    `scipy.sparse.linalg.aslinearoperator` asks for shape, type, `matvec` and `rmatvec`.
     """
+
+    dtype = np.dtype(np.float64)
 
     image_shape: tuple[int, int]
     row_length: float
@@ -23,7 +25,7 @@ class MeasurementOperator(LinearOperator):
 
     def __init__(self, rows: int, image_shape: tuple[int, int]) -> None:
         self.image_shape = image_shape
-        super().__init__(np.dtype(np.float64), (rows, image_shape[0] * image_shape[1]))  # type: ignore[call-arg]
+        self.shape = rows, image_shape[0] * image_shape[1]
 
     def forward(self, images: NDArray[Any]) -> NDArray[Any]:
         """Coefficients (..., K) of images (..., H, W), real or complex."""
@@ -58,17 +60,13 @@ class MeasurementOperator(LinearOperator):
     def _combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         raise NotImplementedError
 
-    def _matvec(self, x: NDArray[Any]) -> NDArray[Any]:
-        return self._project(np.ravel(x))
+    def matvec(self, image: NDArray[Any]) -> NDArray[Any]:
+        """A x of a flat image (N,)."""
+        return self._project(np.ravel(image))
 
-    def _rmatvec(self, x: NDArray[Any]) -> NDArray[Any]:
-        return self._combine(np.ravel(x))
-
-    def _matmat(self, x: NDArray[Any]) -> NDArray[Any]:
-        return self._project(x.T).T
-
-    def _rmatmat(self, x: NDArray[Any]) -> NDArray[Any]:
-        return self._combine(x.T).T
+    def rmatvec(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        """A^T y of coefficients (K,), a flat image."""
+        return self._combine(np.ravel(coefficients))
 
 
 class SeenAtoms:
@@ -91,7 +89,7 @@ class SeenAtoms:
 
 
 class RowOperator(MeasurementOperator):
-    """Rows of an orthogonal basis, by its fast transform."""
+    """Rows of an orthogonal basis, by their factors where the basis has them."""
 
     def __init__(self, basis: Basis, index: NDArray[np.int32]) -> None:
         super().__init__(len(index), basis.shape)
@@ -100,6 +98,7 @@ class RowOperator(MeasurementOperator):
         self.row_length = float(np.sqrt(basis.pixels))
         place = np.flatnonzero(index == (-1 if basis.level is None else basis.level))
         self.level = int(place[0]) if place.size else None
+        self._products = None if basis.factors is None else _Products(*basis.factors, index)
 
     def in_atoms(self, vertical: Floats, horizontal: Floats) -> SeenAtoms:
         """As any operator does, by factors where the basis has them."""
@@ -111,10 +110,39 @@ class RowOperator(MeasurementOperator):
         return _SeenFactors(*products, np.unravel_index(self.index[self.varying], (height, width)))
 
     def _project(self, flat: NDArray[Any]) -> NDArray[Any]:
-        return self.basis.project(flat, self.index)
+        if self._products is None:
+            return self.basis.project(flat, self.index)
+        return self._products.project(flat)
 
     def _combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
-        return self.basis.combine(coefficients, self.index)
+        if self._products is None:
+            return self.basis.combine(coefficients, self.index)
+        return self._products.combine(coefficients)
+
+
+class _Products:
+    """Rows that are outer products: of either side's factors only those that occur."""
+
+    def __init__(self, tall: Floats, wide: Floats, index: NDArray[np.int32]) -> None:
+        vertical, horizontal = np.divmod(index, len(wide))
+        above, row = np.unique(vertical, return_inverse=True)
+        beside, column = np.unique(horizontal, return_inverse=True)
+        self._tall, self._wide = tall[above], wide[beside]
+        self._place = row * len(beside) + column
+
+    def project(self, flat: NDArray[Any]) -> NDArray[Any]:
+        images = flat.reshape(*flat.shape[:-1], self._tall.shape[1], self._wide.shape[1])
+        products = self._tall @ images @ self._wide.T
+        return products.reshape(*flat.shape[:-1], -1)[..., self._place]
+
+    def combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        stack = coefficients.shape[:-1]
+        weights = np.zeros(
+            (*stack, len(self._tall) * len(self._wide)), np.result_type(coefficients, np.float64)
+        )
+        weights[..., self._place] = coefficients
+        weights = weights.reshape(*stack, len(self._tall), len(self._wide))
+        return (self._tall.T @ weights @ self._wide).reshape(*stack, -1)
 
 
 class _SeenFactors(SeenAtoms):

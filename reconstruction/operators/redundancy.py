@@ -9,16 +9,16 @@ from collections import defaultdict
 from itertools import pairwise
 
 import numpy as np
-from scipy import sparse
 
 from ..arrays import Mask
 from .plan import PatternPlan
+from .sparse import SparseRows
 
 Weights = dict[int, float]
 """By reading."""
 
 
-def redundant_combinations(plan: PatternPlan, usable: Mask) -> sparse.csr_array:
+def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
     """Combinations (D, M) of usable readings that are 0 but for noise, each of length 1.
 
     D is 0 where nothing is shown twice. Combinations that follow each other share readings: their
@@ -38,7 +38,7 @@ def redundant_combinations(plan: PatternPlan, usable: Mask) -> sparse.csr_array:
     places = [(row, reading) for row, weights in enumerate(rows) for reading in weights]
     values = [value for weights in rows for value in weights.values()]
     at = np.array(places, dtype=int).reshape(-1, 2).T
-    return sparse.csr_array((values, (at[0], at[1])), shape=(len(rows), plan.exposures))
+    return SparseRows(at[0], at[1], np.array(values), (len(rows), plan.exposures))
 
 
 def _mean(readings: list[int]) -> Weights:

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterable
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from ..evaluation.methods import method_title
 from ..files import Output, write_atomically
 from ..image import DICTIONARIES, IMAGE_METHODS
 from ..result import Result
+from .pictures import depth_picture, image_picture
 from .result_file import result_bytes
 
 
@@ -36,14 +36,14 @@ def write_outputs(result: Result, recording: Recording, directory: str | Path) -
     """Write result.h5, cloud.ply, and a picture of each image and depth map; return their paths.
 
     image.png and depth.png show what the default methods found, others have the method in their
-    names. Pictures need Matplotlib; without it there are none. Everything is made before the first
-    file is written; each appears whole or not at all, and pictures and clouds of an earlier result
-    that have no successor are removed. Other files of these names are replaced: that there are none
-    is what `require_outputs` of `outputs_in` tells. Raises InputError where the folder cannot be
-    written into, OSError where a file cannot be written.
+    names. Everything is made before the first file is written; each appears whole or not at all,
+    and pictures and clouds of an earlier result that have no successor are removed. Other files of
+    these names are replaced: that there are none is what `require_outputs` of `outputs_in` tells.
+    Raises InputError where the folder cannot be written into, OSError where a file cannot be
+    written.
     """
     setup = recording.setup
-    contents = _pictures(result, setup) if find_spec("matplotlib") is not None else {}
+    contents = _pictures(result, setup)
     contents["result.h5"] = result_bytes(result)
     if result.depth_m is not None and setup.optics is not None:
         points = pixel_rays(setup.optics, setup.plan.shape) * result.depth_m[..., None]
@@ -58,8 +58,6 @@ def write_outputs(result: Result, recording: Recording, directory: str | Path) -
 
 
 def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
-    from .pictures import depth_picture, image_picture
-
     pictures = {}
     for number, (name, image) in enumerate(result.images.items()):
         title = f"Image ({method_title('images', name)})"

@@ -1,71 +1,130 @@
-"""Pictures of images and depth maps, as PNG. Needs Matplotlib."""
-
-import io
-from typing import Any
+"""Pictures of images and depth maps, as PNG."""
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..capture import Setup
 from ..depth import pixel_of
 from ..files import mark
 from ..ranging import Ranges
+from .glyphs import HEIGHT, written
+from .png import png
+from .scale import GREY, VIRIDIS, Scale
+
+SIDE = 512
+"""The longer side of an image is enlarged to this by a whole number, or stays as it is."""
+MIN_SIDE = 220
+"""Of what stands beside the numbers of a scale."""
+MARGIN, BAR, GAP = 16, 18, 8
+"""Width of the margin, of the scale, and of what is left free between things."""
+NUMBER_SPACING = 60
+"""Between the numbers of a scale, about."""
+CROSS = 6
+"""Half the size of the cross on a spot."""
+NO_DEPTH = 128
+"""Grey of pixels without a depth."""
+
+Canvas = NDArray[np.uint8]
 
 
 def image_picture(image: NDArray[np.float32], title: str, unit: str) -> bytes:
     """An image in grey with its scale."""
-    figure, axes = _figure(title)
     # Single bright pixels do not dim the rest.
-    low, high = np.percentile(image, (0.5, 99.5))
-    shown = axes.imshow(image, cmap="gray", vmin=low, vmax=max(high, low + 1e-12))
-    figure.colorbar(shown, ax=axes, label=f"{unit}s per exposure", shrink=0.85)
-    return _png(figure, "image")
+    low, high = (float(end) for end in np.percentile(image, (0.5, 99.5)))
+    scale = Scale(low, _above(high, low, 1e-12), GREY)
+    enlarged = _enlarged(scale.paint(image))
+    return png(_framed(enlarged, title, scale, f"{unit}s per exposure"), mark("image"))
 
 
 def depth_picture(
     depth_m: NDArray[np.float32], title: str, setup: Setup, ranges: Ranges | None
 ) -> bytes:
     """A depth map with its scale, and the spots with their depths where there are any."""
-    figure, axes = _figure(title)
-    finite = depth_m[np.isfinite(depth_m)]
-    low, high = np.percentile(finite, (1, 99)) if finite.size else (0.0, 1.0)
-    axes.set_facecolor("0.5")  # where there is no depth
-    axes.set_axis_on()
-    axes.set(xticks=[], yticks=[])
-    shown = axes.imshow(depth_m, cmap="viridis_r", vmin=low, vmax=max(high, low + 1e-6))
-    figure.colorbar(shown, ax=axes, label="depth along the optical axis / m", shrink=0.85)
+    known = np.isfinite(depth_m)
+    low, high = np.percentile(depth_m[known], (1, 99)).tolist() if known.any() else (0.0, 1.0)
+    scale = Scale(low, _above(high, low, 1e-6), VIRIDIS)
+    colours = np.full((*depth_m.shape, 3), NO_DEPTH, np.uint8)
+    colours[known] = scale.paint(depth_m[known])
+    enlarged = _enlarged(colours)
     if ranges is not None:
-        _mark_spots(axes, setup, ranges)
-    return _png(figure, "depth")
+        _mark_spots(enlarged, setup, ranges)
+    return png(_framed(enlarged, title, scale, "depth along the optical axis / m"), mark("depth"))
 
 
-def _mark_spots(axes: Any, setup: Setup, ranges: Ranges) -> None:
+def _above(high: float, low: float, least: float) -> float:
+    """The upper end of a scale, so that it has some length."""
+    return max(high, low + max(least, 1e-6 * abs(low)))
+
+
+def _enlarged(colours: Canvas) -> Canvas:
+    factor = max(1, SIDE // max(colours.shape[:2]))
+    return colours.repeat(factor, axis=0).repeat(factor, axis=1)
+
+
+def _framed(picture: Canvas, title: str, scale: Scale, label: str) -> Canvas:
+    """A picture on white, with a title above and its scale at the right."""
+    height, width = picture.shape[:2]
+    inner = max(height, MIN_SIDE)
+    top, right = MARGIN + HEIGHT + GAP, MARGIN + width + 2 * GAP
+    values, numbers, factor = scale.numbers(max(2, inner // NUMBER_SPACING))
+    texts = [written(number) for number in numbers]
+    name = np.rot90(written(f"{label} {factor}".strip()))
+    column = right + BAR + GAP // 2 + max(text.shape[1] for text in texts) + GAP
+    heading = written(title)
+    size = (
+        max(top + inner, top + name.shape[0]) + MARGIN,
+        max(column + name.shape[1], MARGIN + heading.shape[1]) + MARGIN,
+    )
+    canvas = np.full((*size, 3), 255, np.uint8)
+    _ink(canvas, heading, MARGIN // 2, MARGIN)
+    above = top + (inner - height) // 2
+    canvas[above : above + height, MARGIN : MARGIN + width] = picture
+    bar = scale.paint(np.linspace(scale.high, scale.low, inner))
+    canvas[top - 1 : top + inner + 1, right - 1 : right + BAR + 1] = 0
+    canvas[top : top + inner, right : right + BAR] = bar[:, None]
+    for value, text in zip(values, texts, strict=True):
+        share = (scale.high - value) / (scale.high - scale.low)
+        row = top + round(share * (inner - 1))
+        canvas[row, right + BAR : right + BAR + GAP // 2] = 0
+        _ink(canvas, text, row - HEIGHT // 2, right + BAR + GAP)
+    _ink(canvas, name, top + max(0, (inner - name.shape[0]) // 2), column)
+    return canvas
+
+
+def _mark_spots(picture: Canvas, setup: Setup, ranges: Ranges) -> None:
+    """Crosses where the spots are, and the depth of each or why it has none."""
     assert setup.spots is not None
     if setup.optics is None:
         return
-    anchors = pixel_of(setup.spots.directions, setup.optics, setup.plan.shape)
+    shape = setup.plan.shape
+    factor = picture.shape[0] / shape[0]
+    anchors = (pixel_of(setup.spots.directions, setup.optics, shape) + 0.5) * factor
     depths = ranges.range_m * setup.spots.directions[:, 2]
-    for (row, column), depth_m, status in zip(anchors, depths, ranges.status, strict=True):
-        axes.plot(column, row, "+", color="white", markersize=9)
-        axes.annotate(
-            f" {depth_m:.2f} m" if status == "ok" else f" {status}",
-            (column, row),
-            color="white",
-            fontsize=9,
-            bbox={"facecolor": "black", "alpha": 0.5, "edgecolor": "none", "pad": 1},
-        )
+    edge = np.array(picture.shape[:2]) - 1
+    for place, depth_m, status in zip(anchors, depths, ranges.status, strict=True):
+        row, column = np.clip(place, 0, edge).astype(int)
+        draw_spot(picture, row, column, f"{depth_m:.2f} m" if status == "ok" else status)
 
 
-def _figure(title: str) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(6, 5), dpi=120, layout="constrained")
-    axes = figure.subplots()
-    axes.set_axis_off()
-    axes.set_title(title, fontsize=11)
-    return figure, axes
+def draw_spot(picture: Canvas, row: int, column: int, text: str) -> None:
+    """Draw a white cross on black, and a text beside it, white on half black."""
+    for half_width, grey in ((1, 0), (0, 255)):
+        for tall, wide in ((half_width, CROSS), (CROSS, half_width)):
+            rows = slice(max(row - tall, 0), row + tall + 1)
+            picture[rows, max(column - wide, 0) : column + wide + 1] = grey
+    cover = written(text)
+    height, width = cover.shape
+    left = column + 2 * CROSS
+    if left + width > picture.shape[1]:
+        left = max(column - 2 * CROSS - width, 0)
+    top = max(min(row - height // 2, picture.shape[0] - height), 0)
+    picture[top : top + height, left : left + width] //= 2
+    _ink(picture, cover, top, left, 255)
 
 
-def _png(figure: Figure, kind: str) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": mark(kind)})
-    return buffer.getvalue()
+def _ink(canvas: Canvas, cover: Floats, top: int, left: int, colour: int = 0) -> None:
+    """Draw what covers the canvas in a grey, in place; what lies beyond its edges is cut off."""
+    part = canvas[top : top + cover.shape[0], left : left + cover.shape[1]]
+    share = cover[: part.shape[0], : part.shape[1], None]
+    part[:] = np.round((1 - share) * part + share * colour).astype(np.uint8)

@@ -9,9 +9,9 @@ frequencies agree best, in the weighted least-squares sense (D. Droeschel, D. Ho
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import c
 
 from ..arrays import Floats
+from ..constants import c
 from .ranges import MIN_SIGNAL
 
 PHASE_ERROR_RAD = 0.05

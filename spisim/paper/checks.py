@@ -10,8 +10,7 @@ import platform
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
-from importlib.util import find_spec
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -93,9 +92,17 @@ def surroundings(packages: Sequence[str]) -> dict[str, Any]:
         "machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()}",
         "versions": {
             "python": platform.python_version(),
-            **{name: version(name) for name in packages if find_spec(name) is not None},
+            **{name: version(name) for name in packages if _installed(name)},
         },
     }
+
+
+def _installed(package: str) -> bool:
+    try:
+        version(package)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 def surroundings_line(around: dict[str, Any]) -> str:

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy import ndimage
 
 from images import image_from
 from reconstruction.capture import Optics
 from reconstruction.depth import pixel_of, pixel_rays, point_cloud_ply
 from reconstruction.depth.methods.anchored import MAX_NEARER, anchored_depth
 from reconstruction.depth.methods.nearest import nearest_range
+from reconstruction.depth.neighbours import around, between
 from reconstruction.operators import fwht, make_plan
 
 SIDE = 64
@@ -193,3 +195,12 @@ def test_point_cloud_is_read_by_other_software(tmp_path):
     assert np.allclose(cloud.vertices, points.reshape(-1, 3)[1:], atol=1e-6)
     assert cloud.colors[-1, :3].tolist() == [255] * 3
     assert cloud.colors[0, :3].tolist() == [0] * 3
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (7, 4)])
+def test_means_and_values_between_pixels_are_those_of_scipy(shape):
+    rng = np.random.default_rng(3)
+    image, places = rng.random(shape), (np.array(shape) + 2) * rng.random((20, 2)) - 1.5
+    np.testing.assert_allclose(around(image), ndimage.uniform_filter(image, 3))
+    expected = ndimage.map_coordinates(image, places.T, order=1, mode="nearest")
+    np.testing.assert_allclose(between(image, places), expected)

@@ -7,7 +7,7 @@ import pytest
 from scipy.fft import idctn
 from scipy.linalg import hadamard
 from scipy.ndimage import gaussian_filter
-from scipy.sparse.linalg import LinearOperator, lsqr
+from scipy.sparse.linalg import aslinearoperator, lsqr
 
 from images import correlation, natural_image
 from reconstruction import (
@@ -32,6 +32,7 @@ from reconstruction.operators import (
     mean_illumination,
 )
 from reconstruction.operators.bases.dense import Dense
+from reconstruction.operators.sparse import SparseRows
 
 SHAPE = (4, 8)
 BACKGROUND = 11.0
@@ -147,24 +148,49 @@ def test_least_energy_fits_and_adds_nothing_that_was_not_measured(plan):
     np.testing.assert_allclose(operator.least_energy(operator.forward(found)), found, atol=1e-9)
 
 
-def test_it_is_a_linear_operator_of_scipy(plan):
+def test_scipy_takes_it_for_a_linear_operator(plan):
     operator = decoder_for(plan).operator
     rows, pixels = operator.shape
-    assert isinstance(operator, LinearOperator)
+    linear = aslinearoperator(operator)
     assert pixels == plan.pixels
     rng = np.random.default_rng(4)
     x, y = rng.random(pixels), rng.random(rows)
     forward = operator.forward(x.reshape(plan.shape))
-    np.testing.assert_allclose(operator @ x, forward, atol=1e-12)
-    np.testing.assert_allclose(operator.H @ y, operator.back_project(y).ravel(), atol=1e-12)
-    np.testing.assert_allclose(operator.T @ y, operator.H @ y, atol=1e-12)
+    np.testing.assert_allclose(linear @ x, forward, atol=1e-12)
+    np.testing.assert_allclose(linear.H @ y, operator.back_project(y).ravel(), atol=1e-12)
+    np.testing.assert_allclose(linear.T @ y, linear.H @ y, atol=1e-12)
     several = rng.random((pixels, 3))
-    each = np.stack([operator @ column for column in several.T], axis=1)
-    np.testing.assert_allclose(operator @ several, each, atol=1e-12)
-    np.testing.assert_allclose((operator.H @ operator) @ x, operator.H @ forward, atol=1e-9)
+    each = np.stack([linear @ column for column in several.T], axis=1)
+    np.testing.assert_allclose(linear @ several, each, atol=1e-12)
+    np.testing.assert_allclose((linear.H @ linear) @ x, linear.H @ forward, atol=1e-9)
     solved = lsqr(operator, forward, atol=1e-12, btol=1e-12)[0]
     expected = operator.least_energy(forward)
     np.testing.assert_allclose(solved.reshape(plan.shape), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("values", [np.arange(16.0), np.arange(32).reshape(16, 2) * 1j])
+def test_sparse_rows_are_a_matrix(values):
+    rng = np.random.default_rng(8)
+    dense = rng.random((9, 16)) * (rng.random((9, 16)) < 0.2)
+    dense[:, 3] = 1  # no row is empty
+    rows, columns = dense.nonzero()
+    sparse = SparseRows(rows, columns, dense[rows, columns], dense.shape)
+    np.testing.assert_allclose(sparse @ values, dense @ values)
+    np.testing.assert_allclose(sparse**2 @ values, dense**2 @ values)
+    kept = rng.random(9) < 0.5
+    np.testing.assert_allclose(sparse.only(kept) @ values, dense[kept] @ values)
+    assert (sparse.only(np.zeros(9, dtype=bool)) @ values).shape == (0, *values.shape[1:])
+
+
+def test_rows_too_long_for_matrices_are_transformed_fast(monkeypatch):
+    plan, image = make_plan(SHAPE, 13), np.random.default_rng(9).random((2, *SHAPE))
+    by_factors = decoder_for(plan).operator
+    monkeypatch.setattr("reconstruction.operators.bases.hadamard.MAX_SIDE", 4)
+    fast = decoder_for(make_plan(SHAPE, 13)).operator
+    coefficients = by_factors.forward(image)
+    np.testing.assert_allclose(fast.forward(image), coefficients)
+    back = by_factors.back_project(coefficients)
+    np.testing.assert_allclose(fast.back_project(coefficients), back)
 
 
 def test_what_rows_see_of_atoms_is_the_same_by_factors_and_by_brute_force():

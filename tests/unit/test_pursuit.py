@@ -1,5 +1,6 @@
 """Matching pursuit: Batch-OMP equals the textbook, and the weighted one beats zero-filling."""
 
+from importlib import import_module
 from pathlib import Path
 from time import thread_time
 
@@ -14,20 +15,27 @@ from reconstruction.image import (
     batch_omp,
     fit_variance,
     image_method,
+    omp,
 )
 from reconstruction.operators import decoder_for, fwht, make_plan
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 
 
-def textbook_omp(dictionary, measured, atoms):
+def textbook_omp(dictionary, measured, atoms, ridge=0.0):
     """Pati, Rezaiifar, Krishnaprasad 1993: correlate, choose, solve anew."""
     chosen, residual = [], measured
     for _ in range(atoms):
-        chosen.append(int(np.argmax(np.abs(dictionary.T @ residual))))
-        values = np.linalg.lstsq(dictionary[:, chosen], measured, rcond=None)[0]
-        residual = measured - dictionary[:, chosen] @ values
-    return chosen, values
+        correlation = np.abs(dictionary.T @ residual)
+        correlation[chosen] = 0
+        chosen.append(int(np.argmax(correlation)))
+        part = dictionary[:, chosen]
+        normal = part.T @ part + ridge * np.eye(len(chosen))
+        values = np.linalg.solve(normal, part.T @ measured)
+        residual = measured - part @ values
+    found = np.zeros(dictionary.shape[1], measured.dtype)
+    found[chosen] = values
+    return found
 
 
 def measure(image, patterns):
@@ -41,59 +49,93 @@ def dictionary():
     return columns / np.linalg.norm(columns, axis=0)
 
 
-def test_batch_omp_equals_the_textbook(dictionary):
-    measured = np.random.default_rng(1).standard_normal(40)
-    expected, expected_values = textbook_omp(dictionary, measured, 15)
-    chosen, values = batch_omp(
-        dictionary.T @ dictionary, dictionary.T @ measured, measured @ measured, max_atoms=15
-    )
-    assert chosen.tolist() == expected
-    assert np.allclose(values, expected_values)
+@pytest.fixture(params=["interpreted", "compiled", "in step"])
+def pursuit(request, monkeypatch):
+    """Batch-OMP in NumPy, compiled, and with arrays of another library; gives NumPy's."""
+    if request.param == "in step":
+        strict = pytest.importorskip("array_api_strict")
+        pytest.importorskip("array_api_compat")
+
+        def in_step(gram, correlation, energy, **limits):
+            arrays = {name: strict.asarray(limit) for name, limit in limits.items()}
+            arrays["max_atoms"] = limits["max_atoms"]
+            given = map(strict.asarray, (gram, correlation, energy))
+            return np.asarray(batch_omp(*given, **arrays))
+
+        return in_step
+    if request.param == "compiled":
+        pytest.importorskip("numba")
+    kind = import_module(f"reconstruction.image.omp.{request.param}")
+    monkeypatch.setattr(omp, "pursuit_of", lambda frames: kind.pursue_frames)
+    return batch_omp
 
 
-def test_ridge_gives_the_regularised_solution_on_the_chosen_atoms(dictionary):
-    measured = np.random.default_rng(2).standard_normal(40)
-    chosen, values = batch_omp(
-        dictionary.T @ dictionary,
-        dictionary.T @ measured,
-        measured @ measured,
-        ridge=0.3,
-        max_atoms=12,
-    )
-    part = dictionary[:, chosen]
-    expected = np.linalg.solve(part.T @ part + 0.3 * np.eye(12), part.T @ measured)
-    assert np.allclose(values, expected)
+@pytest.fixture
+def pursued(pursuit):
+    """Coefficients of frames (..., M) by a pursuit."""
+
+    def pursue(dictionary, measured, **limits):
+        energy = (np.abs(measured) ** 2).sum(axis=-1)
+        return pursuit(dictionary.T @ dictionary, measured @ dictionary, energy, **limits)
+
+    return pursue
 
 
-def test_a_sparse_signal_is_found_and_the_pursuit_stops_there(dictionary):
-    truth = np.zeros(100)
-    truth[[7, 42, 63]] = [3.0, -2.0, 1.5]
-    measured = dictionary @ truth
-    energy = measured @ measured
-    chosen, values = batch_omp(
-        dictionary.T @ dictionary,
-        dictionary.T @ measured,
-        energy,
-        tolerance=1e-9 * energy,
-        max_atoms=40,
-    )
-    assert sorted(chosen) == [7, 42, 63]
-    assert np.allclose(values, truth[chosen])
+class TestBatchOmp:
+    @pytest.mark.parametrize("ridge", [0.0, 0.3])
+    @pytest.mark.parametrize("turn", [0, 1j])
+    def test_frames_are_pursued_as_in_the_textbook(self, pursued, dictionary, ridge, turn):
+        rng = np.random.default_rng(1)
+        measured = rng.standard_normal((6, 40)) + turn * rng.standard_normal((6, 40))
+        found = pursued(dictionary, measured, ridge=ridge, max_atoms=15)
+        expected = [textbook_omp(dictionary, each, 15, ridge) for each in measured]
+        assert np.allclose(found, expected, rtol=0, atol=1e-12)
+        assert np.array_equal(found != 0, np.array(expected) != 0)
 
+    def test_a_frame_of_many_is_as_it_is_alone(self, pursuit, dictionary):
+        gram = dictionary.T @ dictionary
+        correlation = np.random.default_rng(2).standard_normal((2, 3, 40)) @ dictionary
+        limits = {"energy": np.full((2, 3), 40.0), "ridge": 0.1, "tolerance": np.zeros((2, 3))}
+        limits["tolerance"][1] = [10, 20, 30]
+        together = pursuit(gram, correlation, **limits, max_atoms=20)
+        for place in np.ndindex(2, 3):
+            each = {name: np.broadcast_to(limit, (2, 3))[place] for name, limit in limits.items()}
+            alone = pursuit(gram, correlation[place], **each, max_atoms=20)
+            assert np.allclose(together[place], alone, rtol=0, atol=1e-12)
+            assert np.array_equal(together[place] != 0, alone != 0)
+        assert np.unique((together != 0).sum(axis=-1)).size > 1
 
-def test_a_repeated_column_is_taken_once(dictionary):
-    doubled = np.hstack([dictionary[:, :5], dictionary[:, :5]])
-    measured = doubled @ np.arange(10.0)
-    chosen, values = batch_omp(
-        doubled.T @ doubled, doubled.T @ measured, measured @ measured, max_atoms=10
-    )
-    assert len(chosen) == 5
-    assert np.allclose(doubled[:, chosen] @ values, measured)
+    def test_the_pursuit_stops_at_the_tolerance_and_no_step_earlier(self, pursued, dictionary):
+        measured = np.random.default_rng(3).standard_normal(40)
+        for atoms in (1, 7, 8):
+            found = textbook_omp(dictionary, measured, atoms, 0.2)
+            left = np.sum((measured - dictionary @ found) ** 2) + 0.2 * found @ found
+            limits = {"ridge": 0.2, "tolerance": left * (1 + 1e-9), "max_atoms": 40}
+            assert np.allclose(pursued(dictionary, measured, **limits), found)
 
+    def test_a_sparse_signal_is_found_and_the_pursuit_stops_there(self, pursued, dictionary):
+        truth = np.zeros(100)
+        truth[[7, 42, 63]] = [3.0, -2.0, 1.5]
+        measured = dictionary @ truth
+        energy = measured @ measured
+        found = pursued(dictionary, measured, tolerance=1e-9 * energy, max_atoms=40)
+        assert np.allclose(found, truth, rtol=0, atol=1e-12)
+        assert np.flatnonzero(found).tolist() == [7, 42, 63]
 
-def test_nothing_measured_takes_no_atom():
-    chosen, values = batch_omp(np.eye(4), np.zeros(4), 0.0, max_atoms=4)
-    assert chosen.size == values.size == 0
+    def test_a_repeated_column_is_taken_once(self, pursued, dictionary):
+        doubled = np.hstack([dictionary[:, :5], dictionary[:, :5], np.zeros((40, 1))])
+        measured = doubled @ np.arange(11.0)
+        found = pursued(doubled, measured, max_atoms=11)
+        assert sorted(np.flatnonzero(found) % 5) == [0, 1, 2, 3, 4]
+        assert np.allclose(doubled @ found, measured)
+
+    @pytest.mark.parametrize("atoms", [0, 4])
+    def test_nothing_measured_or_allowed_takes_no_atom(self, pursued, atoms):
+        measured = np.full(4, 1.0 - (atoms > 0))
+        assert not pursued(np.eye(4), measured, max_atoms=atoms).any()
+
+    def test_more_atoms_may_be_allowed_than_there_are(self, pursued):
+        assert np.allclose(pursued(np.eye(4)[:3], np.arange(3.0), max_atoms=9), [0, 1, 2, 0])
 
 
 def test_deviation_falls_with_spatial_frequency_in_cycles_per_pixel():

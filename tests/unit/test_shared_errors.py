@@ -68,7 +68,7 @@ def test_two_shared_readings_are_the_generalised_least_squares_of_the_formula():
     )
 
     # The posterior mean and variance of the shared errors, from the joint covariance.
-    matrix = decoder.matrix.toarray()
+    matrix = decoder.matrix @ np.eye(plan.exposures)
     weight_of_level = 1e9  # stands for an unknown level
     image = np.diag(np.append(weight_of_level, prior[1:]))
     covariance = image + matrix @ np.diag(variance) @ matrix.T

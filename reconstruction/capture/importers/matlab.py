@@ -9,7 +9,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-import scipy.io
 from numpy.typing import NDArray
 
 from ...errors import InputError
@@ -41,6 +40,8 @@ def _read_hdf5(path: Path, variable: str | None) -> NDArray[Any]:
 
 
 def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
+    import scipy.io  # slow to import
+
     content = path.read_bytes()
     unpacked = _inflated(content)
     kinds = {name: (shape, kind) for name, shape, kind in scipy.io.whosmat(_open(unpacked))}

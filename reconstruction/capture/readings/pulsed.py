@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import c
 
 from ...arrays import Floats, Mask
+from ...constants import c
 from ...errors import InputError
 from ..charge import Charge
 from ..schema import Stored

@@ -15,10 +15,10 @@ degrees, is left out.
 """
 
 import numpy as np
-from scipy.ndimage import map_coordinates, uniform_filter
 
 from ...arrays import Floats
 from ..method import Context, DepthSolver, Need, View
+from ..neighbours import around, between
 from ..rays import pixel_of, squared_distances
 
 LOG_DEPTH_DEVIATION = 0.4
@@ -86,11 +86,11 @@ def anchored_depth(
     share = 4 * depth_variance / (4 * depth_variance + LOG_REFLECTANCE_DEVIATION**2)
 
     brightness = np.log(np.maximum(image, MIN_BRIGHTNESS * reference))
-    around = uniform_filter(brightness, 3)
-    at_anchors = map_coordinates(around, anchors.T, order=1, mode="nearest")
+    smoothed = around(brightness)
+    at_anchors = between(smoothed, anchors)
     residual = log_depth + share / 2 * at_anchors
     unexplained = (1 - share) * depth_variance
-    kriged = _krige(around, anchors, at_anchors, residual, unexplained, log_sigma)
+    kriged = _krige(smoothed, anchors, at_anchors, residual, unexplained, log_sigma)
     depth = np.exp(kriged - share / 2 * brightness)
     # An uncertain range may be anywhere within its deviation.
     factor = np.where(log_sigma > UNCERTAIN, np.exp(log_sigma), 1.0)

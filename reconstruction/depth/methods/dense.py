@@ -9,7 +9,6 @@ Tropp, A. C. Gilbert, M. J. Strauss, Signal Processing 86, 572 (2006)).
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from ...arrays import Floats
 from ...capture import PatternTaps
@@ -17,6 +16,7 @@ from ...image import Coefficients, Imaging, UsableReadings
 from ...ranging import MIN_SIGNAL, path_from_phases, range_from_path
 from ...ranging.methods.cw import quadrature_weights
 from ..method import Context, DepthSolver, Need, View
+from ..neighbours import around
 from ..rays import pixel_rays
 
 
@@ -95,7 +95,7 @@ def phasor_image(
     guessed = np.abs(image - operator.least_energy(coefficients.values)) ** 2
     noise = coefficients.noise[coefficients.measured]
     measured = (noise**2).sum() / (operator.row_length**2 * image.size)
-    return image, np.sqrt(np.maximum(uniform_filter(guessed, 3), measured))
+    return image, np.sqrt(np.maximum(around(guessed), measured))
 
 
 def phasors(readings: PatternTaps, frequency_hz: float) -> tuple[NDArray[np.complex128], Floats]:

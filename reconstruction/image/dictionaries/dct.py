@@ -1,10 +1,10 @@
 """The two-dimensional discrete cosine transform."""
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, idctn
 
 from ...arrays import Floats
 
@@ -17,7 +17,7 @@ class Dct:
 
     def atoms(self, side: int) -> Floats:
         """Orthonormal cosines, the lowest frequency first: (side, side)."""
-        return np.asarray(dct(np.eye(side), axis=1, norm="ortho"))
+        return _cosines(side)
 
     def deviation(self, shape: tuple[int, int]) -> Floats:
         """Inverse to spatial frequency; 0 for the constant image."""
@@ -28,7 +28,17 @@ class Dct:
 
     def synthesise(self, spectrum: NDArray[Any]) -> NDArray[Any]:
         """Image (H, W) of coefficients (H, W)."""
-        return np.asarray(idctn(spectrum, norm="ortho"))
+        height, width = spectrum.shape
+        return np.asarray(_cosines(height) @ spectrum @ _cosines(width).T)
+
+
+@lru_cache(maxsize=8)
+def _cosines(side: int) -> Floats:
+    at = (2 * np.arange(side) + 1) * np.pi / (2 * side)
+    cosines = np.sqrt(2 / side) * np.cos(np.outer(at, np.arange(side)))
+    cosines[:, 0] = np.sqrt(1 / side)
+    cosines.setflags(write=False)
+    return cosines
 
 
 DICTIONARY = Dct()

@@ -19,6 +19,7 @@ from ..dictionary import Dictionary
 from ..method import Estimate
 from ..omp import batch_omp
 from ..prior import Prior, fit_variance
+from .least_squares import METHOD as LEAST_SQUARES
 
 ATOMS = 1024
 """Size of the dictionary: the atoms of greatest expected energy in the measurement."""
@@ -44,6 +45,7 @@ class PursuitSolver:
     def __init__(self, operator: MeasurementOperator, dictionary: Dictionary) -> None:
         self.operator = operator
         self.dictionary = dictionary
+        self._linear = LEAST_SQUARES.compile(operator)
         self.varying = operator.varying
         prior = Prior(operator, dictionary)
         seen = prior.deviation**2 * prior.atoms.by_atom()
@@ -57,10 +59,8 @@ class PursuitSolver:
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """Image (H, W) from coefficients (K,).
 
-        What the pursuit cannot explain is added back by the inverse transform, each coefficient
-        weighted by signal / (signal + noise): without noise the image agrees with every
-        coefficient, and the pursuit decides only what was not measured. Complex coefficients give
-        a complex image.
+        What the atoms do not explain is estimated by least squares: without noise the image agrees
+        with every coefficient. Complex coefficients give a complex image.
         """
         length = self.operator.row_length
         seen = self.varying & coefficients.measured
@@ -73,7 +73,7 @@ class PursuitSolver:
             columns, expected = columns[rows], expected[rows]
             gram = columns.T @ columns
         variance, ridge = fit_variance(measured, expected)
-        chosen, values = batch_omp(
+        values = batch_omp(
             gram,
             columns.T @ measured,
             float(np.vdot(measured, measured).real),
@@ -82,13 +82,11 @@ class PursuitSolver:
             max_atoms=min(MAX_CHOSEN, measured.size),
         )
         spectrum = np.zeros(self.operator.image_shape, dtype=measured.dtype)
-        spectrum[self.atoms[0][chosen], self.atoms[1][chosen]] = self.deviation[chosen] * values
-        unexplained = measured - columns[:, chosen] @ values
-        total = variance * (expected + ridge)
-        noise = coefficients.noise[seen] / length
+        spectrum[self.atoms] = self.deviation * values
         left = coefficients.values.copy()
-        left[seen] = unexplained * np.clip(1 - noise**2 / total, 0, 1) * length
-        return Estimate(self.dictionary.synthesise(spectrum) + self.operator.least_energy(left))
+        left[seen] = (measured - columns @ values) * length
+        rest = self._linear(Coefficients(left, coefficients.noise))
+        return Estimate(self.dictionary.synthesise(spectrum) + rest.image)
 
 
 METHOD = Pursuit()

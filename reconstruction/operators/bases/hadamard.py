@@ -15,6 +15,9 @@ from ...errors import InputError
 from ..basis import Basis
 from ..hadamard import fwht, power_of_two
 
+MAX_SIDE = 4096
+"""Matrices of longer sides are too large; the fast transform needs none."""
+
 
 class Hadamard(Basis):
     """All N rows; both sides of the shape must be powers of two (InputError otherwise)."""
@@ -31,9 +34,11 @@ class Hadamard(Basis):
             raise InputError(f"pattern shape {height} x {width}: both sides must be powers of two")
 
     @cached_property
-    def factors(self) -> tuple[Floats, Floats]:  # type: ignore[override]
-        """The Hadamard matrices of either side."""
+    def factors(self) -> tuple[Floats, Floats] | None:  # type: ignore[override]
+        """The Hadamard matrices of either side, None where they are too large."""
         height, width = self.shape
+        if max(height, width) > MAX_SIDE:
+            return None
         return fwht(np.eye(height)), fwht(np.eye(width))
 
     def row(self, k: int) -> Floats:

@@ -1,11 +1,11 @@
 """Direct time of flight: histogram of arrivals -> delay -> path length."""
 
 import numpy as np
-from scipy.constants import c
 from scipy.special import ndtr, ndtri
 
 from ...capture import Spots
 from ...capture.readings.dtof import HistogramSpots
+from ...constants import c
 from ..histogram import find_pulses
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths

@@ -5,12 +5,12 @@ deviates from that counts as noise. See `reconstruction.ranging.fog`.
 """
 
 import numpy as np
-from scipy.constants import c
 
 from ...capture import Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
+from ...constants import c
 from ..fog.belief import FogBelief
 from ..fog.solvers import fog_solver
 from ..fog.templates import EXTINCTIONS_PER_M

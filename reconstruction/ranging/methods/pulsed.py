@@ -8,11 +8,11 @@ Of more than two windows for the echo, the two neighbours with most light are ta
 """
 
 import numpy as np
-from scipy.constants import c
 
 from ...arrays import Floats
 from ...capture import Spots
 from ...capture.readings.pulsed import PulsedSpots
+from ...constants import c
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
 

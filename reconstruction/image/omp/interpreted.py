@@ -1,0 +1,66 @@
+"""Batch-OMP in NumPy."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import Floats
+
+NEGLIGIBLE = 1e-12
+"""Correlations below this share of the first are rounding."""
+DEPENDENT = 1e-10
+"""An atom of whose energy less than this share is new is a combination of those taken before."""
+
+
+def pursue_frames(
+    gram: Floats,
+    correlation: NDArray[Any],
+    energy: Floats,
+    ridge: Floats,
+    tolerance: Floats,
+    most: int,
+) -> NDArray[Any]:
+    """Coefficients (F, n) of correlations (F, n), with limits (F,), at ``most`` so many atoms."""
+    limits = zip(energy.tolist(), ridge.tolist(), tolerance.tolist(), strict=True)
+    found = np.zeros_like(correlation)
+    for frame, each in enumerate(limits):
+        chosen, values = _pursue(gram, correlation[frame], *each, most)
+        found[frame, chosen] = values
+    return found
+
+
+def _pursue(
+    gram: Floats,
+    correlation: NDArray[Any],
+    energy: float,
+    ridge: float,
+    tolerance: float,
+    most: int,
+) -> tuple[list[int], NDArray[Any]]:
+    """The atoms chosen from one frame and their coefficients."""
+    columns = np.empty((most, len(gram)))  # of F
+    lower = np.eye(most)
+    diagonal = np.empty(most)
+    scaled = np.empty(most, correlation.dtype)  # D^-1 z
+    residual = correlation.copy()
+    negligible = NEGLIGIBLE * np.abs(correlation).max(initial=0.0)
+    chosen: list[int] = []
+    excluded: list[int] = []
+    while (taken := len(chosen)) < most and energy > tolerance:
+        atom = int(np.abs(residual).argmax())
+        best = residual[atom]
+        if not abs(best) > negligible:
+            break
+        row, new = lower[taken], columns[taken]
+        np.divide(columns[:taken, atom], diagonal[:taken], out=row[:taken])
+        np.subtract(gram[atom], row[:taken] @ columns[:taken], out=new)
+        pivot = float(new[atom]) + ridge
+        excluded.append(atom)
+        if pivot > DEPENDENT * gram[atom, atom]:
+            diagonal[taken], scaled[taken] = pivot, best / pivot
+            residual -= scaled[taken] * new
+            energy -= abs(best) ** 2 / pivot
+            chosen.append(atom)
+        residual[excluded] = 0
+    return chosen, np.linalg.solve(lower[:taken, :taken].T, scaled[:taken])

@@ -1,0 +1,49 @@
+"""Matrices with few entries in each row, of which NumPy alone has all that decoding takes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats, Mask
+
+
+@dataclass(frozen=True, eq=False)
+class SparseRows:
+    """Entries ``values`` (E,) at ``rows`` (E,), in rising order and none left out, and ``columns``.
+
+    ``shape``: rows and columns of the matrix.
+    """
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    values: Floats
+    shape: tuple[int, int]
+
+    def __matmul__(self, vectors: NDArray[Any]) -> NDArray[Any]:
+        """Product with (M,) or (M, F)."""
+        if not self.rows.size:
+            return np.zeros((0, *vectors.shape[1:]), np.result_type(vectors, np.float64))
+        values = self.values.reshape(-1, *[1] * (vectors.ndim - 1))
+        return np.add.reduceat(values * vectors[self.columns], self._starts, axis=0)
+
+    @cached_property
+    def _starts(self) -> NDArray[np.intp]:
+        return np.flatnonzero(np.diff(self.rows, prepend=-1))
+
+    def only(self, kept: Mask) -> "SparseRows":
+        """The rows of a mask."""
+        entries = kept[self.rows]
+        number = np.cumsum(kept) - 1
+        return SparseRows(
+            number[self.rows[entries]],
+            self.columns[entries],
+            self.values[entries],
+            (int(np.count_nonzero(kept)), self.shape[1]),
+        )
+
+    def __pow__(self, power: int) -> "SparseRows":
+        """Of each entry."""
+        return SparseRows(self.rows, self.columns, self.values**power, self.shape)

@@ -1,0 +1,88 @@
+"""Pictures of results: PNG as others read it, scales that tell the truth, nothing off the edge."""
+
+import io
+
+import numpy as np
+import pytest
+from matplotlib import colormaps
+from PIL import Image
+
+from reconstruction.outputs import pictures
+from reconstruction.outputs.glyphs import HEIGHT, written
+from reconstruction.outputs.pictures import depth_picture, image_picture
+from reconstruction.outputs.png import png
+from reconstruction.outputs.scale import GREY, VIRIDIS, Scale
+
+
+def opened(content):
+    with Image.open(io.BytesIO(content)) as picture:
+        return np.asarray(picture), picture.info
+
+
+def test_a_png_is_read_as_it_was_written():
+    colours = np.random.default_rng(0).integers(0, 256, (7, 5, 3), np.uint8)
+    found, told = opened(png(colours, "made by somebody: image"))
+    assert np.array_equal(found, colours)
+    assert told["Software"] == "made by somebody: image"
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [(0, 1), (-5, 5), (3.2, 3.9), (99, 101), (0, 0.03), (-1e-7, 2e-7), (0, 3e12), (1e5, 100_003)],
+)
+def test_numbers_beside_a_scale_are_round_and_at_their_places(low, high):
+    values, texts, factor = Scale(low, high, GREY).numbers(7)
+    assert 3 <= len(values) <= 8
+    assert all(low - 1e-9 * (high - low) <= value <= high + 1e-9 * (high - low) for value in values)
+    assert len(set(texts)) == len(texts)
+    assert max(map(len, texts)) <= 8
+    power = factor.removeprefix("×10").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+    read = [float(text) * 10.0 ** int(power or 0) for text in texts]
+    assert read == pytest.approx(values, rel=1e-9, abs=1e-12 * (high - low))
+
+
+def test_colours_go_from_end_to_end_and_no_further():
+    grey = Scale(2.0, 4.0, GREY).paint(np.array([1.0, 2.0, 3.0, 4.0, 9.0]))
+    assert grey[:, 0].tolist() == [0, 0, 128, 255, 255]
+    shares = np.linspace(0, 1, 300)
+    painted = Scale(0.0, 1.0, VIRIDIS).paint(shares).astype(int)
+    assert np.abs(painted - colormaps["viridis_r"](shares, bytes=True)[:, :3]).max() < 10
+
+
+def test_letters_cover_what_they_should():
+    assert written("").shape == (HEIGHT, 0)
+    assert not written("  ").any()
+    assert np.array_equal(written("\N{SNOWMAN}"), written("?"))
+    dash, cross = written("-"), written("×")
+    assert 0 < (dash > 0.5).sum() < (cross > 0.5).sum()
+    assert written("1/f²").shape[1] > written("1/f").shape[1]
+
+
+def test_pixels_are_enlarged_as_they_are():
+    image = np.add.outer(np.arange(16.0), np.arange(8.0)).astype(np.float32)
+    found, told = opened(image_picture(image, "Image (of a test)", "count"))
+    assert told["Software"] == "made by spisim: image"
+    factor = pictures.SIDE // 16
+    top, left = pictures.MARGIN + HEIGHT + pictures.GAP, pictures.MARGIN
+    centres = found[top + factor // 2 :: factor, left + factor // 2 :: factor][:16, :8]
+    low, high = np.percentile(image, (0.5, 99.5))
+    assert np.array_equal(centres, Scale(low, high, GREY).paint(image))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (16, 256), (256, 1), (3, 600)])
+@pytest.mark.parametrize("value", [0.0, 1e30, np.nan])
+def test_every_shape_has_a_picture(shape, value):
+    values = np.full(shape, value, np.float32)
+    found, _ = opened(depth_picture(values, "Depth", None, None))
+    assert found.shape[0] >= pictures.MIN_SIDE
+    if np.isnan(value):
+        middle = found[pictures.MARGIN + HEIGHT + pictures.GAP + pictures.MIN_SIDE // 2]
+        assert (middle == pictures.NO_DEPTH).all(axis=-1).any()
+
+
+def test_labels_stay_within_the_picture():
+    for place in ((0, 0), (99, 99), (50, 70)):
+        picture = np.full((100, 100, 3), 90, np.uint8)
+        pictures.draw_spot(picture, *place, "12.34 m")
+        assert (picture == 255).sum() > 30
+    pictures.draw_spot(np.zeros((2, 3, 3), np.uint8), 1, 1, "ambiguous")
