@@ -8,6 +8,8 @@ from ...errors import InputError
 
 TINY_M = 1e-12
 """In place of nothing, in denominators."""
+INSIDE_M = 0.1
+"""What a detector sees nearer than this does not make it a useful one."""
 NEEDED = ("detector_axes", "half_fields_rad", "falloffs", "aperture_radii_m",
           "beam_divergence_rad", "beam_waist_m")  # fmt: skip
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
@@ -35,7 +37,7 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
         total = np.zeros(len(range_m))
         for points, share in _pencils(optics, optics.directions[number], range_m):
             total += share * _collected(optics, number, points)
-        if not total.any():
+        if not total[range_m > INSIDE_M].any():
             raise InputError(
                 f"the detector of spot {number} sees nothing of its laser's beam up to "
                 f"{range_m[-1]:.3g} m: its position, axis or field in spots/ cannot be right"
