@@ -1,4 +1,4 @@
-"""The command line: reconstruct a capture, import a recording."""
+"""The command line: reconstruct a capture, import a recording, check a calibration."""
 
 import argparse
 import sys
@@ -7,9 +7,9 @@ from typing import Any
 
 from ..errors import InputError, explain
 from ..text import printable, write_anything
-from . import importing, reconstruct
+from . import check, importing, reconstruct
 
-COMMANDS = {"reconstruct": reconstruct, "import": importing}
+COMMANDS = {"reconstruct": reconstruct, "import": importing, "check": check}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -22,9 +22,9 @@ LEAST = 8
 class Echo:
     """Expected readings (n,) of a spot, and what changes them.
 
-    ``of_fog`` (n, 2) are slopes along the logarithms of backscattering and extinction, ``of_target``
-    (n, 3) along range, reflectance, and an offset of the path in metres. ``uneven`` (n, n) is the
-    covariance that fog adds whose density deviates by once its mean, rms.
+    Slopes ``of_fog`` (n, 2) are along the logarithms of backscattering and extinction, those
+    ``of_target`` (n, 3) along range, reflectance, and an offset of the path in metres. ``uneven``
+    (n, n) is the covariance that fog adds whose density deviates by once its mean, rms.
     """
 
     readings: Floats
@@ -83,9 +83,8 @@ class EchoModel:
 
 def _uneven(cells: Floats) -> Floats:
     """Covariance (n, n) of the sum of cells (n, R) whose densities are correlated exponentially."""
-    from scipy.signal import lfilter  # slow to import
-
-    fade = np.exp(-STEP_M / PATCH_M)
-    before = lfilter([0, fade], [1, -fade], cells, axis=-1)
+    growth = np.exp(np.arange(cells.shape[-1]) * STEP_M / PATCH_M)
+    grown = cells * growth
+    before = (np.cumsum(grown, axis=-1) - grown) / growth
     shared = cells @ before.T
     return np.asarray(shared + shared.T + cells @ cells.T)

@@ -33,18 +33,22 @@ UNEVENNESSES = UNEVENNESS * np.array([0.05, 0.25, 0.5, 1.0, 2.0])
 """Rms deviations of the fog's density, relative, of which all frames together choose."""
 FIRST = UNEVENNESS / 2
 """That with which target and fog are fitted first."""
-DARKEST = 1e-3
 STEPS = 4
 """Of Gauss-Newton, from what the method of ranging finds."""
-MAX_STEP_M, MAX_LOG_STEP = 0.05, 0.5
+MAX_STEP_M, MAX_LOG_STEP, DARKEST = 0.05, 0.5, 1e-3
+"""Longest step of a range and of logarithms, and least reflectance."""
 LOG_EXTINCTION = -3.0, 1.5
 """Mean and deviation of ln(extinction in 1/m) beforehand."""
-UNKNOWN_M = 10.0
-"""Deviation of offsets beforehand: next to nothing is known."""
+UNKNOWN_M = 1e3
+"""Deviation of offsets beforehand: nothing is known."""
+MODEL_M = 0.01
+"""What the echo of the model may be early or late at one spot, beside the others."""
 PARTS = 8
 """Parts of a recording that have to agree."""
 TOLD = 3.5
-"""Standard deviations from which on an offset is told: by chance one in 500 recordings."""
+"""Standard deviations from which on an offset is told: by chance in one of 500 recordings."""
+MOST = 2
+"""Of four spots so many can be told from the others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,19 +71,17 @@ class OffsetEvidence:
 
 @dataclass(frozen=True, eq=False)
 class PathOffsets:
-    """By how much each path is longer than those of the other spots, as calibrated, (4,) in metres.
+    """By how much each spot's path is measured too long, beside those of the others, in metres.
 
-    ``sigma_m`` is the standard deviation, ``frames`` how many had fog and two ranges to tell.
+    ``told`` (4,) are the spots that are off beyond chance, at most two; the others are those that
+    each is compared with. ``sigma_m`` (4,) is the standard deviation of ``offset_m`` (4,), and
+    ``frames`` how many had two ranges or more. Ranges are too far by half an offset.
     """
 
     offset_m: Floats
     sigma_m: Floats
+    told: Mask
     frames: int
-
-    @property
-    def told(self) -> Mask:
-        """Which spots are off (4,)."""
-        return np.asarray(np.abs(self.offset_m) > TOLD * self.sigma_m)
 
 
 def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvidence | None]:
@@ -119,7 +121,7 @@ def path_offsets(found: Sequence[OffsetEvidence | None]) -> PathOffsets:
     """What frames, in their order, tell together."""
     told = [each for each in found if each is not None]
     if not told:
-        return PathOffsets(np.zeros(4), np.full(4, np.inf), 0)
+        return PathOffsets(np.zeros(4), np.full(4, np.inf), np.zeros(4, bool), 0)
     uneven = int(np.sum([each.log for each in told], axis=0).argmax())
     score = np.array([each.score[uneven] for each in told])
     information = np.array([each.information[uneven] for each in told])
@@ -132,9 +134,21 @@ def path_offsets(found: Sequence[OffsetEvidence | None]) -> PathOffsets:
         _scatter(np.add.reduceat(score, parts), np.add.reduceat(information, parts), offset_m),
         _in_common(told, uneven),
     )
-    others = 4 / 3 * np.eye(4) - 1 / 3
-    variance = np.diagonal(others @ covariance @ others.T)
-    return PathOffsets(others @ offset_m, growth * np.sqrt(variance), len(told))
+    off = np.zeros(4, bool)
+    while True:
+        beside_m, sigma_m = _beside_others(offset_m, growth**2 * covariance, ~off)
+        away = np.where(off, 0, np.abs(beside_m) / sigma_m)
+        if away.max() < TOLD or off.sum() == MOST:
+            return PathOffsets(beside_m, sigma_m, off, len(told))
+        off[away.argmax()] = True
+
+
+def _beside_others(offset_m: Floats, covariance: Floats, right: Mask) -> tuple[Floats, Floats]:
+    """Offsets beside the mean of all other spots that are right, and their deviations, (4,)."""
+    others = right & ~np.eye(4, dtype=bool)
+    beside = np.eye(4) - others / others.sum(axis=1, keepdims=True)
+    variance = np.diagonal(beside @ covariance @ beside.T)
+    return beside @ offset_m, np.sqrt(variance + MODEL_M**2)
 
 
 def _scatter(score: Floats, information: Floats, offset_m: Floats) -> float:
@@ -252,7 +266,6 @@ def _of_offsets(
     # What is known of offsets, all else unknown, and of that what differs between the spots.
     precise = inverse(covariance[None][:, own][:, :, own])[0]
     score = precise @ (covariance @ gradient)[own]
-    precise[np.diag_indices_from(precise)] -= 1 / UNKNOWN_M**2
     sums = precise.sum(axis=1)
     score = score - sums * score.sum() / sums.sum()
     precise = precise - np.outer(sums, sums) / sums.sum()
