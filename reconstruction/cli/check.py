@@ -77,7 +77,7 @@ def _report(offsets: PathOffsets) -> dict[str, Any]:
 
 def _told(offsets: PathOffsets) -> Iterator[str]:
     if offsets.sigma_m.min() > USEFUL_M:
-        yield f"{offsets.frames} frames with ranges hold too little fog to check the spots' paths"
+        yield f"too little fog to check the spots' paths; frames with ranges: {offsets.frames}"
         return
     yield f"paths beside those of the other spots, told by fog in {offsets.frames} frames:"
     for spot in range(4):

@@ -103,7 +103,7 @@ def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvi
         if seen.size < 2:
             return None
         readings = spots.electrons(spots.taps[0])
-        node = int(fog.share[1:].argmax()) + 1
+        node = int(fog.share[1:].argmax()) + 1  # the first is clear air
         log_fog = np.array([fog.log_median[node], np.log(EXTINCTIONS_PER_M[node])])
         return _evidence(
             model,
