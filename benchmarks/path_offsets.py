@@ -2,9 +2,9 @@
 
     python benchmarks/path_offsets.py [--quick] [--json] [--markdown]
 
-Preset `fog` and the light of `benchmarks/ranging.py`, with the path of one spot taken for longer or
-not. Recordings are drawn from frames of all scenes of a cell, with several draws of noise each; none
-has a frame twice.
+Preset `fog` and the light of `benchmarks/ranging.py`, with the path of one spot taken for longer
+or not. Recordings are drawn from frames of all scenes of a cell, with several draws of noise each;
+none has a frame twice.
 `--markdown` pastes the table into docs/ranging-in-fog.md.
 """
 
