@@ -14,7 +14,7 @@ from ...arrays import Floats
 from ..ranges import Alternative
 from .algebra import inverse, solved
 from .belief import FogBelief
-from .modes import MAX_STEP_M, NEAREST_M, SEARCH, Modes, Places, log_prior
+from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, SEARCH, Modes, Places
 from .posterior import Posterior, SpotPosterior, joined, posterior
 from .templates import STEP_M, Templates
 
@@ -118,7 +118,7 @@ def _two_targets(
         each[kept] for each in (at, rho, misfit, information, variance)
     )
     log_weight = -(misfit + np.linalg.slogdet(information)[1]) / 2
-    log_weight += log_prior(rho).sum(axis=1)
+    log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2).sum(axis=1)
     weight = np.exp(log_weight - log_weight.max())
     share = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
     range_m = templates.range_m[0] + STEP_M * at

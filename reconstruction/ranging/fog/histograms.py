@@ -16,13 +16,13 @@ from ...capture.readings.dtof import HistogramSpots
 from ..histogram import coates
 from .algebra import inverse, solved
 from .modes import (
+    BRIGHT,
     CUTOFF,
     EMPTY,
     FAINT,
     NEAREST_M,
     Modes,
     Places,
-    log_prior,
 )
 from .overlap import overlap
 from .templates import EXTINCTIONS_PER_M
@@ -206,7 +206,7 @@ def _refine(
     across = solved(inner, cross)
     log_weight = likelihood - np.linalg.slogdet(inner)[1] / 2 + 1.5 * np.log(2 * np.pi)
     if scaled:
-        log_weight += log_prior(rho)
+        log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
     strength = rho / np.sqrt(inverse(regular)[:, 1, 1])
     found = Modes(
         spot=spot,

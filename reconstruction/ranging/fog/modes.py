@@ -31,8 +31,8 @@ STEPS = 3
 UNEVEN_STEPS = 2
 """Steps in which the noise of uneven fog follows backscattering and range."""
 MAX_STEP_M = 0.05
-BRIGHT, DARK = 1.0, 0.03
-"""Reflectances beyond and below which they become unlikely: few surfaces are darker at 1550 nm."""
+BRIGHT = 1.0
+"""Reflectance beyond which it becomes unlikely."""
 EMPTY = 0.01
 """Probability beforehand that a spot has no target within range."""
 
@@ -73,13 +73,6 @@ class Modes:
 def expected_backscatter(extinction_per_m: Floats) -> Floats:
     """Median of the backscattering, 1 / (m sr), of fog of an extinction."""
     return BACKSCATTER_PER_SR * extinction_per_m
-
-
-def log_prior(reflectance: Floats) -> Floats:
-    """Logarithm of how likely reflectances are beforehand, 0 for most."""
-    return np.asarray(
-        -2 * np.log1p((reflectance / BRIGHT) ** 2) - np.log1p((DARK / reflectance) ** 2)
-    )
 
 
 def find_modes(
@@ -211,7 +204,7 @@ def _refine(
     misfit = _product(residual, precision, residual)
     log_weight = -(misfit + np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1]) / 2
     if scaled:
-        log_weight += log_prior(rho)
+        log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
     found = Modes(
         spot=spot,
         node=node,
