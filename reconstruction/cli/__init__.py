@@ -1,4 +1,4 @@
-"""The command line: reconstruct a capture, import a recording."""
+"""The command line: reconstruct a capture, import a recording, check a calibration."""
 
 import argparse
 import sys
@@ -12,6 +12,7 @@ from ..text import printable, write_anything
 COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
     "import": ("importing", "array of bucket readings -> capture"),
+    "check": ("check", "captures in fog -> whether the spots' paths are calibrated alike"),
 }
 """Module of each, imported when it is called, and what it does."""
 

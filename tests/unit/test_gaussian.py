@@ -23,7 +23,8 @@ def field():
 @pytest.fixture(scope="module")
 def rows():
     operator = decoder_for(make_plan(SHAPE, 40, polarity="signed")).operator
-    return operator.matmat(np.eye(128))[1:] / operator.row_length
+    images = np.eye(128).reshape(-1, *SHAPE)
+    return operator.forward(images).T[1:] / operator.row_length
 
 
 def dense(field):

@@ -42,7 +42,7 @@ def test_light_cancels_and_noise_does_not(plan, rows):
     background = np.where(plan.polarity == 0, 0.0, 17.0)
     light = expose(plan, natural_image(16, 0)) + background
     np.testing.assert_allclose(combinations @ light, 0, atol=1e-10)
-    np.testing.assert_allclose((combinations**2).sum(axis=1), 1)
+    np.testing.assert_allclose((combinations**2) @ np.ones(plan.exposures), 1)
 
 
 def test_saturated_readings_tell_nothing():
@@ -51,7 +51,7 @@ def test_saturated_readings_tell_nothing():
     usable[4] = False
     combinations = redundant_combinations(plan, usable)
     assert combinations.shape[0] == 28
-    assert not combinations[:, [4, 5]].nnz
+    assert not np.isin(combinations.columns, [4, 5]).any()
 
 
 def test_repetition_tells_the_noise_whatever_drifts_and_flickers():

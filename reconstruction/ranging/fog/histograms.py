@@ -36,6 +36,8 @@ PEAKS = 8
 STEPS = 6
 FREE = 1.0
 """Precision of backscattering beforehand, next to nothing: counts tell it, or do not need it."""
+RATES = 1e-12, 500.0
+"""Least and most arrivals per bin and cycle, of which exp is finite."""
 SMOOTH_BINS = 21
 """Over which counts are averaged for a first guess of their variance."""
 OUTLIER = 4.0
@@ -179,7 +181,7 @@ def _refine(
         if number == 0:
             top = _at(seen / np.maximum(cycles, 1) - beta[:, None] * g, place) - background
             rho = np.maximum(top / np.maximum(_at(a, place), 1e-12), 1e-6)
-        rate = np.maximum(rho[:, None] * a + beta[:, None] * g + background[:, None], 1e-12)
+        rate = np.clip(rho[:, None] * a + beta[:, None] * g + background[:, None], *RATES)
         moved = -bell / width  # of the pulse, per bin of delay
         d_before = np.exp(-(((delay[:, None] - centres) / width) ** 2) / 2) / (
             width * np.sqrt(2 * np.pi)
@@ -238,7 +240,7 @@ def _empty(
     fog, seen, cycles = templates.fog[spot, node], counts[spot], watched[spot]
     at, level = beta[spot, node], background[spot, node]
     for number in range(STEPS + 1):
-        rate = np.maximum(at[:, None] * fog + level[:, None], 1e-12)
+        rate = np.clip(at[:, None] * fog + level[:, None], *RATES)
         jacobian = np.stack([fog, np.ones_like(fog)], axis=-1)
         excess = seen / -np.expm1(-rate) - cycles
         information = jacobian.swapaxes(1, 2) @ (jacobian * (cycles / np.expm1(rate))[..., None])

@@ -6,7 +6,10 @@ from ...arrays import Floats
 from ...capture.spots import SpotOptics
 from ...errors import InputError
 
-APERTURE_POINTS = 512
+TINY_M = 1e-12
+"""In place of nothing, in denominators."""
+INSIDE_M = 0.1
+"""What a detector sees nearer than this does not make it a useful one."""
 NEEDED = ("detector_axes", "half_fields_rad", "falloffs", "aperture_radii_m",
           "beam_divergence_rad", "beam_waist_m")  # fmt: skip
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
@@ -31,27 +34,45 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
     """
     weights = []
     for number in range(4):
-        direction = optics.directions[number]
-        axis = optics.detector_axes[number]
-        position = optics.detector_positions_m[number]
-        aperture = position + optics.aperture_radii_m[number] * _disc(axis)
-        limit = np.cos(optics.half_fields_rad[number])
         total = np.zeros(len(range_m))
-        for beam, share in _pencils(optics, direction, range_m):
-            towards = beam[:, None] - aperture
-            distance = np.linalg.norm(towards, axis=-1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                cosine = np.nan_to_num(towards @ axis / distance)
-                seen = np.where(cosine >= limit, cosine, 0.0) / distance**2
-            seen *= np.maximum(cosine, 0) ** optics.falloffs[number]
-            total += share * np.nan_to_num(seen).mean(axis=1)
-        if not total.any():
+        for points, share in _pencils(optics, optics.directions[number], range_m):
+            total += share * _collected(optics, number, points)
+        if not total[range_m > INSIDE_M].any():
             raise InputError(
                 f"the detector of spot {number} sees nothing of its laser's beam up to "
                 f"{range_m[-1]:.3g} m: its position, axis or field in spots/ cannot be right"
             )
-        weights.append(np.pi * optics.aperture_radii_m[number] ** 2 * total)
+        weights.append(total)
     return np.array(weights), path_lengths(optics, range_m)
+
+
+def _collected(optics: SpotOptics, number: int, points: Floats) -> Floats:
+    """The weights (R,) of points (R, 3) for one detector.
+
+    Of its aperture a point is seen from where the cone of the field about it, a circle in the plane
+    of the aperture, overlaps with it; cos / distance^2 is that of the middle of this area.
+    """
+    axis, aperture = optics.detector_axes[number], optics.aperture_radii_m[number]
+    away = points - optics.detector_positions_m[number]
+    ahead = np.maximum(away @ axis, 0)
+    aside = np.linalg.norm(away - (away @ axis)[:, None] * axis, axis=1)
+    field = ahead * np.tan(optics.half_fields_rad[number])
+    middle = (np.maximum(aside - field, -aperture) + np.minimum(aside + field, aperture)) / 2
+    distance = np.maximum(np.hypot(ahead, aside - middle), TINY_M)
+    cosine = ahead / distance
+    area = _common_area(aperture, field, aside)
+    return np.asarray(area * cosine ** (1 + optics.falloffs[number]) / distance**2)
+
+
+def _common_area(one: float, other: Floats, apart: Floats) -> Floats:
+    """Area (...) where two circles overlap: the segments on both sides of their common chord."""
+    apart = np.maximum(apart, TINY_M)
+    total = np.zeros_like(apart)
+    for near, far in ((one, other), (other, one)):
+        cosine = (apart**2 + near**2 - far**2) / (2 * apart * np.maximum(near, TINY_M))
+        angle = np.arccos(np.clip(cosine, -1, 1))
+        total += near**2 * (angle - np.sin(angle) * np.cos(angle))
+    return total
 
 
 def path_lengths(optics: SpotOptics, range_m: Floats) -> Floats:
@@ -74,15 +95,6 @@ def _pencils(optics: SpotOptics, direction: Floats, range_m: Floats) -> list[tup
         for x, a in zip(NODES, shares, strict=True)
         for y, b in zip(NODES, shares, strict=True)
     ]
-
-
-def _disc(axis: Floats) -> Floats:
-    """Evenly spread points (P, 3) of the unit disc across an axis."""
-    number = np.arange(APERTURE_POINTS) + 0.5
-    radius = np.sqrt(number / APERTURE_POINTS)
-    angle = number * np.pi * (3 - np.sqrt(5))  # the golden angle
-    right, down = _across(axis)
-    return np.outer(radius * np.cos(angle), right) + np.outer(radius * np.sin(angle), down)
 
 
 def _across(axis: Floats) -> tuple[Floats, Floats]:

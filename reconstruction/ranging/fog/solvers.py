@@ -46,12 +46,7 @@ def fog_solver(spots: Spots, longest_m: float) -> FogSolver:
 
 def _of_charge(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
     scaled = bool(np.isfinite(spots.electrons_per_joule))
-    electrons = spots.electrons_per_joule if scaled else NOMINAL_ELECTRONS_PER_JOULE
-    combine = _combinations(spots, longest_m)
-
-    def response(path_m: Floats) -> Floats:
-        return combine @ (electrons * spots.response(path_m))
-
+    combine, response = echo_combinations(spots, longest_m)
     templates = make_templates(spots, response, longest_m)
 
     def solve(spots: Spots, belief: FogBelief) -> tuple[Ranges, FogBelief]:
@@ -115,10 +110,13 @@ def _is_even(counts: Floats) -> Mask:
     return np.asarray(squares < chdtri(BLOCKS - 1, ndtr(-MIN_SIGNAL)))
 
 
-def _combinations(spots: CwSpots | PulsedSpots, longest_m: float) -> Floats:
+def echo_combinations(
+    spots: CwSpots | PulsedSpots, longest_m: float
+) -> tuple[Floats, Callable[[Floats], Floats]]:
     """Combinations (n, readings) of readings that steady light leaves at 0 and an echo does not.
 
-    Raises InputError where the laser's light is not known, and where all echoes look alike.
+    With them what all of a laser's light leaves in these, (n, ...), by its path (...). Raises
+    InputError where the laser's light is not known, and where all echoes look alike.
     """
     told = spots.response(np.linspace(0, 2 * longest_m, 4001))
     if np.isnan(told).any():
@@ -129,4 +127,10 @@ def _combinations(spots: CwSpots | PulsedSpots, longest_m: float) -> Floats:
     free = null_space(spots.steady.T).T
     left, strength, _ = np.linalg.svd(free @ told, full_matrices=False)
     combine: Floats = left[:, strength > 1e-9 * strength[0]].T @ free
-    return combine
+    known = np.isfinite(spots.electrons_per_joule)
+    electrons = spots.electrons_per_joule if known else NOMINAL_ELECTRONS_PER_JOULE
+
+    def response(path_m: Floats) -> Floats:
+        return combine @ (electrons * spots.response(path_m))
+
+    return combine, response

@@ -19,8 +19,8 @@ from spisim.study.statistics import Estimate
 
 from .labels import axis_label, brief, condition_label, group_label, method_label
 
-#: Of the groups, in turn; their colours are those of the style.
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+#: Of the groups, in turn; their colours are those of the style, one fewer, so that pairs differ.
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 #: Of the methods of one quantity, in turn: the line, and whether its marks are filled.
 LINES = (("-", True), ("--", False), (":", False), ("-.", True))
 #: Between curves side by side, and to what stands beside the axis, as shares of its length.

@@ -1,0 +1,90 @@
+"""Readings of a spot's target and of even fog before it, at any extinction, and their slopes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Floats
+from ...capture.spots import SpotOptics
+from .overlap import overlap, path_lengths
+from .templates import PATCH_M
+
+STEP_M = 0.005
+"""Between ranges over which the fog is summed up."""
+DIFFERENCE_M = 1e-3
+"""Of the paths whose readings give the slope."""
+LEAST = 8
+"""Steps before the nearest target."""
+
+
+@dataclass(frozen=True, eq=False)
+class Echo:
+    """Expected readings (n,) of a spot, and what changes them.
+
+    Slopes ``of_fog`` (n, 2) are along the logarithms of backscattering and extinction, those
+    ``of_target`` (n, 3) along range, reflectance, and an offset of the path in metres. ``uneven``
+    (n, n) is the covariance that fog adds whose density deviates by once its mean, rms.
+    """
+
+    readings: Floats
+    of_fog: Floats
+    of_target: Floats
+    uneven: Floats
+
+
+class EchoModel:
+    """Readings of four spots up to a range; ``response`` as for `templates.make_templates`."""
+
+    def __init__(
+        self, optics: SpotOptics, response: Callable[[Floats], Floats], longest_m: float
+    ) -> None:
+        self._range_m = np.arange(1, longest_m / STEP_M + 2) * STEP_M
+        self._weight = overlap(optics, self._range_m)[0]
+        self._path_m = path_lengths(optics, self._range_m)
+        before, self._told, after = (
+            np.stack([response(path + shift) for path in self._path_m])  # (4, n, R)
+            for shift in (-DIFFERENCE_M, 0.0, DIFFERENCE_M)
+        )
+        self._turned = (after - before) / (2 * DIFFERENCE_M)
+
+    def __call__(self, spot: int, range_m: float, reflectance: float, log_fog: Floats) -> Echo:
+        """What a spot reads; ``log_fog`` of backscattering and extinction."""
+        beta, sigma = np.exp(log_fog)
+        after = int(np.clip(np.searchsorted(self._range_m, range_m), LEAST, self._range_m.size - 1))
+        share = (range_m - self._range_m[after - 1]) / STEP_M
+        path_m = self._path_m[spot, : after + 1]
+        seen = self._weight[spot, : after + 1] * np.exp(-sigma * path_m)
+        light = seen * self._told[spot, :, : after + 1]
+        turned = seen * self._turned[spot, :, : after + 1]
+
+        def here(values: Floats) -> Floats:
+            before, behind = values[..., -2], values[..., -1]
+            return np.asarray(before + share * (behind - before))
+
+        def in_front(values: Floats) -> Floats:
+            whole = values[..., :-1].sum(axis=-1) - values[..., -2] / 2
+            return np.asarray(STEP_M * (whole + share * (values[..., -2] + here(values)) / 2))
+
+        target, fog = here(light) / np.pi, in_front(light)
+        # Along the range the phase turns by the slope of the path, and the rest changes slowly.
+        fading = np.log(seen[-1] / seen[-2]) / STEP_M
+        along = fading * here(light) + (path_m[-1] - path_m[-2]) / STEP_M * here(turned)
+        damped = -sigma * (reflectance * here(path_m) * target + beta * in_front(path_m * light))
+        offset = reflectance / np.pi * here(turned) + beta * in_front(turned)
+        farther = reflectance / np.pi * along + beta * np.pi * target  # more fog in front, too
+        return Echo(
+            readings=reflectance * target + beta * fog,
+            of_fog=np.stack([beta * fog, damped], axis=-1),
+            of_target=np.stack([farther, target, offset], axis=-1),
+            uneven=_uneven(beta * STEP_M * light[:, :-1]),
+        )
+
+
+def _uneven(cells: Floats) -> Floats:
+    """Covariance (n, n) of the sum of cells (n, R) whose densities are correlated exponentially."""
+    growth = np.exp(np.arange(cells.shape[-1]) * STEP_M / PATCH_M)
+    grown = cells * growth
+    before = (np.cumsum(grown, axis=-1) - grown) / growth
+    shared = cells @ before.T
+    return np.asarray(shared + shared.T + cells @ cells.T)

@@ -1,0 +1,286 @@
+"""Whether a spot's path is calibrated otherwise than those of the other spots.
+
+In clear air a path that is taken for too long is a target that is farther. The fog's echo gives it
+away: it begins at the instrument, has the same shape at all four spots, and comes late by what the
+calibration is wrong. It is a small part of the light, and one frame tells the delay to 10 or 20 cm;
+many frames together tell it to centimetres. Only differences between the spots of one frame count,
+as light that was scattered more often makes all echoes late.
+
+Around the fit of target and fog a frame's readings are linear in the offsets, so that each frame
+adds its information and score. What else keeps echoes apart, uneven fog, is noise of a size that
+all frames together tell; and where they contradict each other, or leave in common what noise would
+not, errors are larger by as much (R. T. Birge, Phys. Rev. 40, 207 (1932)).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Floats, Mask
+from ...capture import Spots
+from ...capture.readings.cw import CwSpots
+from ...capture.readings.pulsed import PulsedSpots
+from ...errors import InputError
+from .algebra import inverse, solved
+from .belief import FogBelief
+from .echo_model import EchoModel
+from .modes import LOG_DEVIATION, Places, expected_backscatter
+from .solvers import echo_combinations, fog_solver
+from .templates import EXTINCTIONS_PER_M, UNEVENNESS
+
+UNEVENNESSES = UNEVENNESS * np.array([0.05, 0.25, 0.5, 1.0, 2.0])
+"""Rms deviations of the fog's density, relative, of which all frames together choose."""
+FIRST = UNEVENNESS / 2
+"""That with which target and fog are fitted first."""
+STEPS = 4
+"""Of Gauss-Newton, from what the method of ranging finds."""
+MAX_STEP_M, MAX_LOG_STEP, DARKEST = 0.05, 0.5, 1e-3
+"""Longest step of a range and of logarithms, and least reflectance."""
+LOG_EXTINCTION = -3.0, 1.5
+"""Mean and deviation of ln(extinction in 1/m) beforehand."""
+UNKNOWN_M = 1e3
+"""Deviation of offsets beforehand: nothing is known."""
+MODEL_M = 0.01
+"""What the echo of the model may be early or late at one spot, beside the others."""
+PARTS = 8
+"""Parts of a recording that have to agree."""
+TOLD = 3.5
+"""Standard deviations from which on an offset is told: by chance in one of 500 recordings."""
+MOST = 2
+"""Of four spots so many can be told from the others."""
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetEvidence:
+    """What one frame tells of the offsets in metres, for each of U unevennesses.
+
+    The log likelihood of offsets x is ``log`` + ``score`` x - x ``information`` x / 2, up to what
+    is common to the spots: (U,), (U, 4) and (U, 4, 4). ``left`` (U, 4, n) is what target, fog and
+    offsets leave of the readings, ``noise`` (U, 4, n, n) the covariance of these, and ``expected``
+    (U, 4, n, n) that of what is left.
+    """
+
+    log: Floats
+    score: Floats
+    information: Floats
+    left: Floats
+    noise: Floats
+    expected: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class PathOffsets:
+    """By how much each spot's path is measured too long, beside those of the others, in metres.
+
+    ``told`` (4,) are the spots that are off beyond chance, at most two; the others are those that
+    each is compared with. ``sigma_m`` (4,) is the standard deviation of ``offset_m`` (4,), and
+    ``frames`` how many had two ranges or more. Ranges are too far by half an offset.
+    """
+
+    offset_m: Floats
+    sigma_m: Floats
+    told: Mask
+    frames: int
+
+
+def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvidence | None]:
+    """Evidence of each frame of a recording; None of those with fewer than two ranges.
+
+    Raises InputError as `fog_solver`, and of histograms, whose offsets are not looked for.
+    """
+    if not isinstance(spots, CwSpots | PulsedSpots):
+        raise InputError("offsets of paths are told from taps and windows, not from histograms")
+    solve = fog_solver(spots, longest_m)
+    combine, response = echo_combinations(spots, longest_m)
+    model = EchoModel(spots, response, longest_m)
+    beforehand = FogBelief.beforehand(EXTINCTIONS_PER_M)
+
+    def find(spots: Spots) -> OffsetEvidence | None:
+        assert isinstance(spots, CwSpots | PulsedSpots)
+        ranges, fog = solve(spots, beforehand)
+        seen = np.flatnonzero(ranges.valid)
+        if seen.size < 2:
+            return None
+        readings = spots.electrons(spots.taps[0])
+        node = int(fog.share[1:].argmax()) + 1  # the first is clear air
+        log_fog = np.array([fog.log_median[node], np.log(EXTINCTIONS_PER_M[node])])
+        return _evidence(
+            model,
+            (readings @ combine.T)[seen],
+            ((combine * spots.variance(readings)[:, None]) @ combine.T)[seen],
+            seen,
+            ranges.range_m[seen],
+            log_fog,
+        )
+
+    return find
+
+
+def path_offsets(found: Sequence[OffsetEvidence | None]) -> PathOffsets:
+    """What frames, in their order, tell together."""
+    told = [each for each in found if each is not None]
+    if not told:
+        return PathOffsets(np.zeros(4), np.full(4, np.inf), np.zeros(4, bool), 0)
+    uneven = int(np.sum([each.log for each in told], axis=0).argmax())
+    score = np.array([each.score[uneven] for each in told])
+    information = np.array([each.information[uneven] for each in told])
+    covariance = inverse((information.sum(axis=0) + np.eye(4) / UNKNOWN_M**2)[None])[0]
+    offset_m = covariance @ score.sum(axis=0)
+    parts = np.linspace(0, len(told), min(PARTS, len(told)), endpoint=False).astype(int)
+    growth = max(
+        1.0,
+        _scatter(score, information, offset_m),
+        _scatter(np.add.reduceat(score, parts), np.add.reduceat(information, parts), offset_m),
+        _in_common(told, uneven),
+    )
+    off = np.zeros(4, bool)
+    while True:
+        beside_m, sigma_m = _beside_others(offset_m, growth**2 * covariance, ~off)
+        away = np.where(off, 0, np.abs(beside_m) / sigma_m)
+        if away.max() < TOLD or off.sum() == MOST:
+            return PathOffsets(beside_m, sigma_m, off, len(told))
+        off[away.argmax()] = True
+
+
+def _beside_others(offset_m: Floats, covariance: Floats, right: Mask) -> tuple[Floats, Floats]:
+    """Offsets beside the mean of all other spots that are right, and their deviations, (4,)."""
+    others = right & ~np.eye(4, dtype=bool)
+    beside = np.eye(4) - others / others.sum(axis=1, keepdims=True)
+    variance = np.diagonal(beside @ covariance @ beside.T)
+    return beside @ offset_m, np.sqrt(variance + MODEL_M**2)
+
+
+def _scatter(score: Floats, information: Floats, offset_m: Floats) -> float:
+    """Birge's ratio of parts (P, 4): by how much they differ from their mean, over what they may.
+
+    Each tells three differences between its spots.
+    """
+    if len(score) < 2:
+        return 1.0
+    beyond = score - information @ offset_m
+    known = information + np.eye(4) / UNKNOWN_M**2
+    squares = (beyond * solved(known, beyond)).sum()
+    return float(np.sqrt(squares / (3 * (len(score) - 1))))
+
+
+def _in_common(told: Sequence[OffsetEvidence], uneven: int) -> float:
+    """Of what all frames leave in common, its size over what noise would leave.
+
+    Patches of fog that stand still are one draw, however many frames they are in.
+    """
+    left = np.sum([each.left[uneven] for each in told], axis=0)
+    noise = np.sum([each.noise[uneven] for each in told], axis=0)
+    expected = np.sum([each.expected[uneven] for each in told], axis=0)
+    seen = noise.any(axis=(1, 2))
+    left, noise, expected = left[seen], noise[seen], expected[seen]
+    squares = (left * np.linalg.solve(noise, left[..., None])[..., 0]).sum()
+    by_chance = np.trace(np.linalg.solve(noise, expected), axis1=1, axis2=2).sum()
+    return float(np.sqrt(squares / by_chance))
+
+
+def _evidence(
+    model: EchoModel,
+    readings: Floats,
+    covariance: Floats,
+    spots: Places,
+    range_m: Floats,
+    log_fog: Floats,
+) -> OffsetEvidence:
+    """Evidence of readings (m, n) of some spots (m,), around the fit of target and fog.
+
+    The parameters are ln backscattering, ln extinction, and each spot's range, reflectance, offset.
+    """
+    offsets = np.arange(4, 2 + 3 * spots.size, 3)
+    fitted = np.setdiff1d(np.arange(2 + 3 * spots.size), offsets)
+    at = np.zeros(2 + 3 * spots.size)
+    at[:2], at[2::3] = log_fog, range_m
+    left, jacobian, _ = _around(model, readings, spots, at)
+    for row in range(spots.size):
+        target = jacobian[row, :, 3 + 3 * row]
+        at[3 + 3 * row] = max(left[row] @ target / (target @ target), DARKEST)
+    for step in range(STEPS + 1):
+        left, jacobian, uneven = _around(model, readings, spots, at)
+        if step == STEPS:
+            break
+        normal, pull, _ = _normal(left, jacobian, covariance + FIRST**2 * uneven, at)
+        move = np.zeros(at.size)
+        move[fitted] = solved(normal[None][:, fitted][:, :, fitted], pull[None, fitted])[0]
+        move[:2] = np.clip(move[:2], -MAX_LOG_STEP, MAX_LOG_STEP)
+        move[2::3] = np.clip(move[2::3], -MAX_STEP_M, MAX_STEP_M)
+        at = at + move
+        at[3::3] = np.maximum(at[3::3], DARKEST)
+    found = [
+        _of_offsets(left, jacobian, covariance + unevenness**2 * uneven, at, spots)
+        for unevenness in UNEVENNESSES
+    ]
+    return OffsetEvidence(*(np.array(each) for each in zip(*found, strict=True)))
+
+
+def _around(
+    model: EchoModel, readings: Floats, spots: Places, at: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """What is left of readings, its slopes (m, n, p), and the noise of fog as uneven as dense."""
+    jacobian = np.zeros((*readings.shape, at.size))
+    left, uneven = [], []
+    for row, spot in enumerate(spots):
+        own = slice(2 + 3 * row, 5 + 3 * row)
+        echo = model(spot, at[own][0], at[own][1], at[:2])
+        left.append(readings[row] - echo.readings)
+        jacobian[row, :, :2] = echo.of_fog
+        jacobian[row, :, own] = echo.of_target
+        uneven.append(echo.uneven)
+    return np.array(left), jacobian, np.array(uneven)
+
+
+def _normal(
+    left: Floats, jacobian: Floats, noise: Floats, at: Floats
+) -> tuple[Floats, Floats, float]:
+    """Information (p, p) and gradient (p,) of the log likelihood, and its value."""
+    weighted = np.linalg.solve(noise, jacobian).swapaxes(1, 2)
+    whitened = np.linalg.solve(noise, left[..., None])
+    information = (weighted @ jacobian).sum(axis=0)
+    gradient = (jacobian.swapaxes(1, 2) @ whitened)[..., 0].sum(axis=0)
+    log = -((left * whitened[..., 0]).sum() + np.linalg.slogdet(noise)[1].sum()) / 2
+    median, spread = LOG_EXTINCTION
+    for away, slopes, deviation in (
+        (at[0] - np.log(expected_backscatter(np.exp(at[1]))), np.array([1.0, -1.0]), LOG_DEVIATION),
+        (at[1] - median, np.array([0.0, 1.0]), spread),
+    ):
+        information[:2, :2] += np.outer(slopes, slopes) / deviation**2
+        gradient[:2] -= slopes * away / deviation**2
+        log -= away**2 / deviation**2 / 2
+    return information, gradient, float(log)
+
+
+def _of_offsets(
+    left: Floats, jacobian: Floats, noise: Floats, at: Floats, spots: Places
+) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
+    """Fields of `OffsetEvidence` for one unevenness."""
+    information, gradient, log = _normal(left, jacobian, noise, at)
+    own = np.arange(4, at.size, 3)
+    known = information.copy()
+    known[own, own] += 1 / UNKNOWN_M**2
+    covariance = inverse(known[None])[0]
+    log += (gradient @ covariance @ gradient - np.linalg.slogdet(known)[1]) / 2
+    # What is known of offsets, all else unknown, and of that what differs between the spots.
+    precise = inverse(covariance[None][:, own][:, :, own])[0]
+    score = precise @ (covariance @ gradient)[own]
+    sums = precise.sum(axis=1)
+    score = score - sums * score.sum() / sums.sum()
+    precise = precise - np.outer(sums, sums) / sums.sum()
+    return (
+        log,
+        _of_four(score, spots),
+        _of_four(_of_four(precise, spots).T, spots),
+        _of_four(left - jacobian @ (covariance @ gradient), spots),
+        _of_four(noise, spots),
+        _of_four(noise - jacobian @ covariance @ jacobian.swapaxes(1, 2), spots),
+    )
+
+
+def _of_four(values: Floats, spots: Places) -> Floats:
+    """Values (m, ...) of some spots among those of all four (4, ...), nothing elsewhere."""
+    every = np.zeros((4, *values.shape[1:]))
+    every[spots] = values
+    return every
