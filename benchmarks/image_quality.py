@@ -48,6 +48,7 @@ PHOTOGRAPHS = (
 SIDE = 64
 PHOTOGRAPH_SNR = 30.0
 RESAMPLED = 2000
+COMPILED: dict[bytes, Reconstructor] = {}
 
 Image = NDArray[np.float64]
 Metrics = dict[str, float]
@@ -132,10 +133,10 @@ def measured(case: Case, share: float) -> dict[str, Metrics]:
     """Quality by method, and of the default with the noise unknown."""
     plan = case.capture.plan
     capture = first_patterns(case.capture, min(round(share * plan.pixels), plan.sampled))
-    known = images(capture, METHODS)
+    known = images(capture)
     scale = capture.buckets.electrons_per_count
     unknown = replace(capture, buckets=replace(capture.buckets, electrons_per_count=np.nan))
-    forgotten = images(unknown, (DEFAULT,))[DEFAULT] * (scale if np.isfinite(scale) else 1.0)
+    forgotten = images(unknown)[DEFAULT] * (scale if np.isfinite(scale) else 1.0)
     if capture.plan.patterns.level not in capture.plan.index or case.row == "measured car":
         known = {name: level_of(image, case.truth) for name, image in known.items()}
         forgotten = level_of(forgotten, case.truth)
@@ -145,9 +146,12 @@ def measured(case: Case, share: float) -> dict[str, Metrics]:
     return {name: metrics(image, case.truth, least) for name, image in named.items()}
 
 
-def images(capture: Capture, methods: tuple[str, ...]) -> dict[str, Image]:
-    """Images by method."""
-    result = Reconstructor(capture.setup, image=methods, ranging=(), depth=())(capture.frame())
+def images(capture: Capture) -> dict[str, Image]:
+    """Images by method; what is compiled serves all recordings of the same patterns."""
+    digest = capture.setup.digest
+    if digest not in COMPILED:
+        COMPILED[digest] = Reconstructor(capture.setup, image=METHODS, ranging=(), depth=())
+    result = COMPILED[digest](capture.frame())
     return {name: image.astype(np.float64) for name, image in result.images.items()}
 
 

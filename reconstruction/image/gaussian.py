@@ -70,7 +70,8 @@ class Posterior:
     def variance(self) -> Floats:
         """Of each pixel (H, W)."""
         components = self._components
-        explained = (self._explained @ components.squared).reshape(components.shape)
+        weights = self._explained.astype(np.float32)
+        explained = (weights @ components.squared).reshape(components.shape)
         return np.maximum(self.contrast * components.pixel_variance - explained, 0)
 
     def covariance(self, image: NDArray[Any]) -> NDArray[Any]:
@@ -93,7 +94,7 @@ class Components:
         self.spread: Floats = np.maximum(spread, 0)
         self.turn: Floats = turn.T / relative
         self.images: Floats = self.turn @ seen
-        self.squared: Floats = self.images**2
+        self.squared = (self.images**2).astype(np.float32)
         self.pixel_variance = field.pixel_variance
 
 

@@ -5,6 +5,7 @@ Am. A 4, 2379 (1987)): so do the variances of the cosines that they consist of.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from ..grid import Grid, at_most, band
 from ..method import Estimate
 from ..prior import Prior
 
-MOST = 2**24
+MOST = 2**23
 """Numbers in the rows on a grid, at most."""
 SEEN = 0.99
 """Share of what the patterns see that a grid holds at least."""
@@ -34,8 +35,13 @@ class LeastSquares:
     dictionary: Dictionary = DICTIONARY
 
     def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver":
-        """Solver of one operator's coefficients."""
-        return LeastSquaresSolver(operator, self.dictionary)
+        """Solver of one operator's coefficients: the same for all methods that begin with it."""
+        return _compiled(operator, self.dictionary)
+
+
+@lru_cache(maxsize=2)
+def _compiled(operator: MeasurementOperator, dictionary: Dictionary) -> "LeastSquaresSolver":
+    return LeastSquaresSolver(operator, dictionary)
 
 
 class LeastSquaresSolver:
