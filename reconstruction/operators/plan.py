@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats
 from ..errors import InputError, nearest
-from .bases import BASES
+from .bases import basis_of
 from .bases.hadamard import Hadamard
 from .basis import Basis
-from .orders import ORDERS
+from .orders import pattern_order
 
 POLARITIES = ("differential", "single-ended", "signed")
 
@@ -103,14 +103,13 @@ def make_plan(
 ) -> PatternPlan:
     """Plan that shows the first ``patterns`` rows of a basis (all if None) in a named order.
 
-    ``order``: natural, sequency (sign changes of the row of length N), sequency-2d (smallest sum
-    of vertical and horizontal spatial frequency first) or one of another package; the usual one of
-    the basis if None, sequency-2d of Hadamard's. ``polarity``: differential shows each index twice,
-    +1 then -1 (M = 2K); single-ended shows +1 only, and where the basis has an all-on row the
-    projector's dark (M = K + 1); signed is one signed value per index (M = K). ``basis``: the name
-    of one that a shape tells, or one itself. Raises InputError.
+    ``order``: a name in `ORDERS`, with a seed where it is drawn by chance, as "random:7"; the usual
+    one of the basis if None, sequency-2d of Hadamard's. ``polarity``: differential shows each index
+    twice, +1 then -1 (M = 2K); single-ended shows +1 only, and where the basis has an all-on row
+    the projector's dark (M = K + 1); signed is one signed value per index (M = K). ``basis``: the
+    name of one that a shape tells, with a seed where it is drawn, or one itself. Raises InputError.
     """
-    rows_of = BASES[basis].restored(shape, {}) if isinstance(basis, str) else basis
+    rows_of = basis_of(basis, shape) if isinstance(basis, str) else basis
     rows = rows_of.rows
     kept = rows if patterns is None else patterns
     if not 1 <= kept <= rows:
@@ -137,7 +136,7 @@ def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:
     InputError for an unknown order, and for one that is none of all its rows.
     """
     order = order or basis.usual_order
-    rows = np.asarray(ORDERS[order](basis))
+    rows = np.asarray(pattern_order(order)(basis))
     if not np.array_equal(np.sort(rows.ravel()), np.arange(basis.rows)):
         raise InputError(
             f"pattern order {order!r} gave {rows.size} numbers; each of 0..{basis.rows - 1} is "
