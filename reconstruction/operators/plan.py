@@ -1,5 +1,6 @@
 """Pattern plans: which pattern each exposure shows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -116,18 +117,47 @@ def make_plan(
         height, width = rows_of.shape
         raise InputError(f"patterns = {kept}: must lie in 1..{rows} for {height} x {width} pixels")
     order = order or rows_of.usual_order
-    chosen = ordered_rows(rows_of, order)[:kept]
+    return _shown(rows_of, ordered_rows(rows_of, order)[:kept], polarity, order)
+
+
+def plan_of_rows(
+    basis: Basis,
+    index: ArrayLike,
+    polarity: str | Sequence[int] = "differential",
+    layout: str = "natural",
+) -> PatternPlan:
+    """Plan of rows that are told one by one, as the ``index`` numbers them in a ``layout``.
+
+    A layout is an order: in "sequency", 3 is the row that this order shows fourth. ``polarity``:
+    as for `make_plan`, or +1, -1 or 0 for each, which are then the exposures. Raises InputError.
+    """
+    numbers = np.asarray(index)
+    rows = ordered_rows(basis, layout)
+    if numbers.ndim != 1 or not numbers.size or numbers.dtype.kind not in "iu":
+        raise InputError("index must be a list of whole numbers")
+    outside = numbers[(numbers < 0) | (numbers >= basis.rows)]
+    if outside.size:
+        raise InputError(
+            f"index {outside[0]} is outside 0..{basis.rows - 1}, the rows of this basis and shape"
+        )
+    if isinstance(polarity, str):
+        return _shown(basis, rows[numbers], polarity, "custom")
+    return PatternPlan(basis.shape, rows[numbers], np.asarray(polarity), "custom", basis)
+
+
+def _shown(basis: Basis, rows: NDArray[np.int64], polarity: str, order: str) -> PatternPlan:
+    """Plan that shows rows (K,) one after the other by a named polarity."""
     if polarity == "differential":
-        index, sign = np.repeat(chosen, 2), np.tile([1, -1], kept)
+        index, sign = np.repeat(rows, 2), np.tile([1, -1], rows.size)
     elif polarity == "single-ended":
-        dark = [] if rows_of.level is None else [rows_of.level]
-        index = np.append(chosen, dark)
-        sign = np.append(np.ones(kept), -np.ones(len(dark)))
+        dark = [] if basis.level is None else [basis.level]
+        index = np.append(rows, dark)
+        sign = np.append(np.ones(rows.size), -np.ones(len(dark)))
     elif polarity == "signed":
-        index, sign = chosen, np.zeros(kept)
+        index, sign = rows, np.zeros(rows.size)
     else:
         raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
-    return PatternPlan(shape, index.astype(np.int32), sign.astype(np.int8), order, rows_of)
+    return PatternPlan(basis.shape, index.astype(np.int32), sign.astype(np.int8), order, basis)
 
 
 def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:
