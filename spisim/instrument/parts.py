@@ -141,8 +141,8 @@ class Plan(Section):
 
     Of an order, see `reconstruction.make_plan`. An `index` has the numbers of rows in a `layout`,
     the basis's own or an order; with a polarity for each they are the exposures. A basis that no
-    shape tells, such as "dense", needs `patterns_file`: transmittances from 0 to 1, (patterns, rows,
-    columns), as an NPY file beside this one, or a capture that has shown them.
+    shape tells, such as "dense", needs `patterns_file`: transmittances from 0 to 1,
+    (patterns, rows, columns), as an NPY file beside this one, or a capture that has shown them.
     """
 
     patterns: Count | None = None
