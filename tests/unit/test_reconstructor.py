@@ -149,7 +149,9 @@ def test_the_usual_methods_are_those_that_fit(capture):
         (("pursuit", "pursuit:dct"), ["pursuit", "pursuit:dct", "zero-filled"]),
     ],
 )
-def test_image_methods_are_chosen_by_name_the_first_is_the_default_the_plain_one_is_there(capture, image, names):
+def test_image_methods_are_chosen_by_name_the_first_is_the_default_the_plain_one_is_there(
+    capture, image, names
+):
     result = reconstruct(capture, image=image)
     assert list(result.images) == names
     assert result.image is result.images[names[0]]
