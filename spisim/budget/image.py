@@ -181,7 +181,7 @@ def _resolutions(operator: MeasurementOperator, noise: float) -> tuple[Resolutio
 def _resolution(mtf: Floats, noise: float, pixels: int) -> Resolution:
     with np.errstate(divide="ignore"):
         contrast = np.asarray(SURE * noise / np.sqrt(pixels * mtf / 2), dtype=np.float64)
-    return Resolution(1.0 + np.arange(mtf.size), mtf, contrast)
+    return Resolution(np.arange(1.0, mtf.size + 1), mtf, contrast)
 
 
 def _waves(side: int) -> Floats:

@@ -8,6 +8,7 @@ from scipy.ndimage import label
 from reconstruction.errors import InputError
 from reconstruction.operators import BASES, ORDERS, make_plan, ordered_rows
 from reconstruction.operators.bases.hadamard import Hadamard
+from reconstruction.operators.orders.variance_ranked import ALONG, DOWN
 
 SHAPES = ((8, 8), (4, 16), (16, 2), (1, 8))
 NAMED = [name if name != "random" else "random:3" for name in ORDERS]
@@ -219,3 +220,15 @@ def test_scrambled_patterns_are_hadamard_patterns_with_their_pixels_elsewhere():
         make_plan((4, 8), basis="scrambled")
     with pytest.raises(InputError, match="pattern basis 'dense': its patterns must be given"):
         make_plan((4, 8), basis="dense")
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (4, 16), (16, 2)])
+def test_the_most_varying_rows_come_first(shape):
+    """Of images with the covariance that the order names, by the whole matrix of it."""
+    rows = patterns(shape)[ordered_rows(Hadamard(shape), "variance-ranked")]
+    rows = rows.reshape(shape[0] * shape[1], -1)
+    y, x = (np.ravel(each) for each in np.indices(shape))
+    distance = np.abs(np.subtract.outer(y, y)) / DOWN + np.abs(np.subtract.outer(x, x)) / ALONG
+    covariance = np.exp(-distance / max(shape))
+    variance = np.einsum("ku,uv,kv->k", rows, covariance, rows)[1:]
+    assert (np.diff(variance) < 1e-9 * variance[0]).all()
