@@ -48,7 +48,8 @@ def main() -> None:
     warnings.simplefilter("ignore")
     found = list(drawn(range(*asked.seeds), asked.views, fog=asked.fog))
     names = ("family", "seed", "view", "image")
-    np.savez_compressed(asked.file, **dict(zip(names, map(np.array, zip(*found, strict=True)))))
+    columns = map(np.array, zip(*found, strict=True))
+    np.savez_compressed(asked.file, **dict(zip(names, columns, strict=True)))
 
 
 def drawn(seeds: range, views: int, *, fog: bool) -> Iterator[tuple[str, int, int, Floats]]:

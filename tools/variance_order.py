@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from drawn_images import FITTED
 
+from drawn_images import FITTED
 from reconstruction.arrays import Floats
 from reconstruction.operators import ORDERS, fwht, ordered_rows
 from reconstruction.operators.bases.hadamard import Hadamard
