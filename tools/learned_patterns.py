@@ -16,9 +16,9 @@ import json
 from pathlib import Path
 
 import numpy as np
-from drawn_images import FITTED
 from scipy.sparse.linalg import eigsh
 
+from drawn_images import FITTED
 from reconstruction.arrays import Floats
 from reconstruction.operators import make_plan
 from reconstruction.operators.orders.variance_ranked import ALONG, DOWN
