@@ -25,6 +25,7 @@ from reconstruction.operators import (
     POLARITIES,
     MatrixOperator,
     RowOperator,
+    basis_of,
     decoder_for,
     expose,
     illumination,
@@ -272,7 +273,7 @@ SIDE = 24
 def capture_with(basis, polarity):
     """A capture without noise, and the image that it is of."""
     plan = make_plan(basis.shape, None, "natural", polarity, basis)
-    image = natural_image(SIDE, 3)
+    image = natural_image(basis.shape[0], 3)
     readings = 1e4 * recorded(plan, image)[None]
     capture = Capture(
         plan=plan,
@@ -292,6 +293,21 @@ def capture_with(basis, polarity):
         provenance=Provenance("hardware", "test", "", ""),
     )
     return capture, image
+
+
+@pytest.mark.parametrize("name", ["scrambled:2", "fourier", "fourier-binary"])
+def test_bases_by_name_are_the_same_from_a_file(name, tmp_path):
+    """All of their patterns show the whole image, without noise."""
+    capture, image = capture_with(basis_of(name, (16, 16)), "differential")
+    write_capture(capture, tmp_path / "capture.h5")
+    copy = read_capture(tmp_path / "capture.h5")
+    assert copy.plan.basis == name.partition(":")[0]
+    few = first_patterns(copy, 40)
+    np.testing.assert_array_equal(
+        illumination(few.plan, 30), illumination(first_patterns(capture, 40).plan, 30)
+    )
+    found = reconstruct(copy, image="zero-filled").image
+    np.testing.assert_allclose(found, 1e4 * image, atol=1)
 
 
 def smooth_patterns(patterns):
