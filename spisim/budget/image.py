@@ -19,6 +19,7 @@ from math import ceil
 import numpy as np
 
 from reconstruction.arrays import Floats
+from reconstruction.errors import naming
 from reconstruction.image import Prior
 from reconstruction.image.dictionaries.dct import DICTIONARY
 from reconstruction.operators import Decoder, MeasurementOperator, decoder_for, expose
@@ -31,6 +32,10 @@ from spisim.instrument.demodulation import TAPS
 CONTRAST = 0.67
 #: SNR from which an eye sees a pattern for sure: A. Rose, J. Opt. Soc. Am. 38, 196 (1948).
 SURE = 5.0
+#: SNR below which no number of frames is enough: it would take longer than any drone flies.
+FAINTEST = 1e-6
+#: MTF that is but rounding.
+INVISIBLE = 1e-12
 #: Share of the correlation without noise that an average of frames is to have.
 NEARLY_ALL = 0.9
 
@@ -101,21 +106,27 @@ class ImageBudget:
 
         None where there is none so good, however many frames there are.
         """
-        share = NEARLY_ALL if correlation is None else correlation / self.best_correlation
-        if share >= 1:
+        wanted = NEARLY_ALL * self.best_correlation if correlation is None else correlation
+        if wanted >= self.best_correlation or self.coefficient_snr < FAINTEST:
             return None
+        share = wanted / self.best_correlation
         return max(ceil(share**2 / (1 - share**2) / self.coefficient_snr**2), 1)
 
     def averaged_correlation(self, frames: int) -> float:
         """Of the zero-filled image of so many frames' mean."""
-        return self.best_correlation / float(np.sqrt(1 + 1 / (frames * self.coefficient_snr**2)))
+        power = frames * self.coefficient_snr**2
+        return self.best_correlation * float(np.sqrt(power / (1 + power)))
 
 
 def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
-    """What one frame's readings tell of an image as bright as a `target`, of plain numbers."""
+    """What one frame's readings tell of an image as bright as a `target`, of plain numbers.
+
+    Raises InputError where the patterns do not tell the background.
+    """
     plan = instrument.pattern_plan
     link = bucket_link(instrument, target)
-    decoder = decoder_for(plan)
+    with naming("plan"):
+        decoder = decoder_for(plan)
     operator = decoder.operator
     signal = float(link.signal_electrons) * _collected(instrument)
     pixel = (1 - instrument.projector.dark_level) * signal / plan.pixels
@@ -124,7 +135,7 @@ def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
     prior = Prior(operator, DICTIONARY)
     seen = float(prior.expected.sum() / np.sum(prior.deviation**2))
     power = plan.pixels * (CONTRAST * pixel) ** 2
-    across, down = _resolutions(operator, noise / pixel)
+    across, down = _resolutions(operator, noise / pixel if pixel else np.inf)
     return ImageBudget(
         pixel_electrons=pixel,
         coefficient_noise_electrons=noise * operator.row_length,
@@ -142,15 +153,17 @@ def image_warnings(instrument: Instrument, target: Target) -> list[str]:
     if budget.coefficient_snr >= 1:
         return []
     frames = budget.frames()
-    assert frames is not None
-    time_s = frames * instrument.frame_time_s
+    advice = "no number of frames, averaged, makes one"
+    if frames is not None:
+        advice = (
+            f"average {frames} frames ({frames * instrument.frame_time_s:.2g} s) for a correlation "
+            f"of {budget.averaged_correlation(frames):.2f} with the truth"
+        )
     return [
         f"there is hardly an image at {float(target.distance_m):g} m: signal over noise is "
         f"{budget.coefficient_snr:.2g} per coefficient ({budget.pixel_electrons:.3g} electrons a "
         f"pixel, {budget.coefficient_noise_electrons:,.0f} of noise a coefficient), so that a flat "
-        "image is nearer to the truth than the zero-filled one; "
-        f"average {frames} frames ({time_s:.2g} s) for a correlation of "
-        f"{budget.averaged_correlation(frames):.2f} with the truth"
+        f"image is nearer to the truth than the zero-filled one; {advice}"
     ]
 
 
@@ -181,6 +194,7 @@ def _resolutions(operator: MeasurementOperator, noise: float) -> tuple[Resolutio
 def _resolution(mtf: Floats, noise: float, pixels: int) -> Resolution:
     with np.errstate(divide="ignore"):
         contrast = np.asarray(SURE * noise / np.sqrt(pixels * mtf / 2), dtype=np.float64)
+        contrast[mtf < INVISIBLE] = np.inf
     return Resolution(np.arange(1.0, mtf.size + 1), mtf, contrast)
 
 

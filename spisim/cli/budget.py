@@ -156,8 +156,11 @@ def _noise(budget: Any) -> dict[str, Any]:
 
 
 def _picture(budget: ImageBudget, frame_time_s: float, correlation: float | None) -> dict[str, Any]:
+    from spisim.budget.image import NEARLY_ALL
+
     frames = budget.frames(correlation)
-    averaged = correlation if frames is None else budget.averaged_correlation(frames)
+    wanted = NEARLY_ALL * budget.best_correlation if correlation is None else correlation
+    averaged = wanted if frames is None else budget.averaged_correlation(frames)
     return {
         "pixel_electrons": budget.pixel_electrons,
         "coefficient_noise_electrons": budget.coefficient_noise_electrons,

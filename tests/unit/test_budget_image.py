@@ -141,3 +141,16 @@ def test_who_has_more_noise_than_image_is_told():
     assert "a flat image is nearer to the truth" in warning
     assert "average 11 frames (0.094 s) for a correlation of 0.71" in warning
     assert budget_warnings(load_instrument("paper"), Target(4.0, 0.5, 20.0)) == []
+
+
+def test_without_light_or_patterns_there_is_no_image_however_many_frames() -> None:
+    level = small(patterns=1, polarity="differential")
+    for instrument, target in (
+        (level, TARGET),
+        (small(polarity="differential"), Target(3.0, 0.5, 0, 500)),
+    ):
+        budget = image_budget(instrument, target)
+        assert budget.coefficient_snr == budget.correlation == 0
+        assert budget.frames() is None
+        assert "no number of frames" in budget_warnings(instrument, target)[0]
+    assert budget.across.contrast.min() == np.inf
