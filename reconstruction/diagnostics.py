@@ -70,10 +70,10 @@ def _coefficient_snr(imaging: Imaging, frame: Frames) -> float | None:
         return None
     found = readings.decode(buckets.signal[0], buckets.variance[0])
     told = varying & found.measured & (found.noise > 0)
-    if not told.any():
-        return None
-    power = np.mean(np.abs(found.values[told]) ** 2 / found.noise[told] ** 2)
-    return float(np.sqrt(max(power - 1, np.sqrt(2 / np.count_nonzero(told)))))
+    if not told.any() and (varying & found.measured).any():
+        return None  # without any noise
+    power = np.mean(np.abs(found.values[told]) ** 2 / found.noise[told] ** 2) if told.any() else 1
+    return float(np.sqrt(max(power - 1, np.sqrt(2 / np.count_nonzero(varying)))))
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:

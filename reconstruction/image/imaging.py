@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..operators import Decoder, PatternPlan, decoder_for
+from ..operators import PatternPlan, decoder_for, redundant_combinations
 from .coefficients import CoefficientDecoder
 from .dictionaries.dct import DICTIONARY
 from .method import ImageSolver
@@ -31,7 +31,7 @@ class Imaging:
         """
         key = np.packbits(usable).tobytes()
         if key not in self._kept:
-            self._kept[key] = UsableReadings(decoder_for(self._plan, usable))
+            self._kept[key] = UsableReadings(self._plan, usable)
         self._kept.move_to_end(key)
         if len(self._kept) > MAX_KEPT:
             self._kept.popitem(last=False)
@@ -41,14 +41,19 @@ class Imaging:
 class UsableReadings:
     """Decoding of some of a plan's readings, and solvers of its coefficients by method."""
 
-    def __init__(self, decoder: Decoder) -> None:
-        self.decoder = decoder
+    def __init__(self, plan: PatternPlan, usable: NDArray[np.bool_]) -> None:
+        self._plan, self._usable = plan, usable
+        self.decoder = decoder_for(plan, usable)
         self._solvers: dict[str, ImageSolver] = {}
 
     @cached_property
     def decode(self) -> CoefficientDecoder:
         """From readings to coefficients."""
-        return CoefficientDecoder(self.decoder, lambda: Prior(self.decoder.operator, DICTIONARY))
+        return CoefficientDecoder(
+            self.decoder,
+            lambda: Prior(self.decoder.operator, DICTIONARY),
+            redundant_combinations(self._plan, self._usable),
+        )
 
     def solver(self, method: str) -> ImageSolver:
         """From coefficients to an image by a method; InputError where it cannot be used."""

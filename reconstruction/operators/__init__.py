@@ -16,6 +16,7 @@ from .plan import (
     ordered_rows,
     plan_of_rows,
 )
+from .redundancy import redundant_combinations
 
 __all__ = [
     "BASES",
@@ -39,5 +40,6 @@ __all__ = [
     "ordered_rows",
     "pattern_order",
     "plan_of_rows",
+    "redundant_combinations",
     "sequency",
 ]
