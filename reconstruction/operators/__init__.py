@@ -1,11 +1,11 @@
 """What was shown, and what its readings say of an image: pattern plans and linear operators."""
 
-from .bases import BASES
+from .bases import BASES, basis_of
 from .basis import Basis, checked_shape
 from .decoder import Decoder, decoder_for
 from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
-from .orders import ORDERS
+from .orders import ORDERS, pattern_order
 from .plan import (
     POLARITIES,
     PatternPlan,
@@ -14,6 +14,7 @@ from .plan import (
     make_plan,
     mean_illumination,
     ordered_rows,
+    plan_of_rows,
 )
 from .redundancy import redundant_combinations
 from .sparse import SparseRows
@@ -30,6 +31,7 @@ __all__ = [
     "RowOperator",
     "SeenAtoms",
     "SparseRows",
+    "basis_of",
     "checked_shape",
     "decoder_for",
     "expose",
@@ -38,6 +40,8 @@ __all__ = [
     "make_plan",
     "mean_illumination",
     "ordered_rows",
+    "pattern_order",
+    "plan_of_rows",
     "redundant_combinations",
     "sequency",
 ]

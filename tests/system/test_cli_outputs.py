@@ -210,8 +210,9 @@ def test_a_recording_is_no_output_of_its_import(place: Path) -> None:
 
 
 def test_pictures_of_others_stay_where_a_result_has_none(place: Path) -> None:
-    assert spisim("reconstruct", "capture.h5", "-o", "out", "--image", "all").exit_code == 0
-    own, foreign = Path("out/image_zero_filled.png"), Path("out/depth_nearest.png")
+    both = ["--image", "pursuit,pursuit:dct"]
+    assert spisim("reconstruct", "capture.h5", "-o", "out", *both).exit_code == 0
+    own, foreign = Path("out/image_pursuit_dct.png"), Path("out/depth_nearest.png")
     foreign.write_text("of someone else")
     arguments = ["reconstruct", "capture.h5", "-o", "out", "--image", "pursuit"]
     assert own.exists()

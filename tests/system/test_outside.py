@@ -118,7 +118,7 @@ def test_it_is_simulated_reconstructed_and_evaluated(folder):
     assert "Smoothed inverse" in page
     assert "Flat wall" in page
     metrics = json.loads(evaluated)
-    assert list(metrics["images"]) == ["smoothed", "pursuit:haar"]
+    assert list(metrics["images"]) == ["smoothed", "pursuit:haar", "zero-filled"]
     assert metrics["images"]["pursuit:haar"]["correlation"] > 0.8
     assert list(metrics["depths"]) == ["flat", "nearest"]
     errors = [abs(spot["error_m"]) for spot in metrics["spots"]["stopwatch"]]

@@ -192,7 +192,7 @@ def test_methods_are_chosen_and_pictures_of_others_do_not_stay(path, tmp_path, c
     assert list(result.images) == ["zero-filled", "pursuit:dct"]
     report, files = run("--image", "pursuit", "--depth", "nearest", "--ranging", "all")
     assert list(report["spots"]) == ["cw"]
-    assert files == default
+    assert files == default | {"image_zero_filled.png"}
 
 
 def test_json_is_one_object(path, tmp_path, capsys):
