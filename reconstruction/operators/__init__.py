@@ -7,7 +7,6 @@ from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS
 from .plan import (
-    POLARITIES,
     PatternPlan,
     expose,
     illumination,
@@ -15,6 +14,7 @@ from .plan import (
     mean_illumination,
     ordered_rows,
 )
+from .polarities import POLARITIES
 
 __all__ = [
     "BASES",

@@ -12,8 +12,7 @@ from .bases import BASES
 from .bases.hadamard import Hadamard
 from .basis import Basis
 from .orders import ORDERS
-
-POLARITIES = ("differential", "single-ended", "signed")
+from .polarities import POLARITIES
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,17 +117,10 @@ def make_plan(
         raise InputError(f"patterns = {kept}: must lie in 1..{rows} for {height} x {width} pixels")
     order = order or rows_of.usual_order
     chosen = ordered_rows(rows_of, order)[:kept]
-    if polarity == "differential":
-        index, sign = np.repeat(chosen, 2), np.tile([1, -1], kept)
-    elif polarity == "single-ended":
-        dark = [] if rows_of.level is None else [rows_of.level]
-        index = np.append(chosen, dark)
-        sign = np.append(np.ones(kept), -np.ones(len(dark)))
-    elif polarity == "signed":
-        index, sign = chosen, np.zeros(kept)
-    else:
+    if polarity not in POLARITIES:
         raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
-    return PatternPlan(shape, index.astype(np.int32), sign.astype(np.int8), order, rows_of)
+    index, sign = POLARITIES[polarity](chosen, rows_of.level)
+    return PatternPlan(shape, index, sign, order, rows_of)
 
 
 def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:
