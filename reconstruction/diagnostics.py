@@ -3,6 +3,7 @@
 import numpy as np
 
 from .capture import Capture, FrameTruth
+from .image import doubt
 from .operators import decoder_for
 from .ranging import RANGING_METHODS, measure_ranges, unambiguous_path_m
 
@@ -25,7 +26,15 @@ def capture_warnings(capture: Capture, frame: int | None = None) -> list[str]:
         for warnings in (_image_warnings, _spot_warnings, _pattern_tap_warnings)
         for warning in warnings(capture, number)
     )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys([*found, *_layout_warnings(capture, frames[0])]))
+
+
+def _layout_warnings(capture: Capture, frame: int) -> list[str]:
+    """Of a recording alone: what a simulation showed is known."""
+    if capture.provenance.source == "simulation" or not capture.buckets.usable[frame].all():
+        return []
+    doubtful = doubt(capture.plan, capture.buckets.signal[[frame]])
+    return [] if doubtful is None else [doubtful]
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:

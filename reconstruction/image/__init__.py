@@ -8,21 +8,28 @@ from .method import ImageMethod, ImageSolver
 from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp
 from .prior import Prior, fit_variance
+from .recognition import Candidate, Layout, doubt, known_layouts, recognise, transposed_rows
 from .shared_errors import without_shared_errors
 
 __all__ = [
     "DICTIONARIES",
     "IMAGE_METHODS",
+    "Candidate",
     "CoefficientDecoder",
     "Coefficients",
     "Dictionary",
     "ImageMethod",
     "ImageSolver",
     "Imaging",
+    "Layout",
     "Prior",
     "UsableReadings",
     "batch_omp",
+    "doubt",
     "fit_variance",
     "image_method",
+    "known_layouts",
+    "recognise",
+    "transposed_rows",
     "without_shared_errors",
 ]

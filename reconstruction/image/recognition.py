@@ -3,7 +3,11 @@
 A layout is a named order of Hadamard rows and a named sequence of polarities. For each the readings
 M are turned, without change of volume, into K coefficients of rows, and M - K sums in which the rows
 cancel and which are all alike but for noise and drift. The likelihood of the readings is that of
-both: of the coefficients by the spectrum of images (`spectra`), of the sums by a common mean.
+both: of the coefficients by the spectrum of images (`spectra`), of the sums as Gaussian noise about
+a common mean.
+
+A picture cannot be told from its mirror images by its spectrum, nor one of a square from the one
+with rows and columns exchanged.
 """
 
 from collections.abc import Iterator
@@ -18,20 +22,34 @@ from ..arrays import Floats
 from ..errors import InputError
 from ..operators import ORDERS, POLARITIES, PatternPlan, RowOperator, ordered_rows
 from ..operators.bases.hadamard import Hadamard
-from .spectra import Fit, fit, gaussian, spectra
+from .spectra import USUAL_MODEL, Fit, fit, gaussian, heavy_tails, spectra
+from .transforms import other_spectra
 
-MAX_FITTED = 2048
+MAX_FITTED = 1024
 """Coefficients that are looked at; of more, every so many-th."""
 MAX_FRAMES = 4
 """Frames of a recording that are looked at."""
+MAX_REFINED = 6
+"""Layouts that all spectra are tried with, the likeliest by the usual one."""
 TEMPERATURE = 4.0
-"""By which differences of log-likelihood are divided: coefficients of one image are not independent,
-as the model has them."""
-NEGATIVE = 8.0
+"""By which differences of log-likelihood are divided for probabilities: coefficients of one image
+are not as independent as the model has them."""
+NEGATIVE = 20.0
 """Log-odds against negative counts of displayed light: only an offset taken off makes them."""
+LEAST_GAIN = 6.0
+"""Log-likelihood that images' spectrum must gain over a white one for readings to tell a layout;
+coefficients in any order gain up to 4."""
+LEAST_DOUBT = 30.0
+"""By how much another layout must be likelier for a named one to be doubted, and how heavy tails are
+that noise does not have."""
+OTHER_TRANSFORM = 12.0
+"""The same for coefficients of another transform, compared with the likeliest layout."""
+
 UNLIT = "single-ended without dark"
 """A sequence of polarities that tells no background, but may well be what was recorded."""
-SEQUENCES = POLARITIES | {UNLIT: lambda rows, _: (rows.astype(np.int32), np.ones(len(rows), np.int8))}
+SEQUENCES = POLARITIES | {
+    UNLIT: lambda rows, _: (rows.astype(np.int32), np.ones(len(rows), np.int8)),
+}
 
 
 class Layout(NamedTuple):
@@ -53,8 +71,8 @@ class Layout(NamedTuple):
 class Candidate(NamedTuple):
     """A layout and how probable it is among those that were tried.
 
-    ``gain``: by how much the log-likelihood exceeds that of the same polarities with a white
-    spectrum, ``likelihood`` the log-likelihood itself, up to a constant of the readings.
+    ``likelihood`` is the logarithm, up to a constant of the readings; ``gain`` by how much it
+    exceeds that of the same polarities with a white spectrum.
     """
 
     layout: Layout
@@ -70,18 +88,12 @@ def transposed_rows(rows: NDArray[Any], shape: tuple[int, int]) -> NDArray[np.in
     return np.asarray(down * width + along, dtype=np.int32)
 
 
-def named_plan(
-    shape: tuple[int, int], rows: NDArray[Any], polarity: str, order: str, *, transposed: bool
-) -> PatternPlan:
-    """Plan of rows (K,) of Hadamard patterns in a named sequence of polarities."""
-    basis = Hadamard(shape)
-    index, sign = SEQUENCES[polarity](transposed_rows(rows, shape) if transposed else rows, 0)
-    return PatternPlan(shape, index, sign, order, basis)
-
-
-def known_layouts(shape: tuple[int, int], exposures: int) -> Iterator[Layout]:
-    """All layouts of so many readings, each once."""
+def known_layouts(
+    shape: tuple[int, int], exposures: int, polarity: str | None = None
+) -> Iterator[Layout]:
+    """Layouts of so many readings, of one polarity if it is told; equal ones once."""
     seen = set()
+    sequences = list(SEQUENCES) if polarity is None else [polarity]
     for transposed in (False, True) if shape[0] != shape[1] else (False,):
         basis = Hadamard(shape[::-1] if transposed else shape)
         for order, _ in ORDERS.loadable():
@@ -89,15 +101,16 @@ def known_layouts(shape: tuple[int, int], exposures: int) -> Iterator[Layout]:
                 rows = ordered_rows(basis, order)
             except InputError:  # one of other patterns, or with a seed
                 continue
-            for polarity in SEQUENCES:
-                kept = _rows_of(exposures, polarity)
+            rows = transposed_rows(rows, shape) if transposed else rows
+            for name in sequences:
+                kept = _rows_of(exposures, name)
                 if not 1 < kept <= len(rows):
                     continue
-                plan = named_plan(shape, rows[:kept], polarity, order, transposed=transposed)
-                key = plan.index.tobytes(), plan.polarity.tobytes()
-                if key not in seen:
+                index, sign = SEQUENCES[name](rows[:kept], 0)
+                if (key := (index.tobytes(), sign.tobytes())) not in seen:
                     seen.add(key)
-                    yield Layout(order, polarity, transposed, plan)
+                    plan = PatternPlan(shape, index, sign, order, Hadamard(shape))
+                    yield Layout(order, name, transposed, plan)
 
 
 def _rows_of(exposures: int, polarity: str) -> int:
@@ -108,29 +121,116 @@ def _rows_of(exposures: int, polarity: str) -> int:
     return 0
 
 
-def recognise(readings: NDArray[Any], shape: tuple[int, int]) -> list[Candidate]:
+def recognise(
+    readings: NDArray[Any], shape: tuple[int, int], polarity: str | None = None
+) -> list[Candidate]:
     """Known layouts of readings (frames, M), the most probable first.
 
-    Raises InputError where the shape has no Hadamard patterns, and where no layout has so many
-    readings.
+    Raises InputError where the shape has no Hadamard patterns, where no layout has so many
+    readings, where none explains them better than chance does, and where they look like
+    coefficients of another transform.
     """
-    layouts = list(known_layouts(shape, readings.shape[1]))
-    if not layouts:
+    found = _ranked(readings, shape, polarity)
+    if not found:
         raise InputError(
             f"no known layout of {shape[0]} x {shape[1]} pixels has {readings.shape[1]} readings"
         )
-    fits = [_fit(layout.plan, readings) for layout in layouts]
-    likelihoods = np.array([each.image for each in fits])
-    weights = np.exp((likelihoods - likelihoods.max()) / TEMPERATURE)
-    found = map(Candidate, layouts, weights / weights.sum(), likelihoods, (f.gain for f in fits))
-    return sorted(found, key=lambda candidate: -candidate.probability)
+    best = found[0]
+    if best.gain < LEAST_GAIN:
+        raise InputError(
+            f"no known layout explains the {readings.shape[1]} readings better than chance does "
+            f"(the best: {best.layout}): name order and polarity, or give the row numbers"
+        )
+    other = _other_transform(best.layout.plan, readings)
+    if other is not None:
+        raise InputError(f"the readings look like {other}, not like Hadamard's")
+    return found
 
 
-def _fit(plan: PatternPlan, readings: NDArray[Any]) -> Fit:
-    """Log-likelihoods of readings (frames, M) under a plan, the mean over some frames."""
-    frames = np.unique(np.linspace(0, len(readings) - 1, MAX_FRAMES).astype(int))
-    fits = [_fit_frame(plan, readings[frame].astype(np.float64)) for frame in frames]
-    return Fit(*np.mean(fits, axis=0))
+def doubt(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
+    """A sentence on why readings (frames, M) can hardly be of this plan, None where they can.
+
+    Of Hadamard patterns alone, each shown once or in both polarities.
+    """
+    if plan.basis != "hadamard" or not np.any(readings):
+        return None
+    roughly = _fit(plan, readings, rough=True)
+    if roughly is None:
+        return None
+    declared = _fit(plan, readings)
+    assert declared is not None
+    likely = _likely(readings, plan.shape)
+    if likely and likely[0][1] - roughly.image > LEAST_DOUBT:
+        best = _ranked(readings, plan.shape)[0]
+        if best.likelihood - declared.image > LEAST_DOUBT:
+            told = _other_transform(best.layout.plan, readings) or str(best.layout)
+            return (
+                "the readings do not look like those of an image in the pattern plan's order; "
+                f"they look like {told}"
+            )
+    other = _other_transform(plan, readings)
+    if other is not None:
+        return f"the readings look like {other}, not like those of the pattern plan"
+    if declared.gain < LEAST_GAIN and _scattered(plan, readings[0]):
+        return (
+            "the readings have nothing to do with the pattern plan's order, nor with another that "
+            "is known: their patterns may have been shown in an order of their own"
+        )
+    return None
+
+
+def _ranked(
+    readings: NDArray[Any], shape: tuple[int, int], polarity: str | None = None
+) -> list[Candidate]:
+    likely = _likely(readings, shape, polarity)[:MAX_REFINED]
+    tried = [
+        (layout, found)
+        for layout, _ in likely
+        if (found := _fit(layout.plan, readings)) is not None
+    ]
+    likelihoods = np.array([found.image for _, found in tried])
+    weights = np.exp((likelihoods - likelihoods.max(initial=-np.inf)) / TEMPERATURE)
+    ranked = [
+        Candidate(layout, float(weight / weights.sum()), found.image, found.gain)
+        for (layout, found), weight in zip(tried, weights, strict=True)
+    ]
+    return sorted(ranked, key=lambda candidate: -candidate.probability)
+
+
+def _likely(
+    readings: NDArray[Any], shape: tuple[int, int], polarity: str | None = None
+) -> list[tuple[Layout, float]]:
+    """Known layouts and their log-likelihoods by the usual spectrum alone, the likeliest first."""
+    found = [
+        (layout, rough.image)
+        for layout in known_layouts(shape, readings.shape[1], polarity)
+        if (rough := _fit(layout.plan, readings, rough=True)) is not None
+    ]
+    return sorted(found, key=lambda each: -each[1])
+
+
+def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
+    """Name of a complete transform whose coefficients, in the sequence in which the plan's rows
+    come, are likelier than those rows."""
+    if plan.sampled < plan.pixels or plan.distinct[0] != plan.patterns.level:
+        return None
+    place = np.argsort(plan.distinct)
+    parts = _parts(plan, readings[0].astype(np.float64))
+    bar = _fit_some(parts.values, row_spectra(plan.shape), parts.rows).image + OTHER_TRANSFORM
+    likeliest = None
+    for name, models in other_spectra(plan.shape):
+        found = _fit_some(parts.values, models, place[parts.rows]).image
+        if found > bar:
+            likeliest, bar = name, found
+    return likeliest
+
+
+def _scattered(plan: PatternPlan, readings: NDArray[Any]) -> bool:
+    """Whether coefficients vary more than noise does, of rows that vary much in images."""
+    parts = _parts(plan, readings.astype(np.float64))
+    usual = row_spectra(plan.shape).mean(axis=0)[parts.rows]
+    spread = parts.rows.size * np.log(usual.mean()) - np.log(usual).sum()
+    return bool(spread > LEAST_DOUBT and heavy_tails(parts.values) > LEAST_DOUBT)
 
 
 class _Parts(NamedTuple):
@@ -158,10 +258,8 @@ def _parts(plan: PatternPlan, readings: Floats) -> _Parts:
     if not plan.polarity.any():
         return _Parts(rows, values, np.empty(0), np.nan)
     expected = row_spectra(plan.shape).mean(axis=0)[rows]
-    weak = expected <= np.median(expected)
-    background = np.median(values[weak])
-    level = readings[~varying] - background
-    rows, values = rows, values - background
+    background = np.median(values[expected <= np.median(expected)])
+    values, level = values - background, readings[~varying] - background
     if level.size == 2:  # all on and dark: half their sum is the background, but for noise
         rows = np.append(rows, rows[np.argmin(expected)])
         values = np.append(values, level.sum() / np.sqrt(2))
@@ -177,23 +275,38 @@ def _pairs(plan: PatternPlan) -> tuple[NDArray[np.intp], NDArray[np.intp]] | Non
     return (plus, minus) if (plan.index[plus] == plan.index[minus]).all() else None
 
 
-def _fit_frame(plan: PatternPlan, readings: Floats) -> Fit:
+def _fit(plan: PatternPlan, readings: NDArray[Any], *, rough: bool = False) -> Fit | None:
+    """Log-likelihoods of readings (frames, M) under a plan, the mean over some frames.
+
+    ``rough``: with the usual spectrum alone.
+
+    None where rows are shown more often than `_parts` knows, or none but the level.
+    """
+    exposures = np.bincount(plan.index[plan.index != plan.patterns.level])
+    if exposures.max(initial=0) == 0 or (exposures.max() > 1 and _pairs(plan) is None):
+        return None
+    frames = np.unique(np.linspace(0, len(readings) - 1, MAX_FRAMES).astype(int))
+    models = row_spectra(plan.shape)
+    models = models[[USUAL_MODEL]] if rough else models
+    fits = [_fit_frame(plan, readings[frame].astype(np.float64), models) for frame in frames]
+    return Fit(*np.mean(fits, axis=0))
+
+
+def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats) -> Fit:
     scale = float(np.abs(readings).max()) or 1.0
     rows, values, sums, level = _parts(plan, readings / scale)
-    models = row_spectra(plan.shape)
     found = _fit_some(values, models, rows)
     others = readings.size - values.size - sums.size  # the level: anything goes
-    penalty = -others * log(2.0)
+    penalty = others * log(2.0)
     if plan.polarity.any():  # the background is one more parameter
-        penalty -= log(readings.size) / 2 + NEGATIVE * (readings.min() < 0)
+        penalty += log(readings.size) / 2 + NEGATIVE * (readings.min() < 0)
     if level < 0:  # all on is darker than all off
-        penalty -= readings.size
-    if sums.size:
-        penalty += gaussian(sums)
-    return Fit(found.image + penalty, found.white + penalty)
+        penalty += readings.size
+    told = gaussian(sums) - penalty
+    return Fit(found.image + told, found.white + told)
 
 
-def _fit_some(values: Floats, models: Floats, rows: NDArray[np.int32]) -> Fit:
+def _fit_some(values: Floats, models: Floats, rows: NDArray[Any]) -> Fit:
     """Fit of some of many values, for all."""
     every = np.unique(np.linspace(0, values.size - 1, MAX_FITTED).astype(int))
     share = values.size / every.size
@@ -205,6 +318,7 @@ def row_spectra(shape: tuple[int, int]) -> Floats:
     """Variances (models, N) of all Hadamard rows in images, 0 for the level."""
     basis = Hadamard(shape)
     operator = RowOperator(basis, np.arange(basis.rows, dtype=np.int32))
-    found = np.zeros((len(some := spectra(operator)), basis.rows))
-    found[:, operator.varying] = some
+    varying = spectra(operator)
+    found = np.zeros((len(varying), basis.rows))
+    found[:, operator.varying] = varying
     return found

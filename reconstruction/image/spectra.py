@@ -22,6 +22,7 @@ EXPONENTS = (1.0, 2.0, 3.0)
 """Of spatial frequency, by which power falls."""
 ASPECTS = (0.5, 1.0, 2.0)
 """How much faster power falls along the columns than along the rows."""
+USUAL_MODEL = ASPECTS.index(1.0) * len(EXPONENTS) + EXPONENTS.index(2.0)
 WHITES = np.logspace(-4, 1, 6)
 """White part over the mean of the spectrum."""
 FREEDOMS = (1.0, 3.0, 30.0)
@@ -80,9 +81,17 @@ def fit(coefficients: NDArray[Any], models: Floats) -> Fit:
 
 
 def gaussian(values: Floats) -> float:
-    """Log-likelihood of real values (K,) as Gaussian noise about zero."""
+    """Greatest log-likelihood of values (K,) as Gaussian noise about zero."""
+    if not values.size:
+        return 0.0
     variance = float(np.mean(values**2)) + np.finfo(float).eps ** 2
     return -values.size / 2 * (log(2 * pi * variance) + 1)
+
+
+def heavy_tails(values: Floats) -> float:
+    """By how much Student's t of the usual freedom is likelier than Gaussian noise."""
+    square, flat = values[None] ** 2 + np.finfo(float).tiny, np.ones((1, values.size))
+    return float(_likelihoods(square[0], flat, USUAL_FREEDOM)[0]) - gaussian(values)
 
 
 def _likelihoods(square: Floats, variance: Floats, freedom: float) -> Floats:
