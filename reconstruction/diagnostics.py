@@ -7,6 +7,8 @@ from .image import doubt
 from .operators import decoder_for
 from .ranging import RANGING_METHODS, measure_ranges, unambiguous_path_m
 
+MAX_UNUSABLE = 0.05
+"""Share of the readings without which a plan can still be doubted."""
 NO_RANGE = {
     "saturated": "is saturated",
     "no signal": "shows no signal",
@@ -31,14 +33,19 @@ def capture_warnings(capture: Capture, frame: int | None = None) -> list[str]:
 
 def _layout_warnings(capture: Capture, frame: int) -> list[str]:
     """Of a recording alone: what a simulation showed is known."""
-    if capture.provenance.source == "simulation" or not capture.buckets.usable[frame].all():
+    signal, usable = capture.buckets.signal[frame], capture.buckets.usable[frame]
+    if capture.provenance.source == "simulation" or usable.mean() < 1 - MAX_UNUSABLE:
         return []
-    doubtful = doubt(capture.plan, capture.buckets.signal[[frame]])
+    filled = np.where(usable, signal, np.median(signal[usable]))
+    doubtful = doubt(capture.plan, filled[None])
     return [] if doubtful is None else [doubtful]
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:
-    saturated = ~capture.buckets.usable[frame]
+    usable = capture.buckets.usable[frame]
+    if usable.any() and np.ptp(capture.buckets.counts[frame][usable]) == 0:
+        return [f"all {usable.sum()} bucket readings are the same: there is no image in them"]
+    saturated = ~usable
     if not saturated.any():
         return []
     return [

@@ -8,12 +8,21 @@ from .method import ImageMethod, ImageSolver
 from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp
 from .prior import Prior, fit_variance
-from .recognition import Candidate, Layout, doubt, known_layouts, recognise, transposed_rows
+from .recognition import (
+    UNLIT,
+    Candidate,
+    Layout,
+    dark_estimate,
+    doubt,
+    known_layouts,
+    recognise,
+)
 from .shared_errors import without_shared_errors
 
 __all__ = [
     "DICTIONARIES",
     "IMAGE_METHODS",
+    "UNLIT",
     "Candidate",
     "CoefficientDecoder",
     "Coefficients",
@@ -25,11 +34,11 @@ __all__ = [
     "Prior",
     "UsableReadings",
     "batch_omp",
+    "dark_estimate",
     "doubt",
     "fit_variance",
     "image_method",
     "known_layouts",
     "recognise",
-    "transposed_rows",
     "without_shared_errors",
 ]

@@ -1,10 +1,10 @@
 """In which layout readings came: which pattern each belongs to, told by the spectrum of images.
 
-A layout is a named order of Hadamard rows and a named sequence of polarities. For each the readings
-M are turned, without change of volume, into K coefficients of rows, and M - K sums in which the rows
-cancel and which are all alike but for noise and drift. The likelihood of the readings is that of
-both: of the coefficients by the spectrum of images (`spectra`), of the sums as Gaussian noise about
-a common mean.
+A layout is a named order of Hadamard rows and a named sequence of polarities. For each the M
+readings are turned, without change of volume, into K coefficients of rows, and M - K sums in which
+the rows cancel and which are all alike but for noise and drift. The likelihood of the readings is
+that of both: of the coefficients by the spectrum of images (`spectra`), of the sums as Gaussian
+noise about a common mean.
 
 A picture cannot be told from its mirror images by its spectrum, nor one of a square from the one
 with rows and columns exchanged.
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..errors import InputError
-from ..operators import ORDERS, POLARITIES, PatternPlan, RowOperator, ordered_rows
+from ..operators import ORDERS, POLARITIES, PatternPlan, RowOperator, ordered_rows, transposed
 from ..operators.bases.hadamard import Hadamard
 from .spectra import USUAL_MODEL, Fit, fit, gaussian, heavy_tails, spectra
 from .transforms import other_spectra
@@ -40,8 +40,8 @@ LEAST_GAIN = 6.0
 """Log-likelihood that images' spectrum must gain over a white one for readings to tell a layout;
 coefficients in any order gain up to 4."""
 LEAST_DOUBT = 30.0
-"""By how much another layout must be likelier for a named one to be doubted, and how heavy tails are
-that noise does not have."""
+"""By how much another layout must be likelier for a named one to be doubted, and what tails gain
+that are heavier than those of noise."""
 OTHER_TRANSFORM = 12.0
 """The same for coefficients of another transform, compared with the likeliest layout."""
 
@@ -81,36 +81,29 @@ class Candidate(NamedTuple):
     gain: float
 
 
-def transposed_rows(rows: NDArray[Any], shape: tuple[int, int]) -> NDArray[np.int32]:
-    """Rows of Hadamard patterns of H x W pixels, from those of patterns numbered by columns."""
-    height, width = shape
-    along, down = np.divmod(np.asarray(rows), height)
-    return np.asarray(down * width + along, dtype=np.int32)
-
-
 def known_layouts(
     shape: tuple[int, int], exposures: int, polarity: str | None = None
 ) -> Iterator[Layout]:
     """Layouts of so many readings, of one polarity if it is told; equal ones once."""
     seen = set()
     sequences = list(SEQUENCES) if polarity is None else [polarity]
-    for transposed in (False, True) if shape[0] != shape[1] else (False,):
-        basis = Hadamard(shape[::-1] if transposed else shape)
+    for turned in (False, True) if shape[0] != shape[1] else (False,):
+        basis = Hadamard(shape[::-1] if turned else shape)
         for order, _ in ORDERS.loadable():
             try:
                 rows = ordered_rows(basis, order)
             except InputError:  # one of other patterns, or with a seed
                 continue
-            rows = transposed_rows(rows, shape) if transposed else rows
             for name in sequences:
                 kept = _rows_of(exposures, name)
                 if not 1 < kept <= len(rows):
                     continue
                 index, sign = SEQUENCES[name](rows[:kept], 0)
-                if (key := (index.tobytes(), sign.tobytes())) not in seen:
+                plan = PatternPlan(basis.shape, index, sign, order, basis)
+                plan = transposed(plan) if turned else plan
+                if (key := (plan.index.tobytes(), sign.tobytes())) not in seen:
                     seen.add(key)
-                    plan = PatternPlan(shape, index, sign, order, Hadamard(shape))
-                    yield Layout(order, name, transposed, plan)
+                    yield Layout(order, name, turned, plan)
 
 
 def _rows_of(exposures: int, polarity: str) -> int:
@@ -233,9 +226,24 @@ def _scattered(plan: PatternPlan, readings: NDArray[Any]) -> bool:
     return bool(spread > LEAST_DOUBT and heavy_tails(parts.values) > LEAST_DOUBT)
 
 
+def dark_estimate(plan: PatternPlan, readings: NDArray[Any]) -> float:
+    """What a dark exposure would have read, from readings (M,) of +1 alone; nan without all-on.
+
+    The rows that images excite least read half of all-on and dark together.
+    """
+    varying = plan.index != plan.patterns.level
+    expected = row_spectra(plan.shape).mean(axis=0)[plan.index[varying]]
+    background = np.median(readings[varying][expected <= np.median(expected)])
+    lit = readings[~varying]
+    return float(2 * background - lit.mean()) if lit.size else np.nan
+
+
 class _Parts(NamedTuple):
-    """Readings M as ``rows`` and their coefficients ``values``, both (K,), and ``sums`` in which
-    rows cancel, less their median; ``level`` is the coefficient of the level, nan if it has none."""
+    """M readings as ``rows`` and their coefficients ``values``, both (K,), and ``sums``.
+
+    In sums the rows cancel; they are less their median. ``level`` is the coefficient of the level,
+    nan where there is none.
+    """
 
     rows: NDArray[np.int32]
     values: Floats

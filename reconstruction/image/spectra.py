@@ -1,11 +1,11 @@
-"""How well coefficients fit the power spectrum of images: what tells a right layout from a wrong one.
+"""How well coefficients fit the power spectrum of images: by it layouts of readings are told apart.
 
-Coefficients of a natural image have variances v (s_k + r): s_k is what row k sees of a spectrum that
-falls with a power of spatial frequency, along both axes or along one more than the other, and r the
-white part, noise and all else (D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)). Single images are
-burstier than this Gaussian model, so the density is Student's t of any tail. All parameters are those
-of maximum likelihood. The alternative has the same density and r alone: coefficients that have
-nothing to do with their rows, as those of patterns in another order.
+Coefficients of a natural image have variances v (s_k + r): s_k is what row k sees of a spectrum
+that falls with a power of spatial frequency, along both axes or along one more than the other, and
+r the white part, noise and all else (D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)). Single images
+are burstier than this Gaussian model, so the density is Student's t of any tail. All parameters are
+those of maximum likelihood. The alternative has the same density and r alone: coefficients that
+have nothing to do with their rows, as those of patterns in another order.
 """
 
 from math import lgamma, log, pi

@@ -14,7 +14,7 @@ from .spectra import powers
 
 
 def haar(side: int) -> Floats:
-    """Orthonormal Haar wavelets (side, side), the widest first, after the constant; a power of 2."""
+    """Orthonormal Haar wavelets (side, side) of a side 2^n: the constant, then the widest first."""
     rows = np.eye(1)
     while len(rows) < side:
         finest = np.kron(np.eye(len(rows)), [1, -1])

@@ -15,6 +15,7 @@ from .plan import (
     ordered_rows,
 )
 from .polarities import POLARITIES
+from .transposed import transposed
 
 __all__ = [
     "BASES",
@@ -36,4 +37,5 @@ __all__ = [
     "mean_illumination",
     "ordered_rows",
     "sequency",
+    "transposed",
 ]

@@ -1,6 +1,7 @@
 """In which polarities the rows of a plan are shown, and in which sequence."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ def _signed(rows: NDArray[np.int64], _level: int | None) -> Exposures:
     return _exposures(rows, np.zeros(len(rows)))
 
 
-def _exposures(index: NDArray[np.int64], sign: NDArray[np.float64] | NDArray[np.int64]) -> Exposures:
+def _exposures(index: NDArray[np.int64], sign: NDArray[Any]) -> Exposures:
     return index.astype(np.int32), sign.astype(np.int8)
 
 
