@@ -67,7 +67,8 @@ def _table(lines: list[str]) -> _Table | None:
         separator, comma = _separator(line)
         cells = _cells(line, separator)
         numbers = _numbers(cells)
-        if (all(numbers) and cells) or (any(numbers) and numbers == _next_numbers(lines, start)):
+        words = any(cell and not number for cell, number in zip(cells, numbers, strict=True))
+        if any(numbers) and (not words or numbers == _next_numbers(lines, start)):
             named = headings if len(headings) == len(cells) else []
             return _Table(separator, comma, named, len(cells), start)
         headings = cells or headings
