@@ -44,8 +44,8 @@ EXAMPLE = (
 )
 SURE = 0.95
 """Probability from which on a layout is told without a warning."""
-MOST_TOLD = 3
-"""Layouts that are told."""
+MOST_TOLD, LEAST_TOLD = 3, 1e-3
+"""Layouts that are told, and the least probability."""
 
 
 class Recording(NamedTuple):
@@ -261,11 +261,11 @@ def _recognised(options: argparse.Namespace, readings: NDArray[Any]) -> Recordin
     trusted[:, [i for i in options.untrusted if 0 <= i < trusted.shape[1]]] = np.median(counts)
     found = recognise(trusted, options.shape, options.polarity)
     layout, probability = found[0][:2]
-    for candidate in found[:MOST_TOLD]:
-        print(printable(_told(candidate)))
+    for place, candidate in enumerate(found[:MOST_TOLD]):
+        if place == 0 or candidate.probability >= LEAST_TOLD:
+            print(printable(_told(candidate)))
     if probability < SURE:
-        warning = f"warning: the layout is not sure ({100 * probability:.0f} %): name it"
-        print(warning, file=sys.stderr)
+        print("warning: the layout is not sure; name order and polarity", file=sys.stderr)
     if layout.polarity == UNLIT:
         dark = dark_estimate(layout.plan, trusted[0])
         hint = f"; these readings suggest about {dark:.4g}" if np.isfinite(dark) else ""
@@ -277,7 +277,8 @@ def _recognised(options: argparse.Namespace, readings: NDArray[Any]) -> Recordin
 
 
 def _told(candidate: Candidate) -> str:
-    return f"{candidate.layout}: {100 * candidate.probability:.3g} %"
+    share = f"{100 * candidate.probability:.1f}"
+    return f"{candidate.layout}: {'over 99.9' if share == '100.0' else share} % sure"
 
 
 def _frames(readings: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
