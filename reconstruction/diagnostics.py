@@ -1,14 +1,22 @@
 """What about a capture its user should know before believing what is made of it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from .capture import Capture, FrameTruth
-from .image import doubt
+from .capture import Capture, Frames, FrameTruth
+from .errors import InputError
+from .image import Imaging, doubt
 from .operators import decoder_for
 from .ranging import RANGING_METHODS, measure_ranges, unambiguous_path_m
 
+ENOUGH = 0.9**2 / (1 - 0.9**2)
+"""Squared SNR of a coefficient at which the zero-filled image is correlated with the truth 0.9
+times as much as without noise: the correlation has the factor 1 / sqrt(1 + 1 / SNR^2)."""
+
 MAX_UNUSABLE = 0.05
 """Share of the readings without which a plan can still be doubted."""
+
 NO_RANGE = {
     "saturated": "is saturated",
     "no signal": "shows no signal",
@@ -28,7 +36,11 @@ def capture_warnings(capture: Capture, frame: int | None = None) -> list[str]:
         for warnings in (_image_warnings, _spot_warnings, _pattern_tap_warnings)
         for warning in warnings(capture, number)
     )
-    return list(dict.fromkeys([*found, *_layout_warnings(capture, frames[0])]))
+    return [
+        *_layout_warnings(capture, frames[0]),
+        *_noise_warnings(capture, frames),
+        *dict.fromkeys(found),
+    ]
 
 
 def _layout_warnings(capture: Capture, frame: int) -> list[str]:
@@ -39,6 +51,46 @@ def _layout_warnings(capture: Capture, frame: int) -> list[str]:
     filled = np.where(usable, signal, np.median(signal[usable]))
     doubtful = doubt(capture.plan, filled[None])
     return [] if doubtful is None else [doubtful]
+
+
+def _noise_warnings(capture: Capture, frames: Sequence[int]) -> list[str]:
+    """Frames whose coefficients are noise more than image."""
+    imaging = Imaging(capture.plan)
+    try:
+        told = [_coefficient_snr(imaging, capture.frame(number)) for number in frames]
+    except InputError as error:
+        return [f"there is no image: {error}"]
+    snr = [each for each in told if each is not None]
+    weak = [each for each in snr if each < 1]
+    if not weak:
+        return []
+    typical = float(np.median(weak))
+    which = "there is" if len(frames) == 1 else f"in {len(weak)} of {len(frames)} frames there is"
+    return [
+        f"{which} hardly an image: signal over noise is about {typical:.2g} per coefficient, so "
+        "that a flat image is nearer to the truth than the zero-filled one; the mean of some "
+        f"{np.ceil(ENOUGH / typical**2):.0f} frames has nine tenths of the correlation with the "
+        "truth that these patterns allow"
+    ]
+
+
+def _coefficient_snr(imaging: Imaging, frame: Frames) -> float | None:
+    """Rms of the coefficients other than the level, without their noise, over that noise.
+
+    At least what may be noise by chance, one standard error; None where the noise is not known, or
+    nothing is usable.
+    """
+    buckets = frame.buckets
+    readings = imaging.of(buckets.usable[0])
+    varying = readings.decoder.operator.varying
+    if not np.isfinite(buckets.variance).any() or not varying.any():
+        return None
+    found = readings.decode(buckets.signal[0], buckets.variance[0])
+    told = varying & found.measured & (found.noise > 0)
+    if not told.any():
+        return None
+    power = np.mean(np.abs(found.values[told]) ** 2 / found.noise[told] ** 2)
+    return float(np.sqrt(max(power - 1, np.sqrt(2 / np.count_nonzero(told)))))
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:

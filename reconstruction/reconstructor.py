@@ -12,7 +12,7 @@ from .depth import DEPTH_METHODS, Context, View, depth_method, lacks, range_over
 from .errors import InputError
 from .image import IMAGE_METHODS, Coefficients, Imaging, UsableReadings, image_method
 from .ranging import RANGING_METHODS, Ranges, RangingSolver, Status, ranging_method, reads
-from .result import Image, Result
+from .result import BASELINE, Image, Result
 from .timing import timed
 
 Names = str | Sequence[str] | None
@@ -21,7 +21,7 @@ Names = str | Sequence[str] | None
 Among several, ``usual`` stands for those.
 """
 
-USUAL_IMAGES = ("pursuit", "zero-filled")
+USUAL_IMAGES = ("pursuit", BASELINE)
 USUAL_DEPTHS = ("anchored", "nearest", "dense")
 
 
@@ -29,7 +29,8 @@ class Reconstructor:
     """Reconstructs frames of one recording, or of others that have the same ``setup``.
 
     ``image``, ``ranging`` and ``depth`` name methods (see `Names`); by default those are taken that
-    fit the recording. A name ``method:dictionary`` is an image method with another dictionary than
+    fit the recording. The zero-filled image is always among the images: all others are compared
+    with it. A name ``method:dictionary`` is an image method with another dictionary than
     its own. Everything that the frames share is computed here; the work per frame does not depend
     on how many there are. Raises InputError for unknown names, methods that the recording does not
     suit, and plans that do not tell the background.
@@ -177,7 +178,7 @@ def _image_names(names: Names, readings: UsableReadings) -> list[str]:
         image_method(name)
     for name in chosen:
         readings.solver(name)
-    return chosen
+    return list(dict.fromkeys([*chosen, BASELINE]))
 
 
 def _rangings(names: Names, setup: Setup) -> dict[str, RangingSolver]:

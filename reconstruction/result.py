@@ -11,6 +11,9 @@ from .ranging import Ranges
 
 Image = NDArray[np.float32]
 
+BASELINE = "zero-filled"
+"""Image method whose image every result holds: the plain one, to compare others with."""
+
 
 @dataclass(frozen=True, eq=False)
 class Result:

@@ -193,6 +193,8 @@ def _of_rows(
     options: argparse.Namespace, readings: NDArray[Any], shape: tuple[int, int]
 ) -> Recording:
     rows = _source(options, options.rows) - options.first_row
+    if rows.max() == shape[0] * shape[1] and rows.min() > 0:
+        raise InputError(f"--rows go from {rows.min():g} to {rows.max():g}: add --first-row 1")
     order = "natural" if options.order == "auto" else options.order
     polarity = options.polarity or "signed"
     signs = polarity if options.signs is None else _source(options, options.signs)

@@ -8,17 +8,17 @@ from numpy.typing import ArrayLike
 from ..capture import Capture, FrameTruth
 from ..errors import InputError
 from ..ranging import Ranges
-from ..result import Result
+from ..result import BASELINE, Result
 
 
 def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
     """Metrics of a result against the truth of its frame, as plain numbers, ready for JSON.
 
-    ``frame``: its number. ``images``, by method: correlation, nrmse and psnr_db. ``truth``: the
-    rms standard error of its image over the image's rms, ``image_error``, below which an nrmse
-    tells nothing. ``spots``, by method: for each spot range_m, true_m, error_m, sigma_m, status
-    and alternatives, each with range_m, sigma_m and weight. ``depths``, by method: see
-    `depth_metrics`. What does not exist is empty or None.
+    ``frame``: its number. ``images``, by method: see `image_metrics`. ``truth``: the rms standard
+    error of its image over the image's rms, ``image_error``, below which an nrmse tells nothing.
+    ``spots``, by method: for each spot range_m, true_m, error_m, sigma_m, status and alternatives,
+    each with range_m, sigma_m and weight. ``depths``, by method: see `depth_metrics`. What does not
+    exist is empty or None.
 
     Raises InputError where the result is of other readings than this capture's frame of the same
     number, and where the truth of that frame is not known.
@@ -35,7 +35,8 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
     return {
         "frame": result.frame,
         "images": {
-            name: image_metrics(image, truth.image) for name, image in result.images.items()
+            name: image_metrics(image, truth.image, result.images.get(BASELINE))
+            for name, image in result.images.items()
         },
         "truth": {"image_error": _relative_rms(truth.image_error, truth.image)},
         "spots": {name: _spots(ranges, truth) for name, ranges in result.rangings.items()},
@@ -45,20 +46,32 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
     }
 
 
-def image_metrics(image: ArrayLike, true_image: ArrayLike) -> dict[str, float | None]:
-    """Pearson correlation, rms error over the truth's rms, and PSNR with the truth's peak."""
+def image_metrics(
+    image: ArrayLike, true_image: ArrayLike, zero_filled: ArrayLike | None = None
+) -> dict[str, float | None]:
+    """Pearson correlation, rms error over the truth's rms, PSNR with the truth's peak, and gain.
+
+    ``gain_db``: mean squared error of the better of two images that know nothing of images over
+    that of this one: the ``zero_filled`` inverse, and a flat one as bright as the truth is on
+    average, which wins where there is more noise than image. None without the former.
+    """
     true_values = np.asarray(true_image, dtype=np.float64)
     known = np.isfinite(true_values)
     true_values = true_values[known]
     values = np.asarray(image, dtype=np.float64)[known]
     with np.errstate(divide="ignore", invalid="ignore"):
         squared_error = np.mean((values - true_values) ** 2)
+        baseline = np.nan
+        if zero_filled is not None:
+            plain = np.asarray(zero_filled, dtype=np.float64)[known]
+            baseline = min(np.mean((plain - true_values) ** 2), true_values.var())
         spread = values.std() * true_values.std()
         covariance = np.mean((values - values.mean()) * (true_values - true_values.mean()))
         return {
             "correlation": _number(covariance / spread),
             "nrmse": _number(np.sqrt(squared_error / np.mean(true_values**2))),
             "psnr_db": _number(10 * np.log10(true_values.max() ** 2 / squared_error)),
+            "gain_db": _number(10 * np.log10(baseline / squared_error)),
         }
 
 

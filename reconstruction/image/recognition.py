@@ -145,7 +145,7 @@ def doubt(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
 
     Of Hadamard patterns alone, each shown once or in both polarities.
     """
-    if plan.basis != "hadamard" or not np.any(readings):
+    if plan.basis != "hadamard" or not np.ptp(readings, axis=1).any():
         return None
     roughly = _fit(plan, readings, rough=True)
     if roughly is None:
@@ -309,7 +309,7 @@ def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats) -> Fit:
     if plan.polarity.any():  # the background is one more parameter
         penalty += log(readings.size) / 2 + NEGATIVE * (readings.min() < 0)
     if level < 0:  # all on is darker than all off
-        penalty += readings.size
+        penalty += min(readings.size, level**2 / (2 * np.mean(values**2) + np.finfo(float).tiny))
     told = gaussian(sums) - penalty
     return Fit(found.image + told, found.white + told)
 

@@ -1,11 +1,11 @@
 """What was shown, and what its readings say of an image: pattern plans and linear operators."""
 
-from .bases import BASES
+from .bases import BASES, basis_of
 from .basis import Basis, checked_shape
 from .decoder import Decoder, decoder_for
 from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
-from .orders import ORDERS
+from .orders import ORDERS, pattern_order
 from .plan import (
     PatternPlan,
     expose,
@@ -13,6 +13,7 @@ from .plan import (
     make_plan,
     mean_illumination,
     ordered_rows,
+    plan_of_rows,
 )
 from .polarities import POLARITIES
 from .transposed import transposed
@@ -28,6 +29,7 @@ __all__ = [
     "PatternPlan",
     "RowOperator",
     "SeenAtoms",
+    "basis_of",
     "checked_shape",
     "decoder_for",
     "expose",
@@ -36,6 +38,8 @@ __all__ = [
     "make_plan",
     "mean_illumination",
     "ordered_rows",
+    "pattern_order",
+    "plan_of_rows",
     "sequency",
     "transposed",
 ]

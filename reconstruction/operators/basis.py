@@ -30,6 +30,10 @@ class Basis(ABC):
     """Order in which the rows that tell most of an image come first, as far as one is known."""
     arrays: ClassVar[tuple[str, ...]] = ()
     """Names of the arrays that a file must hold beside name and shape: attributes of the basis."""
+    seeded: ClassVar[bool] = False
+    """Whether `drawn` makes one from a shape and a seed."""
+    sign_changes: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
+    """Of every row, (rows,) each: down a column of the image, and along a row of it."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = checked_shape(shape)
@@ -65,6 +69,11 @@ class Basis(ABC):
     def restored(cls, shape: tuple[int, int], arrays: Mapping[str, NDArray[Any]]) -> Self:
         """The basis of this shape and its ``arrays``; InputError where they do not fit."""
         return cls(shape)
+
+    @classmethod
+    def drawn(cls, shape: tuple[int, int], rng: np.random.Generator) -> Self:
+        """A basis of this shape, drawn by chance, where it is `seeded`."""
+        raise NotImplementedError
 
     def matrix(self, index: NDArray[np.int32]) -> Floats:
         """The rows ``index`` (K,), (K, N)."""

@@ -1,5 +1,6 @@
 """Pattern plans: which pattern each exposure shows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -8,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Floats
 from ..errors import InputError, nearest
-from .bases import BASES
+from .bases import basis_of
 from .bases.hadamard import Hadamard
 from .basis import Basis
-from .orders import ORDERS
-from .polarities import POLARITIES
+from .orders import pattern_order
+from .polarities import POLARITIES, Exposures
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,25 +103,53 @@ def make_plan(
 ) -> PatternPlan:
     """Plan that shows the first ``patterns`` rows of a basis (all if None) in a named order.
 
-    ``order``: natural, sequency (sign changes of the row of length N), sequency-2d (smallest sum
-    of vertical and horizontal spatial frequency first) or one of another package; the usual one of
-    the basis if None, sequency-2d of Hadamard's. ``polarity``: differential shows each index twice,
-    +1 then -1 (M = 2K); single-ended shows +1 only, and where the basis has an all-on row the
-    projector's dark (M = K + 1); signed is one signed value per index (M = K). ``basis``: the name
-    of one that a shape tells, or one itself. Raises InputError.
+    ``order``: a name in `ORDERS`, with a seed where it is drawn by chance, as "random:7"; the usual
+    one of the basis if None, sequency-2d of Hadamard's. ``polarity``: differential shows each index
+    twice, +1 then -1 (M = 2K); single-ended shows +1 only, and where the basis has an all-on row
+    the projector's dark (M = K + 1); signed is one signed value per index (M = K). ``basis``: the
+    name of one that a shape tells, with a seed where it is drawn, or one itself. Raises InputError.
     """
-    rows_of = BASES[basis].restored(shape, {}) if isinstance(basis, str) else basis
+    rows_of = basis_of(basis, shape) if isinstance(basis, str) else basis
     rows = rows_of.rows
     kept = rows if patterns is None else patterns
     if not 1 <= kept <= rows:
         height, width = rows_of.shape
         raise InputError(f"patterns = {kept}: must lie in 1..{rows} for {height} x {width} pixels")
     order = order or rows_of.usual_order
-    chosen = ordered_rows(rows_of, order)[:kept]
+    index, sign = _exposures(rows_of, ordered_rows(rows_of, order)[:kept], polarity)
+    return PatternPlan(shape, index, sign, order, rows_of)
+
+
+def plan_of_rows(
+    basis: Basis,
+    index: ArrayLike,
+    polarity: str | Sequence[int] = "differential",
+    layout: str = "natural",
+) -> PatternPlan:
+    """Plan of rows that are told one by one, as the ``index`` numbers them in a ``layout``.
+
+    A layout is an order: in "sequency", 3 is the row that this order shows fourth. ``polarity``:
+    as for `make_plan`, or +1, -1 or 0 for each, which are then the exposures. Raises InputError.
+    """
+    numbers = np.asarray(index)
+    rows = ordered_rows(basis, layout)
+    if numbers.ndim != 1 or not numbers.size or numbers.dtype.kind not in "iu":
+        raise InputError("index must be a list of whole numbers")
+    outside = numbers[(numbers < 0) | (numbers >= basis.rows)]
+    if outside.size:
+        raise InputError(
+            f"index {outside[0]} is outside 0..{basis.rows - 1}, the rows of this basis and shape"
+        )
+    if isinstance(polarity, str):
+        return PatternPlan(basis.shape, *_exposures(basis, rows[numbers], polarity), patterns=basis)
+    return PatternPlan(basis.shape, rows[numbers], np.asarray(polarity), patterns=basis)
+
+
+def _exposures(basis: Basis, rows: NDArray[np.int64], polarity: str) -> Exposures:
+    """Rows (K,) shown one after the other by a named polarity."""
     if polarity not in POLARITIES:
         raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
-    index, sign = POLARITIES[polarity](chosen, rows_of.level)
-    return PatternPlan(shape, index, sign, order, rows_of)
+    return POLARITIES[polarity](rows, basis.level)
 
 
 def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:
@@ -129,7 +158,7 @@ def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:
     InputError for an unknown order, and for one that is none of all its rows.
     """
     order = order or basis.usual_order
-    rows = np.asarray(ORDERS[order](basis))
+    rows = np.asarray(pattern_order(order)(basis))
     if not np.array_equal(np.sort(rows.ravel()), np.arange(basis.rows)):
         raise InputError(
             f"pattern order {order!r} gave {rows.size} numbers; each of 0..{basis.rows - 1} is "

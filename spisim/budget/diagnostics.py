@@ -3,6 +3,7 @@
 import numpy as np
 
 from spisim.budget.eye_safety import safety_warnings
+from spisim.budget.image import image_warnings
 from spisim.budget.link import SpotLink, Target, bucket_link, spot_link
 from spisim.instrument import Instrument
 
@@ -15,6 +16,7 @@ def budget_warnings(instrument: Instrument, target: Target) -> list[str]:
     bucket, spots = bucket_link(instrument, target), spot_link(instrument, target)
     background = float(bucket.daylight_electrons + bucket.dark_electrons)
     return [
+        *image_warnings(instrument, target),
         *_range_warnings(instrument, target, spots),
         *_bucket_warnings(instrument, background, background + float(bucket.signal_electrons)),
         *instrument.tof.warnings(float(spots.steady_per_s.max()), float(spots.echo_per_s.max())),

@@ -1,4 +1,4 @@
-"""The budget as one picture: the image above, the ranges below."""
+"""The budget as one picture: the image above, the ranges below, the image's gratings beside."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from reconstruction.arrays import Floats
+from spisim.budget.image import ImageBudget, image_budget
 from spisim.budget.link import Target, bucket_link, spot_link
 from spisim.budget.noise import SOURCES, NoiseBudget, bucket_noise, spot_noise
 from spisim.budget.ranging import last_below, longest_range_m, range_sigma_m
@@ -30,12 +31,12 @@ IMAGE_SNR = 10.0
 
 
 def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: float) -> Figure:
-    """SNR, range and noise against distance, and reach by reflectance and daylight.
+    """SNR, range and noise against distance, reach by reflectance and daylight, gratings.
 
     `target` gives the reflectance of the noise panels, the daylight of all panels against distance
     and the fog; its distance is marked. `limit_m` is the scatter of ranges that is asked for.
     """
-    figure = Figure(figsize=(15, 8.5), layout="constrained")
+    figure = Figure(figsize=(19, 8.5), layout="constrained")
     light = f"{target.illuminance_klx:g} klx daylight"
     air = (
         ""
@@ -43,7 +44,8 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
         else f", fog with an extinction of {target.extinction_per_m:.3g} per metre"
     )
     figure.suptitle(f"{name}: {light}{air}", fontsize=13)
-    (snr, image_noise, image_map), (sigma, spot_noise_axes, spot_map) = figure.subplots(2, 3)
+    above, below = figure.subplots(2, 4)
+    (snr, image_noise, image_map, mtf), (sigma, spot_noise_axes, spot_map, contrast) = above, below
     distance = np.geomspace(MIN_DISTANCE_M, MAX_DISTANCE_M, 200)
     _image_panel(snr, instrument, target, distance)
     _range_panel(sigma, instrument, target, distance, limit_m)
@@ -58,9 +60,27 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
         axes.axvline(float(target.distance_m), color="0.5", lw=1, ls=":")
     reach = _image_reach(instrument, target)
     _map_panel(image_map, reach, f"image: distance with SNR {IMAGE_SNR:g} per exposure")
+    _grating_panels(mtf, contrast, image_budget(instrument, target))
     longest = _range_reach(instrument, target, limit_m)
     _map_panel(spot_map, longest, f"spots: distance with σ of range {100 * limit_m:g} cm")
     return figure
+
+
+def _grating_panels(mtf: Axes, contrast: Axes, budget: ImageBudget) -> None:
+    for name, each, style in (("across", budget.across, "-"), ("down", budget.down, "--")):
+        mtf.plot(each.cycles, each.mtf, style, label=name)
+        contrast.plot(each.cycles, 100 * each.contrast, style, label=name)
+    mtf.set(title="image: MTF of the patterns", ylabel="MTF", ylim=(0, 1.02))
+    contrast.set(
+        title="image: faintest grating seen",
+        ylabel="contrast, %",
+        yscale="log",
+        ylim=(0.1, 100),
+    )
+    for axes in (mtf, contrast):
+        axes.set_xlabel("periods across the field")
+        axes.grid(alpha=0.25)
+        axes.legend(frameon=False)
 
 
 def distance_axis(axes: Axes, nearest_m: float, farthest_m: float) -> None:

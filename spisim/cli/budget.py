@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +17,7 @@ from .tables import plain_table
 
 if TYPE_CHECKING:
     from spisim.atmosphere import Atmosphere
-    from spisim.budget import Target
+    from spisim.budget import ImageBudget, Target
     from spisim.instrument import Instrument
 
 EXAMPLE = "spisim budget fga015 --range 4 --illuminance 20 -o budget.png"
@@ -41,6 +42,14 @@ def command(
     visibility: Annotated[
         float | None, real_option("Fog of this visibility; clear without.", metavar="M")
     ] = None,
+    correlation: Annotated[
+        float | None,
+        real_option(
+            "Of the image, for which to average frames; 0.9 of the best without.",
+            least=0.01,
+            most=0.99,
+        ),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="PNG", help="Picture to draw.")
     ] = None,
@@ -60,7 +69,7 @@ def command(
     if visibility is not None:
         air = fog(visibility, "moderate-radiation", wavelength_nm=carried.wavelength_nm)
     target = Target(distance, reflectance, illuminance, air.extinction_per_m)
-    figures = summarise(carried, target, air)
+    figures = summarise(carried, target, air, correlation)
     warn(warnings := budget_warnings(carried, target))
     if output is not None:
         from spisim.budget.plots import budget_figure
@@ -77,12 +86,18 @@ def command(
         say(f"Wrote {output}.")
 
 
-def summarise(instrument: Instrument, target: Target, air: Atmosphere) -> dict[str, Any]:
-    """Everything about one target as plain numbers; spots are the mean of four, σ the worst."""
+def summarise(
+    instrument: Instrument, target: Target, air: Atmosphere, correlation: float | None = None
+) -> dict[str, Any]:
+    """Everything about one target as plain numbers; spots are the mean of four, σ the worst.
+
+    `correlation` is that of an image with the truth for which frames are to be averaged.
+    """
     from spisim.budget import (
         bucket_link,
         bucket_noise,
         fog_budget,
+        image_budget,
         longest_range_m,
         range_sigma_m,
         spot_link,
@@ -105,6 +120,7 @@ def summarise(instrument: Instrument, target: Target, air: Atmosphere) -> dict[s
             "signal_w": float(bucket.signal_w),
             "daylight_w": float(bucket.daylight_w),
             **_noise(bucket_noise(instrument, bucket)),
+            **_picture(image_budget(instrument, target), instrument.frame_time_s, correlation),
         },
         "spots": {
             "emitted_w": instrument.lasers.power_w,
@@ -139,6 +155,32 @@ def _noise(budget: Any) -> dict[str, Any]:
     }
 
 
+def _picture(budget: ImageBudget, frame_time_s: float, correlation: float | None) -> dict[str, Any]:
+    frames = budget.frames(correlation)
+    averaged = correlation if frames is None else budget.averaged_correlation(frames)
+    return {
+        "pixel_electrons": budget.pixel_electrons,
+        "coefficient_noise_electrons": budget.coefficient_noise_electrons,
+        "coefficient_snr": budget.coefficient_snr,
+        "pixel_noise_electrons": budget.pixel_noise_electrons,
+        "pixel_snr": budget.pixel_snr,
+        "correlation": budget.correlation,
+        "best_correlation": budget.best_correlation,
+        "frames_to_average": frames,
+        "averaging_time_s": None if frames is None else frames * frame_time_s,
+        "averaged_correlation": averaged,
+        "gratings": {
+            name: {
+                "cycles": each.cycles.tolist(),
+                "mtf": each.mtf.tolist(),
+                "contrast": [float(value) if isfinite(value) else None for value in each.contrast],
+                "half_cycles": each.half_cycles if isfinite(each.half_cycles) else None,
+            }
+            for name, each in (("across", budget.across), ("down", budget.down))
+        },
+    }
+
+
 def _safety(instrument: Instrument) -> dict[str, Any]:
     from spisim.budget import array_risk_group, laser_safety
 
@@ -162,6 +204,7 @@ def _print(figures: dict[str, Any]) -> None:
     )
     _print_light(image, spots)
     _print_noise(image, spots)
+    _print_picture(image)
     _print_range(figures["range"], figures["fog"])
     _print_safety(figures["eye_safety"])
 
@@ -202,6 +245,45 @@ def _print_noise(image: dict[str, Any], spots: dict[str, Any]) -> None:
         words = f"the noise of the {most['source']} dominates, {share:.0f} % of the variance."
         results.print(f"{title}: {words}")
     results.print()
+
+
+def _print_picture(image: dict[str, Any]) -> None:
+    table = plain_table("image of one frame", "value")
+    across, down = image["gratings"]["across"], image["gratings"]["down"]
+    frames, time_s = image["frames_to_average"], image["averaging_time_s"]
+    averaged = "none are enough" if frames is None else f"{frames} ({_short(1e3 * time_s)} ms)"
+    rows = [
+        ("a pixel, electrons", _short(image["pixel_electrons"])),
+        ("noise of a coefficient, electrons", _short(image["coefficient_noise_electrons"])),
+        ("signal over noise of a coefficient", _short(image["coefficient_snr"])),
+        ("signal over noise of a pixel, zero-filled", _short(image["pixel_snr"])),
+        (
+            "correlation, zero-filled (without noise)",
+            f"{image['correlation']:.2f} ({image['best_correlation']:.2f})",
+        ),
+        (f"frames to average for {image['averaged_correlation']:.2f}", averaged),
+        ("faintest grating seen, contrast", _contrast(across["contrast"][0])),
+        (
+            "MTF one half, cycles across and down",
+            f"{_cycles(across['half_cycles'])} and {_cycles(down['half_cycles'])}",
+        ),
+    ]
+    for row in rows:
+        table.add_row(*row)
+    results.print(table)
+    results.print(
+        "Of an image as bright as the wall, with the contrast and spectrum of drawn scenes.\n",
+        style="dim",
+        soft_wrap=True,
+    )
+
+
+def _contrast(value: float | None) -> str:
+    return "none" if value is None or value > 1 else f"{100 * value:.2g} %"
+
+
+def _cycles(value: float | None) -> str:
+    return "beyond all" if value is None else _short(value)
 
 
 def _print_range(ranges: dict[str, Any], fog: dict[str, Any] | None) -> None:

@@ -9,18 +9,27 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 from scipy.special import erf
 
 from reconstruction.arrays import Floats
 from reconstruction.capture import read_capture
 from reconstruction.errors import InputError
-from reconstruction.operators import BASES, Basis, PatternPlan, make_plan
-from spisim.config import Count, NonNegative, Number, Positive, Section
+from reconstruction.operators import (
+    BASES,
+    Basis,
+    PatternPlan,
+    basis_of,
+    make_plan,
+    plan_of_rows,
+)
+from spisim.config import Count, NonNegative, Number, Positive, Section, not_a_truth_value
 from spisim.config.files import check_is_there, read_npy
+from spisim.config.messages import show
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.sensor import FWHM_PER_SIGMA, PositiveFraction
 
@@ -107,47 +116,91 @@ class Projector(Section):
         return self
 
 
-def _light_is_not_negative(polarity: Any) -> Any:
-    if polarity == "signed":
+def _polarity(given: Any) -> Any:
+    if given == "signed":
         raise InputError(
             "signed patterns are differences formed by a recorder; choose differential or "
             "single-ended"
         )
-    return polarity
+    signs = given if isinstance(given, list | tuple) else ()
+    if given not in get_args(Polarity) and not (signs and all(sign in (1, -1) for sign in signs)):
+        raise PydanticCustomError(
+            "polarity",
+            "should be 'differential', 'single-ended' or a list of 1 and -1; found {found}",
+            {"found": show(given)},
+        )
+    return given
+
+
+Polarity = Literal["differential", "single-ended"]
+RowNumber = Annotated[int, BeforeValidator(not_a_truth_value), Field(ge=0)]
 
 
 class Plan(Section):
-    """Which patterns are shown; see `reconstruction.make_plan`.
+    """Which patterns are shown: the first of an order, or those of an `index`, one by one.
 
-    A basis that no shape tells, such as "dense", needs `patterns_file`: transmittances from 0 to 1,
+    Of an order, see `reconstruction.make_plan`. An `index` has the numbers of rows in a `layout`,
+    the basis's own or an order; with a polarity for each they are the exposures. A basis that no
+    shape tells, such as "dense", needs `patterns_file`: transmittances from 0 to 1,
     (patterns, rows, columns), as an NPY file beside this one, or a capture that has shown them.
     """
 
-    patterns: Count
-    order: str
-    polarity: Annotated[
-        Literal["differential", "single-ended"], BeforeValidator(_light_is_not_negative)
-    ]
+    patterns: Count | None = None
+    order: str | None = None
+    polarity: Annotated[Polarity | tuple[int, ...], BeforeValidator(_polarity)]
+    index: Annotated[tuple[RowNumber, ...], Field(min_length=1)] | None = None
+    layout: str | None = None
     basis: str = "hadamard"
     patterns_file: Path | None = None
 
     def of_shape(self, shape: tuple[int, int]) -> PatternPlan:
         """The plan of patterns of this shape; InputError where there is none."""
-        basis: str | Basis = self.basis
-        needs_file = bool(BASES[self.basis].arrays)
-        if needs_file != (self.patterns_file is not None):
-            verb = "needs" if needs_file else "has no"
-            raise InputError(f"basis {self.basis} {verb} patterns_file")
-        if self.patterns_file is not None:
-            check_is_there(self.patterns_file, "patterns_file")
-            changed = self.patterns_file.stat().st_mtime_ns
-            basis = _basis_in(self.patterns_file, self.basis, shape, changed)
+        basis = self._basis(shape)
+        if self.index is not None:
+            return plan_of_rows(basis, self.index, self.polarity, self.layout or "natural")
+        assert isinstance(self.polarity, str)
         return make_plan(shape, self.patterns, self.order, self.polarity, basis)
+
+    def _basis(self, shape: tuple[int, int]) -> Basis:
+        kind = BASES[self.basis.partition(":")[0]]
+        needs_file = bool(kind.arrays) and not kind.seeded
+        if needs_file and self.patterns_file is None:
+            raise InputError(f"basis {self.basis} needs patterns_file")
+        if self.patterns_file is None:
+            return basis_of(self.basis, shape)
+        if not needs_file:
+            raise InputError(f"basis {self.basis} has no patterns_file")
+        check_is_there(self.patterns_file, "patterns_file")
+        changed = self.patterns_file.stat().st_mtime_ns
+        return _basis_in(self.patterns_file, self.basis, shape, changed)
 
     @field_validator("patterns_file")
     @classmethod
     def _beside_this_file(cls, path: Path | None, info: ValidationInfo) -> Path | None:
         return path and ((info.context or Path()) / path).absolute()
+
+    @model_validator(mode="after")
+    def _rows_are_told_once(self) -> Plan:
+        if self.index is None:
+            missing = [name for name in ("patterns", "order") if getattr(self, name) is None]
+            if missing:
+                raise InputError(
+                    f"{missing[0]} is missing; a plan has patterns and order, or index"
+                )
+            if self.layout is not None:
+                raise InputError("layout tells what index counts; there is none")
+            if not isinstance(self.polarity, str):
+                raise InputError("polarity as a list goes with index, one for each")
+            return self
+        for name in ("patterns", "order"):
+            if getattr(self, name) is not None:
+                raise InputError(f"index tells all patterns; leave {name} out")
+        if not isinstance(self.polarity, str) and len(self.polarity) != len(self.index):
+            raise InputError(
+                f"polarity has {len(self.polarity)} signs, index {len(self.index)} rows; one for "
+                "each is needed"
+            )
+        return self
 
 
 @lru_cache(maxsize=4)

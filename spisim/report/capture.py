@@ -159,7 +159,11 @@ def _quality(metrics: Metrics | None, method: str) -> str:
     if metrics is None:
         return ""
     figures = metrics["images"][method]
-    return f"correlation {number(figures['correlation'], 3)}, NRMSE {number(figures['nrmse'], 3)}"
+    gain = figures["gain_db"]
+    return (
+        f"correlation {number(figures['correlation'], 3)}, "
+        f"gain {'–' if gain is None else f'{gain:+.1f} dB'}"
+    )
 
 
 def _facts(capture: Capture) -> dict[str, str]:

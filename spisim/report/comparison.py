@@ -24,6 +24,7 @@ FIGURES: Mapping[str, Mapping[str, tuple[str, float, str]]] = {
         "correlation": ("correlation", 1, "{:.3f}"),
         "nrmse": ("RMS error over RMS of the truth", 1, "{:.3f}"),
         "psnr_db": ("PSNR, dB", 1, "{:.3f}"),
+        "gain_db": ("gain over the better of zero-filled and flat, dB", 1, "{:+.2f}"),
     },
     "depths": {
         "mae_m": ("mean error, m", 1, "{:.3f}"),

@@ -38,6 +38,13 @@ QUANTITIES: Mapping[str, Quantity] = {
     "image_psnr_db": Quantity(
         "images", "psnr_db", "image PSNR, dB", "high", "true peak squared over mean squared error"
     ),
+    "image_gain_db": Quantity(
+        "images",
+        "gain_db",
+        "image gain, dB",
+        "high",
+        "mean squared error of the better of the zero-filled and a flat image, over the image's",
+    ),
     "image_nrmse": Quantity(
         "images", "nrmse", "image NRMSE", "low", "RMS error over the RMS of the true image"
     ),

@@ -27,8 +27,15 @@ def test_budget_as_json() -> None:
     assert report["target"]["extinction_per_m"] == pytest.approx(3.912 / 50 * 1.1416, rel=1e-3)
     assert report["range"]["sigma_m"] == pytest.approx(sigma)
     assert report["image"]["dominating"]["source"] == "amplifier"
-    assert report["warnings"] == []
+    assert [each[:28] for each in report["warnings"]] == ["there is hardly an image at "]
+    assert report["image"]["coefficient_snr"] < 1 < report["image"]["frames_to_average"]
     assert report["fog"]["plain_bias_m"] < 0 < report["fog"]["echo_share"]
+
+
+def test_frames_are_averaged_for_a_wanted_correlation() -> None:
+    for wanted, words in ((0.7, "frames to average for 0.7"), (0.95, "none are enough")):
+        run = spisim("budget", "fga015", "--correlation", wanted)
+        assert words in run.stdout
 
 
 def test_budget_tells_what_fog_does_and_only_then() -> None:

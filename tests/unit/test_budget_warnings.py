@@ -6,9 +6,14 @@ import pytest
 
 from instruments import changed
 from spisim.budget import Target, background_warnings, bucket_link, bucket_noise, budget_warnings
-from spisim.instrument import load_instrument
+from spisim.instrument import Instrument, load_instrument
 
 MODULATED = {"projector__modulation": {"frequencies_hz": [15e6]}}
+
+
+def unfit(instrument: Instrument, target: Target) -> list[str]:
+    """What does not fit, however little image there is."""
+    return [each for each in budget_warnings(instrument, target) if "hardly an image" not in each]
 
 
 @pytest.mark.parametrize(
@@ -44,7 +49,7 @@ MODULATED = {"projector__modulation": {"frequencies_hz": [15e6]}}
     ],
 )
 def test_what_does_not_fit(changes: dict[str, Any], target: Target, parts: list[str]) -> None:
-    (warning,) = budget_warnings(changed("paper", **changes), target)
+    (warning,) = unfit(changed("paper", **changes), target)
     for part in parts:
         assert part in warning
 
@@ -56,15 +61,15 @@ def test_an_ac_coupled_amplifier_lets_no_daylight_into_its_converter() -> None:
 
 
 def test_sun_on_single_photon_diodes() -> None:
-    (warning,) = budget_warnings(load_instrument("spad"), Target(5.0, 0.5, 100.0))
+    (warning,) = unfit(load_instrument("spad"), Target(5.0, 0.5, 100.0))
     assert "per gate" in warning
     without_patterns = changed("spad", projector__power_w=1e-3)
-    assert budget_warnings(without_patterns, Target(5.0, 0.5, 0.1)) == []
+    assert unfit(without_patterns, Target(5.0, 0.5, 0.1)) == []
 
 
 def test_presets_fit_a_wall_at_5_m_in_full_sun() -> None:
     for name in ("paper", "fga015", "apd", "hybrid"):
-        assert budget_warnings(load_instrument(name), Target(5.0, 0.5, 100.0)) == []
+        assert unfit(load_instrument(name), Target(5.0, 0.5, 100.0)) == []
 
 
 def test_background_that_overwhelms_a_detector_is_told_whatever_the_target_is() -> None:

@@ -8,6 +8,7 @@ from scipy.constants import c
 from reconstruction import Capture, capture_warnings
 from reconstruction.capture import PatternTaps
 from reconstruction.capture.readings.pulsed import PulsedSpots
+from reconstruction.operators import PatternPlan, decoder_for, expose
 
 
 def test_a_good_capture_has_none(capture: Capture) -> None:
@@ -100,3 +101,51 @@ def test_dense_ranges_beyond_the_unambiguous_range_are_told(capture: Capture) ->
     short = replace(readings, tap_frequencies_hz=np.full(4, c / (2 * (farthest_m - 0.01))))
     (warning,) = capture_warnings(replace(capture, pattern_taps=short))
     assert f"reaches to {farthest_m:.2f} m, beyond the {farthest_m - 0.01:.2f} m" in warning
+
+
+def noisy_capture(capture: Capture, snr: float, frames: int = 1) -> Capture:
+    """Frames of a grating of this signal over noise in the mean square of the coefficients."""
+    plan, rng = capture.plan, np.random.default_rng(0)
+    image = 100 + np.cos(2 * np.pi * np.arange(plan.shape[1]) / plan.shape[1]) * np.ones(plan.shape)
+    decoder = decoder_for(plan)
+    power = np.mean(decoder.decode(expose(plan, image))[decoder.operator.varying] ** 2)
+    own = decoder.own_variance(np.ones(plan.exposures)).mean()
+    sigma = np.sqrt(power / own) / snr
+    counts = expose(plan, image) + sigma * rng.standard_normal((frames, plan.exposures))
+    buckets = replace(
+        capture.buckets,
+        counts=counts,
+        saturated=np.zeros(counts.shape, bool),
+        electrons_per_count=1.0,
+        offset_counts=0.0,
+        noise_electrons=float(sigma),
+        excess_noise_factor=1e-9,
+    )
+    return replace(capture, buckets=buckets, spots=None, truth=None)
+
+
+def test_more_noise_than_image_is_told(capture: Capture) -> None:
+    assert capture_warnings(noisy_capture(capture, 3.0)) == []
+    (warning,) = capture_warnings(noisy_capture(capture, 0.7))
+    assert warning.startswith("there is hardly an image: signal over noise is about 0.")
+    assert "a flat image is nearer to the truth than the zero-filled one" in warning
+    told = float(warning.partition("about ")[2].split()[0])
+    assert abs(told**2 - 0.7**2) < 4 * np.sqrt(2 / 255) * (1 + 0.7**2)
+    (warning,) = capture_warnings(noisy_capture(capture, 0.5, frames=3))
+    assert warning.startswith("in 3 of 3 frames there is hardly an image")
+
+
+def test_where_the_noise_is_not_known_nothing_is_said_of_it(capture: Capture) -> None:
+    noisy = noisy_capture(capture, 0.1)
+    unknown = replace(noisy, buckets=replace(noisy.buckets, noise_electrons=np.nan))
+    assert capture_warnings(unknown) == []
+
+
+def test_readings_that_tell_no_image_are_told(capture: Capture) -> None:
+    lonely = PatternPlan((2, 2), np.array([1, 2]), np.array([1, 1]))
+    buckets = noisy_capture(capture, 3.0).buckets
+    two = replace(buckets, counts=buckets.counts[:, :2], saturated=buckets.saturated[:, :2])
+    (warning,) = capture_warnings(
+        replace(capture, plan=lonely, buckets=two, spots=None, truth=None)
+    )
+    assert warning.startswith("there is no image: the background cannot be removed")

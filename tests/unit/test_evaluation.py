@@ -82,6 +82,19 @@ def test_image_metrics_have_their_textbook_values():
     assert image_metrics(-IMAGE, IMAGE)["correlation"] == pytest.approx(-1)
 
 
+def test_gain_is_over_the_better_of_the_plain_and_a_flat_image():
+    spread = IMAGE.var()
+    for noise, better in ((0.5, 0.25), (2.0, 4.0), (9.0, spread)):
+        plain = IMAGE + noise * np.array([1, -1, 1, -1])
+        found = image_metrics(IMAGE + 0.25, IMAGE, plain)
+        assert found["gain_db"] == pytest.approx(10 * np.log10(better / 0.25**2))
+    assert image_metrics(np.full_like(IMAGE, IMAGE.mean()), IMAGE, IMAGE + 9)["gain_db"] == 0
+    assert image_metrics(IMAGE + 1, IMAGE)["gain_db"] is None
+    figures = evaluate(make_result(), CAPTURE)["images"]
+    assert figures["zero-filled"]["gain_db"] == 0
+    assert figures["pursuit"]["gain_db"] is None  # it is perfect
+
+
 def test_perfect_and_featureless_images_have_no_number_where_there_is_none():
     assert image_metrics(IMAGE, IMAGE)["psnr_db"] is None
     assert image_metrics(np.ones((2, 4)), IMAGE)["correlation"] is None

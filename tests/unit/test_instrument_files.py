@@ -154,3 +154,25 @@ def test_missing_part(tmp_path: Path) -> None:
 def test_unknown_preset_names_the_nearest() -> None:
     with pytest.raises(InputError, match=r"no instrument 'papre'.*did you mean 'paper'"):
         load_instrument("papre")
+
+
+@pytest.mark.parametrize(
+    ("plan", "index", "signs"),
+    [
+        ("{index: [0, 5, 3], polarity: single-ended}", [0, 5, 3, 0], [1, 1, 1, -1]),
+        ("{index: [5, 3], polarity: differential}", [5, 5, 3, 3], [1, -1, 1, -1]),
+        ("{index: [0, 5, 0], polarity: [1, -1, -1]}", [0, 5, 0], [1, -1, -1]),
+        # the numbers in this layout are 64 times the sign changes down, plus those along
+        ("{index: [0, 1, 64], polarity: [1, 1, -1], layout: walsh-2d}", [0, 32, 2048], [1, 1, -1]),
+    ],
+)
+def test_a_plan_may_tell_its_rows_one_by_one(
+    tmp_path: Path, plan: str, index: list[int], signs: list[int]
+) -> None:
+    before, _, after = PAPER.partition("\nplan:")
+    text = f"{before}\nplan: {plan}\n\nfilter:{after.partition(chr(10) + 'filter:')[2]}"
+    instrument = load_text(tmp_path, text)
+    shown = instrument.pattern_plan
+    assert (shown.index.tolist(), shown.polarity.tolist()) == (index, signs)
+    again = load_text(tmp_path, instrument.text).pattern_plan  # as a capture holds it
+    assert (again.index.tolist(), again.polarity.tolist()) == (index, signs)

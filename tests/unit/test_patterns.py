@@ -7,7 +7,6 @@ from scipy.linalg import hadamard
 from images import signed_coefficients
 from reconstruction.errors import InputError, nearest
 from reconstruction.operators import (
-    ORDERS,
     POLARITIES,
     PatternPlan,
     expose,
@@ -17,7 +16,6 @@ from reconstruction.operators import (
     mean_illumination,
     sequency,
 )
-from reconstruction.operators.bases.hadamard import Hadamard
 
 
 @pytest.mark.parametrize("size", [1, 2, 8, 64])
@@ -48,20 +46,6 @@ def test_row_is_the_outer_product_of_two_small_rows():
     for k in (0, 5, 13, 31):
         expected = np.outer(hadamard(4)[k // 8], hadamard(8)[k % 8])
         assert np.array_equal(illumination(plan, k), expected)
-
-
-@pytest.mark.parametrize("order", ["natural", "sequency", "sequency-2d"])
-def test_every_order_holds_every_row_once_and_starts_all_on(order):
-    rows = ORDERS[order](Hadamard((8, 16)))
-    assert np.array_equal(np.sort(rows), np.arange(128))
-    assert rows[0] == 0
-
-
-def test_sequency_2d_puts_coarse_patterns_first():
-    rows = ORDERS["sequency-2d"](Hadamard((8, 16)))
-    frequency = sequency(8)[rows // 16] / 8 + sequency(16)[rows % 16] / 16
-    assert (np.diff(frequency) >= 0).all()
-    assert set(rows[:2]) == {0, np.argmax(sequency(16) == 1)}  # half a cycle across the longer side
 
 
 @pytest.mark.parametrize(

@@ -145,11 +145,13 @@ def test_the_usual_methods_are_those_that_fit(capture):
     [
         ("zero-filled", ["zero-filled"]),
         (["zero-filled", "pursuit", "zero-filled"], ["zero-filled", "pursuit"]),
-        ("pursuit:dct", ["pursuit:dct"]),
-        (("pursuit", "pursuit:dct"), ["pursuit", "pursuit:dct"]),
+        ("pursuit:dct", ["pursuit:dct", "zero-filled"]),
+        (("pursuit", "pursuit:dct"), ["pursuit", "pursuit:dct", "zero-filled"]),
     ],
 )
-def test_image_methods_are_chosen_by_name_the_first_is_the_default(capture, image, names):
+def test_image_methods_are_chosen_by_name_the_first_is_the_default_the_plain_one_is_there(
+    capture, image, names
+):
     result = reconstruct(capture, image=image)
     assert list(result.images) == names
     assert result.image is result.images[names[0]]
@@ -259,7 +261,7 @@ def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
     nowhere = np.full((16, 16), np.nan)
     register(monkeypatch, DEPTH_METHODS, nowhere=Giving(nowhere), never=Giving(None))
     result = reconstruct(capture, image=["grey", "pursuit"], depth=["nowhere", "never", "anchored"])
-    assert list(result.images) == ["grey", "pursuit"]
+    assert list(result.images) == ["grey", "pursuit", "zero-filled"]
     assert (result.image == 3).all()
     assert result.image.dtype == np.float32
     assert list(result.depths) == ["nowhere", "anchored"]

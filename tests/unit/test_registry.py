@@ -138,8 +138,12 @@ def test_an_entry_that_cannot_be_loaded_is_told_with_its_package(
         ),
         (READINGS, {"cw", "pulsed", "dtof"}, lambda found: issubclass(found, Spots)),
         (DICTIONARIES, {"dct"}, lambda found: found.atoms(4).shape == (4, 4)),
-        (BASES, {"hadamard", "dense"}, lambda found: issubclass(found, Basis)),
-        (ORDERS, {"natural", "sequency", "sequency-2d"}, callable),
+        (
+            BASES,
+            {"hadamard", "dense", "fourier", "scrambled"},
+            lambda found: issubclass(found, Basis),
+        ),
+        (ORDERS, {"natural", "cake-cutting", "random"}, callable),
     ],
     ids=lambda value: getattr(value, "kind", ""),
 )
@@ -200,7 +204,7 @@ def test_methods_of_another_package_go_through_the_command(
     done = run("--image", "grey,pursuit", "--depth", "flat,nearest")
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
-    assert report["images"] == ["grey", "pursuit"]
+    assert report["images"] == ["grey", "pursuit", "zero-filled"]
     assert report["depth_coverage"] == {"flat": 1.0, "nearest": 1.0}
     assert (tmp_path / "out" / "image_pursuit.png").is_file()
     failed = run("--image", "broken")

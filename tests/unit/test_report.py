@@ -186,7 +186,7 @@ def test_a_recording_without_truth_and_spots_gives_a_shorter_page(
 def test_metrics_that_do_not_exist_are_shown_as_dashes(
     capture: Capture, result: Result, tmp_path: Path
 ) -> None:
-    nothing = dict.fromkeys(("correlation", "nrmse", "psnr_db"))
+    nothing = dict.fromkeys(("correlation", "nrmse", "psnr_db", "gain_db"))
     spots = [dict.fromkeys(("range_m", "true_m", "error_m", "sigma_m"))] * 4
     metrics = {
         "truth": {"image_error": None},

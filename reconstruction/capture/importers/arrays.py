@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import Floats
-from ...errors import InputError, nearest
-from ...operators import POLARITIES, Basis, PatternPlan, checked_shape, fwht, ordered_rows
+from ...errors import InputError
+from ...operators import Basis, PatternPlan, checked_shape, fwht, plan_of_rows
 from ...operators.bases.dense import Dense
 from ...operators.bases.hadamard import Hadamard
 from ...operators.hadamard import power_of_two
@@ -89,22 +89,10 @@ def plan_from_rows(
     outside, and for other polarities.
     """
     numbers = np.asarray(rows).ravel()
-    known = ordered_rows(Hadamard(shape), order)
-    if numbers.dtype.kind not in "iuf" or not numbers.size or (numbers != np.floor(numbers)).any():
+    if numbers.dtype.kind not in "iuf" or (numbers != np.floor(numbers)).any():
         raise InputError("the row numbers must be whole numbers")
-    if numbers.min() < 0 or numbers.max() >= known.size:
-        outside = numbers.max() if numbers.min() >= 0 else numbers.min()
-        hint = "; they count from 0" if numbers.max() == known.size and numbers.min() > 0 else ""
-        raise InputError(
-            f"row number {outside:g} is outside 0..{known.size - 1} for {shape[0]} x {shape[1]} "
-            f"patterns{hint}"
-        )
-    shown = known[numbers.astype(np.int64)]
-    if not isinstance(polarity, str):
-        return PatternPlan(shape, shown.astype(np.int32), np.asarray(polarity).ravel())
-    if polarity not in POLARITIES:
-        raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
-    return PatternPlan(shape, *POLARITIES[polarity](shown, 0))
+    signs = polarity if isinstance(polarity, str) else np.asarray(polarity).ravel().tolist()
+    return plan_of_rows(Hadamard(shape), numbers.astype(np.int64), signs, order)
 
 
 def plan_from_factors(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...arrays import Floats
 from ...errors import InputError
 from ..basis import Basis
-from ..hadamard import fwht, power_of_two
+from ..hadamard import fwht, power_of_two, sequency
 
 
 class Hadamard(Basis):
@@ -35,6 +35,12 @@ class Hadamard(Basis):
         """The Hadamard matrices of either side."""
         height, width = self.shape
         return fwht(np.eye(height)), fwht(np.eye(width))
+
+    @cached_property
+    def sign_changes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:  # type: ignore[override]
+        """Sequencies of the two factors of every row."""
+        height, width = self.shape
+        return np.repeat(sequency(height), width), np.tile(sequency(width), height)
 
     def row(self, k: int) -> Floats:
         """The k-th row, (H, W)."""

@@ -4,16 +4,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..basis import Basis
-from ..hadamard import require_hadamard, sequency
+from ..sign_changes import frequencies
 
 
-def by_frequency(basis: Basis) -> NDArray[np.int64]:
-    """All row numbers of a Hadamard basis; InputError for another basis."""
-    require_hadamard(basis, "sequency-2d")
-    height, width = basis.shape
-    # A row with s sign changes over n pixels oscillates with s / 2n cycles per pixel.
-    vertical, horizontal = sequency(height) / height, sequency(width) / width
-    return np.argsort(np.add.outer(vertical, horizontal).ravel(), kind="stable")
+def by_sum(basis: Basis) -> NDArray[np.int64]:
+    """All row numbers, by v / H + h / W with v and h sign changes down and along the image.
+
+    Also known as the order of total variation, which is 2 (v W + h H) of such a row: W.-K. Yu and
+    Y.-M. Liu, Sensors 19, 5135 (2019); W.-K. Yu et al., Sci. Rep. 10, 9338 (2020). InputError for a
+    basis whose rows have no sign changes.
+    """
+    vertical, horizontal = frequencies(basis, "sequency-2d")
+    return np.argsort(vertical + horizontal, kind="stable")
 
 
-ORDER = by_frequency
+ORDER = by_sum

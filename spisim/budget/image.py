@@ -1,0 +1,200 @@
+"""What of an image comes through the patterns and their noise, in closed form.
+
+The image is a typical one, as bright on average as a wall at the target's distance: of `CONTRAST`,
+with the power spectrum 1/f² of natural images (D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)).
+Coefficients are those of rows of unit length, N pixels of mean x̄ and contrast C have N (C x̄)² of
+power in them, and the patterns see a share S of it. With the noise ν of each of K coefficients
+
+    SNR of a coefficient = √(S N (C x̄)² / K) / ν
+    noise of a pixel of the zero-filled image = ν √(K / N)
+    correlation of that image = √S / √(1 + 1 / SNR²)
+
+so that below an SNR of 1 a flat image is nearer to the truth. F frames, averaged, have √F of it.
+Breaks where the level of all light, which all single-ended readings share, is noisier than they.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from reconstruction.arrays import Floats
+from reconstruction.image import Prior
+from reconstruction.image.dictionaries.dct import DICTIONARY
+from reconstruction.operators import Decoder, MeasurementOperator, decoder_for, expose
+from spisim.budget.link import Target, bucket_link
+from spisim.budget.noise import NoiseBudget, bucket_noise
+from spisim.instrument import Instrument
+from spisim.instrument.demodulation import TAPS
+
+#: Standard deviation over mean: the median of drawn scenes, of which half lie in 0.44 to 0.89.
+CONTRAST = 0.67
+#: SNR from which an eye sees a pattern for sure: A. Rose, J. Opt. Soc. Am. 38, 196 (1948).
+SURE = 5.0
+#: Share of the correlation without noise that an average of frames is to have.
+NEARLY_ALL = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Resolution:
+    """How much of a grating the patterns see, in one direction.
+
+    `cycles` (F,): its periods across the field, from 1 up to one in two pixels. `mtf` (F,): share
+    of its power that coefficients hold, on average over its phase, which is the factor by which the
+    zero-filled image has its amplitude. `contrast` (F,): of the faintest grating all over the field
+    that is sure to be seen, (max - min) / (max + min); above 1 there is none.
+    """
+
+    cycles: Floats
+    mtf: Floats
+    contrast: Floats
+
+    @property
+    def half_cycles(self) -> float:
+        """Periods across the field at which the MTF falls to a half, between two by interpolation.
+
+        0 where it is below everywhere, infinite where it is nowhere.
+        """
+        below = np.flatnonzero(self.mtf < 0.5)
+        if not below.size:
+            return np.inf
+        end = int(below[0])
+        if end == 0:
+            return 0.0
+        fall = (self.mtf[end - 1] - 0.5) / (self.mtf[end - 1] - self.mtf[end])
+        return float(self.cycles[end - 1] + fall * (self.cycles[end] - self.cycles[end - 1]))
+
+
+@dataclass(frozen=True, eq=False)
+class ImageBudget:
+    """One frame's image of one target; electrons are those of an exposure.
+
+    `seen` is the share S of a typical image's power that the patterns see. `across` and `down` are
+    gratings that change along rows and along columns of the image.
+    """
+
+    pixel_electrons: float
+    coefficient_noise_electrons: float  # of a coefficient as it is decoded, sum h x
+    pixel_noise_electrons: float
+    coefficient_snr: float
+    seen: float
+    across: Resolution
+    down: Resolution
+
+    @property
+    def pixel_snr(self) -> float:
+        """Mean of a pixel over its noise in the zero-filled image."""
+        return self.pixel_electrons / self.pixel_noise_electrons
+
+    @property
+    def best_correlation(self) -> float:
+        """Of the zero-filled image with a typical truth, without noise."""
+        return float(np.sqrt(self.seen))
+
+    @property
+    def correlation(self) -> float:
+        """The same with noise."""
+        return self.averaged_correlation(1)
+
+    def frames(self, correlation: float | None = None) -> int | None:
+        """How many to average for a correlation, nearly all of the best if None.
+
+        None where there is none so good, however many frames there are.
+        """
+        share = NEARLY_ALL if correlation is None else correlation / self.best_correlation
+        if share >= 1:
+            return None
+        return max(ceil(share**2 / (1 - share**2) / self.coefficient_snr**2), 1)
+
+    def averaged_correlation(self, frames: int) -> float:
+        """Of the zero-filled image of so many frames' mean."""
+        return self.best_correlation / float(np.sqrt(1 + 1 / (frames * self.coefficient_snr**2)))
+
+
+def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
+    """What one frame's readings tell of an image as bright as a `target`, of plain numbers."""
+    plan = instrument.pattern_plan
+    link = bucket_link(instrument, target)
+    decoder = decoder_for(plan)
+    operator = decoder.operator
+    signal = float(link.signal_electrons) * _collected(instrument)
+    pixel = (1 - instrument.projector.dark_level) * signal / plan.pixels
+    variance = _coefficient_variance(instrument, decoder, bucket_noise(instrument, link))
+    noise = float(np.sqrt(variance.mean())) / operator.row_length
+    prior = Prior(operator, DICTIONARY)
+    seen = float(prior.expected.sum() / np.sum(prior.deviation**2))
+    power = plan.pixels * (CONTRAST * pixel) ** 2
+    across, down = _resolutions(operator, noise / pixel)
+    return ImageBudget(
+        pixel_electrons=pixel,
+        coefficient_noise_electrons=noise * operator.row_length,
+        pixel_noise_electrons=noise * float(np.sqrt(operator.shape[0] / plan.pixels)),
+        coefficient_snr=float(np.sqrt(seen * power / max(len(prior.expected), 1))) / noise,
+        seen=seen,
+        across=across,
+        down=down,
+    )
+
+
+def image_warnings(instrument: Instrument, target: Target) -> list[str]:
+    """A sentence where there is more noise than image, of plain numbers."""
+    budget = image_budget(instrument, target)
+    if budget.coefficient_snr >= 1:
+        return []
+    frames = budget.frames()
+    assert frames is not None
+    time_s = frames * instrument.frame_time_s
+    return [
+        f"there is hardly an image at {float(target.distance_m):g} m: signal over noise is "
+        f"{budget.coefficient_snr:.2g} per coefficient ({budget.pixel_electrons:.3g} electrons a "
+        f"pixel, {budget.coefficient_noise_electrons:,.0f} of noise a coefficient), so that a flat "
+        "image is nearer to the truth than the zero-filled one; "
+        f"average {frames} frames ({time_s:.2g} s) for a correlation of "
+        f"{budget.averaged_correlation(frames):.2f} with the truth"
+    ]
+
+
+def _collected(instrument: Instrument) -> float:
+    """Share of an exposure's electrons that are counted: of a modulated one what its taps take."""
+    modulation = instrument.projector.modulation
+    return 1.0 if modulation is None else TAPS * modulation.taps.share
+
+
+def _coefficient_variance(instrument: Instrument, decoder: Decoder, all_on: NoiseBudget) -> Floats:
+    """Variance (K,) of coefficients in electrons², from that of a reading with all pixels on."""
+    plan, dark = instrument.pattern_plan, instrument.projector.dark_level
+    lit = dark + (1 - dark) * expose(plan, np.full(plan.shape, 1 / plan.pixels))
+    steady = sum(float(value) for name, value in all_on.variances.items() if name != "signal")
+    return decoder.own_variance(float(all_on.variances["signal"]) * lit + steady)
+
+
+def _resolutions(operator: MeasurementOperator, noise: float) -> tuple[Resolution, Resolution]:
+    """Across and down, for a `noise` of coefficients over the mean of a pixel."""
+    height, width = operator.image_shape
+    seen = operator.in_atoms(_waves(height), _waves(width)).by_atom()
+    across, down = (
+        _resolution(_phases_together(line), noise, height * width) for line in (seen[0], seen[:, 0])
+    )
+    return across, down
+
+
+def _resolution(mtf: Floats, noise: float, pixels: int) -> Resolution:
+    with np.errstate(divide="ignore"):
+        contrast = np.asarray(SURE * noise / np.sqrt(pixels * mtf / 2), dtype=np.float64)
+    return Resolution(np.arange(1.0, mtf.size + 1), mtf, contrast)
+
+
+def _waves(side: int) -> Floats:
+    """Orthonormal sinusoids in columns (side, side): the constant, cos 1, sin 1, cos 2, ..."""
+    turns = 2 * np.pi * np.outer(np.arange(side), np.arange(1, side // 2 + 1)) / side
+    both = np.stack([np.cos(turns), np.sin(turns)], axis=-1).reshape(side, -1)[:, : side - 1]
+    waves = np.column_stack([np.ones(side), both])
+    return np.asarray(waves / np.linalg.norm(waves, axis=0))
+
+
+def _phases_together(seen: Floats) -> Floats:
+    """Shares of sinusoids (side,) by frequency from 1 on: the mean of cosine and sine."""
+    cosines, sines = seen[1::2], seen[2::2]
+    if sines.size < cosines.size:  # the highest frequency has no sine
+        sines = np.append(sines, cosines[-1])
+    return np.asarray((cosines + sines) / 2)
