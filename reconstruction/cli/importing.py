@@ -16,6 +16,7 @@ from ..capture.importers import (
     PHASE_STEPS,
     READERS,
     capture_from_readings,
+    frames_of_columns,
     half_plane,
     is_spas,
     load_array,
@@ -287,7 +288,7 @@ def _frames(readings: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
     """Readings (frames, M) of an array of which M is not told: the longer axis."""
     if readings.ndim != 2 or 1 in readings.shape or readings.shape == shape:
         return readings.reshape(1, -1)
-    return readings if readings.shape[1] >= readings.shape[0] else readings.T
+    return readings if readings.shape[1] >= readings.shape[0] else frames_of_columns(readings)
 
 
 def _shape(text: str) -> tuple[int, int]:

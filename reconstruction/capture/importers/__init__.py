@@ -3,6 +3,7 @@
 from .about import ABOUT, read_about
 from .arrays import (
     capture_from_readings,
+    frames_of_columns,
     plan_from_factors,
     plan_from_matrix,
     plan_from_rows,
@@ -23,6 +24,7 @@ __all__ = [
     "PHASE_STEPS",
     "READERS",
     "capture_from_readings",
+    "frames_of_columns",
     "half_plane",
     "is_spas",
     "load_array",

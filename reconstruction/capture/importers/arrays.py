@@ -122,6 +122,17 @@ def plan_from_factors(
     return plan_from_matrix(np.kron(tall, wide), shape)
 
 
+def frames_of_columns(table: NDArray[Any]) -> NDArray[Any]:
+    """Readings (frames, M) of a table (M, frames); InputError where a column counts the lines."""
+    counting = (np.diff(table, axis=0) == 1).all(axis=0) & (len(table) > 1)
+    if counting.any():
+        raise InputError(
+            f"column {counting.argmax()} of the readings counts their lines: name the column of "
+            "the readings"
+        )
+    return table.T
+
+
 def readings_of(counts: ArrayLike, exposures: int) -> NDArray[Any]:
     """Readings (frames, M) from an array of any layout: (M,), (frames, M), (M, frames), or M
     numbers of one frame in C order.
@@ -133,8 +144,10 @@ def readings_of(counts: ArrayLike, exposures: int) -> NDArray[Any]:
         raise InputError("the readings are true/false values, not numbers")
     if array.size == exposures:
         return array.reshape(1, -1)
-    if array.ndim == 2 and exposures in array.shape:
-        return array if array.shape[1] == exposures else array.T
+    if array.ndim == 2 and array.shape[1] == exposures:
+        return array
+    if array.ndim == 2 and array.shape[0] == exposures:
+        return frames_of_columns(array)
     raise InputError(
         f"the readings have shape {array.shape}; the pattern plan expects {exposures} per frame"
     )
