@@ -25,8 +25,9 @@ from ..operators.bases.hadamard import Hadamard
 from .spectra import USUAL_MODEL, Fit, fit, gaussian, heavy_tails, spectra
 from .transforms import other_spectra
 
-MAX_FITTED = 1024
-"""Coefficients that are looked at; of more, every so many-th."""
+MAX_FITTED, MAX_ROUGH = 4096, 1024
+"""Coefficients that are looked at, closely and roughly; of more, some by chance, the same ones for
+each order."""
 MAX_FRAMES = 4
 """Frames of a recording that are looked at."""
 MAX_REFINED = 6
@@ -153,9 +154,10 @@ def doubt(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
     declared = _fit(plan, readings)
     assert declared is not None
     likely = _likely(readings, plan.shape)
-    if likely and likely[0][1] - roughly.image > LEAST_DOUBT:
+    gap = likely[0][1] - roughly.image if likely else 0.0
+    if gap > LEAST_DOUBT * _coarseness(readings, MAX_ROUGH):
         best = _ranked(readings, plan.shape)[0]
-        if best.likelihood - declared.image > LEAST_DOUBT:
+        if best.likelihood - declared.image > LEAST_DOUBT * _coarseness(readings):
             told = _other_transform(best.layout.plan, readings) or str(best.layout)
             return (
                 "the readings do not look like those of an image in the pattern plan's order; "
@@ -182,7 +184,8 @@ def _ranked(
         if (found := _fit(layout.plan, readings)) is not None
     ]
     likelihoods = np.array([found.image for _, found in tried])
-    weights = np.exp((likelihoods - likelihoods.max(initial=-np.inf)) / TEMPERATURE)
+    temperature = TEMPERATURE * _coarseness(readings)
+    weights = np.exp((likelihoods - likelihoods.max(initial=-np.inf)) / temperature)
     ranked = [
         Candidate(layout, float(weight / weights.sum()), found.image, found.gain)
         for (layout, found), weight in zip(tried, weights, strict=True)
@@ -209,7 +212,8 @@ def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
         return None
     place = np.argsort(plan.distinct)
     parts = _parts(plan, readings[0].astype(np.float64))
-    bar = _fit_some(parts.values, row_spectra(plan.shape), parts.rows).image + OTHER_TRANSFORM
+    bar = _fit_some(parts.values, row_spectra(plan.shape), parts.rows).image
+    bar += OTHER_TRANSFORM * _coarseness(readings)
     likeliest = None
     for name, models in other_spectra(plan.shape):
         found = _fit_some(parts.values, models, place[parts.rows]).image
@@ -279,14 +283,15 @@ def _pairs(plan: PatternPlan) -> tuple[NDArray[np.intp], NDArray[np.intp]] | Non
     plus, minus = (np.flatnonzero(plan.polarity == sign) for sign in (1, -1))
     if plus.size + minus.size < plan.exposures or plus.size != minus.size:
         return None
-    plus, minus = (at[np.argsort(plan.index[at], kind="stable")] for at in (plus, minus))
-    return (plus, minus) if (plan.index[plus] == plan.index[minus]).all() else None
+    rows = plan.index[plus]
+    minus = minus[np.argsort(plan.index[minus])][np.argsort(np.argsort(rows))]
+    return (plus, minus) if (rows == plan.index[minus]).all() else None
 
 
 def _fit(plan: PatternPlan, readings: NDArray[Any], *, rough: bool = False) -> Fit | None:
     """Log-likelihoods of readings (frames, M) under a plan, the mean over some frames.
 
-    ``rough``: with the usual spectrum alone.
+    ``rough``: with the usual spectrum alone, and of fewer coefficients.
 
     None where rows are shown more often than `_parts` knows, or none but the level.
     """
@@ -295,15 +300,15 @@ def _fit(plan: PatternPlan, readings: NDArray[Any], *, rough: bool = False) -> F
         return None
     frames = np.unique(np.linspace(0, len(readings) - 1, MAX_FRAMES).astype(int))
     models = row_spectra(plan.shape)
-    models = models[[USUAL_MODEL]] if rough else models
-    fits = [_fit_frame(plan, readings[frame].astype(np.float64), models) for frame in frames]
+    models, most = (models[[USUAL_MODEL]], MAX_ROUGH) if rough else (models, MAX_FITTED)
+    fits = [_fit_frame(plan, readings[frame].astype(np.float64), models, most) for frame in frames]
     return Fit(*np.mean(fits, axis=0))
 
 
-def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats) -> Fit:
+def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats, most: int) -> Fit:
     scale = float(np.abs(readings).max()) or 1.0
     rows, values, sums, level = _parts(plan, readings / scale)
-    found = _fit_some(values, models, rows)
+    found = _fit_some(values, models, rows, most)
     others = readings.size - values.size - sums.size  # the level: anything goes
     penalty = others * log(2.0)
     if plan.polarity.any():  # the background is one more parameter
@@ -314,11 +319,18 @@ def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats) -> Fit:
     return Fit(found.image + told, found.white + told)
 
 
-def _fit_some(values: Floats, models: Floats, rows: NDArray[Any]) -> Fit:
+def _fit_some(values: Floats, models: Floats, rows: NDArray[Any], most: int = MAX_FITTED) -> Fit:
     """Fit of some of many values, for all."""
-    every = np.unique(np.linspace(0, values.size - 1, MAX_FITTED).astype(int))
-    share = values.size / every.size
-    return Fit(*(share * each for each in fit(values[every], models[:, rows[every]])))
+    if values.size <= most:
+        return fit(values, models[:, rows])
+    some = np.random.default_rng(0).choice(values.size, most, replace=False)
+    share = values.size / most
+    return Fit(*(share * each for each in fit(values[some], models[:, rows[some]])))
+
+
+def _coarseness(readings: NDArray[Any], most: int = MAX_FITTED) -> float:
+    """By how much log-likelihoods of so many readings are less sure, since some stand for all."""
+    return max(readings.shape[1] / most, 1.0)
 
 
 @lru_cache(maxsize=4)
