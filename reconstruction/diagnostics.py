@@ -95,7 +95,7 @@ def _coefficient_snr(imaging: Imaging, frame: Frames) -> float | None:
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:
     usable = capture.buckets.usable[frame]
-    if usable.any() and np.ptp(capture.buckets.counts[frame][usable]) == 0:
+    if usable.sum() > 1 and np.ptp(capture.buckets.counts[frame][usable]) == 0:
         return [f"all {usable.sum()} bucket readings are the same: there is no image in them"]
     saturated = ~usable
     if not saturated.any():

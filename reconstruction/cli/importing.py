@@ -169,7 +169,7 @@ def _recording(options: argparse.Namespace) -> Recording:
         elif options.rows is not None:
             found = _of_rows(options, readings, shape)
         elif options.order == "auto":
-            return _recognised(options, readings)
+            found = _recognised(options, readings, shape)
         else:
             order, polarity = options.order, options.polarity or "signed"
             plan = make_plan(shape, options.patterns, order, polarity)
@@ -255,14 +255,16 @@ def _with_dark(
     return np.column_stack([counts, np.full(len(counts), options.dark)]), plan
 
 
-def _recognised(options: argparse.Namespace, readings: NDArray[Any]) -> Recording:
+def _recognised(
+    options: argparse.Namespace, readings: NDArray[Any], shape: tuple[int, int]
+) -> Recording:
     """Readings and the known layout that explains them best."""
-    counts = _frames(readings, options.shape)
+    counts = _frames(readings, shape)
     if options.dark is not None:
         counts = np.column_stack([counts, np.full(len(counts), options.dark)])
     trusted = counts.astype(np.float64)
     trusted[:, [i for i in options.untrusted if 0 <= i < trusted.shape[1]]] = np.median(counts)
-    found = recognise(trusted, options.shape, options.polarity)
+    found = recognise(trusted, shape, options.polarity)
     layout, probability = found[0][:2]
     for place, candidate in enumerate(found[:MOST_TOLD]):
         if place == 0 or candidate.probability >= LEAST_TOLD:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from ..errors import InputError
+from ..errors import InputError, nearest
 from ..operators import ORDERS, POLARITIES, PatternPlan, RowOperator, ordered_rows, transposed
 from ..operators.bases.hadamard import Hadamard
 from .spectra import USUAL_MODEL, Fit, fit, gaussian, heavy_tails, spectra
@@ -120,10 +120,12 @@ def recognise(
 ) -> list[Candidate]:
     """Known layouts of readings (frames, M), the most probable first.
 
-    Raises InputError where the shape has no Hadamard patterns, where no layout has so many
-    readings, where none explains them better than chance does, and where they look like
+    Raises InputError for an unknown polarity, where the shape has no Hadamard patterns, no layout
+    has so many readings or none explains them better than chance does, and where they look like
     coefficients of another transform.
     """
+    if polarity is not None and polarity not in SEQUENCES:
+        raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
     found = _ranked(readings, shape, polarity)
     if not found:
         raise InputError(

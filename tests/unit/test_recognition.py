@@ -23,7 +23,14 @@ from reconstruction.operators.bases.hadamard import Hadamard
 
 SHAPE = (32, 32)
 ORDERS = ("natural", "sequency", "sequency-2d")
-POLARITIES = ("signed", "differential", "halves", "negative-first", "single-ended")
+LAYOUTS = [
+    ("natural", "signed"),
+    ("sequency", "differential"),
+    ("natural", "halves"),
+    ("sequency", "negative-first"),
+    ("natural", "single-ended"),
+    ("sequency-2d", "signed"),
+]
 
 
 def recorded(plan, seed, noise=0.1):
@@ -35,8 +42,7 @@ def recorded(plan, seed, noise=0.1):
     return (readings + rng.normal(0, noise * spread, readings.shape))[None]
 
 
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("polarity", POLARITIES)
+@pytest.mark.parametrize(("order", "polarity"), LAYOUTS)
 def test_layouts_are_recognised_and_not_doubted(order, polarity):
     plan = make_plan(SHAPE, 400, order, polarity)
     readings = recorded(plan, 3)
@@ -68,8 +74,10 @@ def test_transposed_plans_show_transposed_patterns():
     np.testing.assert_allclose(expose(transposed(plan), image), expose(plan, image.T))
 
 
-@pytest.mark.parametrize("shown", ORDERS)
-@pytest.mark.parametrize("told", ORDERS)
+@pytest.mark.parametrize(
+    ("shown", "told"),
+    [("natural", "natural"), ("natural", "sequency-2d"), ("sequency", "natural")],
+)
 def test_another_order_is_doubted(shown, told):
     readings = recorded(make_plan(SHAPE, order=shown, polarity="differential"), 6)
     found = doubt(make_plan(SHAPE, order=told, polarity="differential"), readings)

@@ -367,3 +367,17 @@ def test_auto_finds_the_layout_and_says_how_sure_it_is(tmp_path, capsys):
     told = capsys.readouterr().out
     assert told.startswith("order sequency, polarity halves: ")
     assert correlation(found, image) > 0.9
+
+
+def test_an_image_on_its_side_is_turned(tmp_path):
+    image = natural_image(32, 8)
+    np.save(tmp_path / "a.npy", expose(make_plan((32, 32), None, "natural", "signed"), image))
+    found = imported(tmp_path, "a.npy", "--order", "auto", "--transposed", shape=(32, 32))
+    np.testing.assert_allclose(found, image.T, atol=1e-4)
+
+
+def test_polarities_that_nobody_knows_are_refused_in_auto_too(tmp_path, capsys):
+    np.save(tmp_path / "a.npy", NATURAL)
+    assert "unknown polarity 'both'" in refused(
+        capsys, tmp_path, "a.npy", "--order", "auto", "--polarity", "both"
+    )
