@@ -93,7 +93,7 @@ def known_layouts(
         for order, _ in ORDERS.loadable():
             try:
                 rows = ordered_rows(basis, order)
-            except InputError:  # one of other patterns, or with a seed
+            except Exception:  # one of other patterns, with a seed, or of a faulty package
                 continue
             for name in sequences:
                 kept = _rows_of(exposures, name)
