@@ -43,6 +43,9 @@ coefficients in any order gain up to 4."""
 LEAST_DOUBT = 30.0
 """By how much another layout must be likelier for a named one to be doubted, and what tails gain
 that are heavier than those of noise."""
+LEAST_SPREAD = 2000.0
+"""Log-likelihood that the usual spectrum of images would gain, where its absence means something:
+a thousand rows of all frequencies. Few low ones vary little, and a texture may have them reversed."""
 OTHER_TRANSFORM = 12.0
 """The same for coefficients of another transform, compared with the likeliest layout."""
 
@@ -229,7 +232,7 @@ def _scattered(plan: PatternPlan, readings: NDArray[Any]) -> bool:
     parts = _parts(plan, readings.astype(np.float64))
     usual = row_spectra(plan.shape).mean(axis=0)[parts.rows]
     spread = parts.rows.size * np.log(usual.mean()) - np.log(usual).sum()
-    return bool(spread > LEAST_DOUBT and heavy_tails(parts.values) > LEAST_DOUBT)
+    return bool(spread > LEAST_SPREAD and heavy_tails(parts.values) > LEAST_DOUBT)
 
 
 def dark_estimate(plan: PatternPlan, readings: NDArray[Any]) -> float:
