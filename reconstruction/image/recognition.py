@@ -45,7 +45,7 @@ LEAST_DOUBT = 30.0
 that are heavier than those of noise."""
 LEAST_SPREAD = 2000.0
 """Log-likelihood that the usual spectrum of images would gain, where its absence means something:
-a thousand rows of all frequencies. Few low ones vary little, and a texture may have them reversed."""
+a thousand rows of all frequencies. Few low ones vary little, in a texture the other way round."""
 OTHER_TRANSFORM = 12.0
 """The same for coefficients of another transform, compared with the likeliest layout."""
 
