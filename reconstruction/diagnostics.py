@@ -6,13 +6,16 @@ import numpy as np
 
 from .capture import Capture, Frames, FrameTruth
 from .errors import InputError
-from .image import Imaging
+from .image import Imaging, doubt
 from .operators import decoder_for
 from .ranging import RANGING_METHODS, measure_ranges, unambiguous_path_m
 
 ENOUGH = 0.9**2 / (1 - 0.9**2)
 """Squared SNR of a coefficient at which the zero-filled image is correlated with the truth 0.9
 times as much as without noise: the correlation has the factor 1 / sqrt(1 + 1 / SNR^2)."""
+
+MAX_UNUSABLE = 0.05
+"""Share of the readings without which a plan can still be doubted."""
 
 NO_RANGE = {
     "saturated": "is saturated",
@@ -33,7 +36,21 @@ def capture_warnings(capture: Capture, frame: int | None = None) -> list[str]:
         for warnings in (_image_warnings, _spot_warnings, _pattern_tap_warnings)
         for warning in warnings(capture, number)
     )
-    return [*_noise_warnings(capture, frames), *dict.fromkeys(found)]
+    return [
+        *_layout_warnings(capture, frames[0]),
+        *_noise_warnings(capture, frames),
+        *dict.fromkeys(found),
+    ]
+
+
+def _layout_warnings(capture: Capture, frame: int) -> list[str]:
+    """Of a recording alone: what a simulation showed is known."""
+    signal, usable = capture.buckets.signal[frame], capture.buckets.usable[frame]
+    if capture.provenance.source == "simulation" or usable.mean() < 1 - MAX_UNUSABLE:
+        return []
+    filled = np.where(usable, signal, np.median(signal[usable]))
+    doubtful = doubt(capture.plan, filled[None])
+    return [] if doubtful is None else [doubtful]
 
 
 def _noise_warnings(capture: Capture, frames: Sequence[int]) -> list[str]:
@@ -77,7 +94,10 @@ def _coefficient_snr(imaging: Imaging, frame: Frames) -> float | None:
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:
-    saturated = ~capture.buckets.usable[frame]
+    usable = capture.buckets.usable[frame]
+    if usable.sum() > 1 and np.ptp(capture.buckets.counts[frame][usable]) == 0:
+        return [f"all {usable.sum()} bucket readings are the same: there is no image in them"]
+    saturated = ~usable
     if not saturated.any():
         return []
     return [

@@ -27,27 +27,32 @@ class Header(NamedTuple):
         return math.prod(self.shape)
 
 
-def read_header(file: IO[bytes]) -> Header:
-    """Header of an open NPY file of real numbers; InputError for anything else."""
+REAL, COMPLEX = "fiub", "fiubc"
+"""Kinds of numbers that are wanted."""
+
+
+def read_header(file: IO[bytes], kinds: str = REAL) -> Header:
+    """Header of an open NPY file of numbers of these kinds; InputError for anything else."""
     start = file.tell()
     try:
         shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
     except Exception as error:  # the header is a text that NumPy parses
         raise InputError("not a readable NPY file: it has no valid header") from error
     file.seek(start)
-    if dtype.kind not in "fiub":
-        raise InputError(f"should hold real numbers; found {dtype}")
+    if dtype.kind not in kinds:
+        wanted = "real numbers" if kinds == REAL else "numbers"
+        raise InputError(f"should hold {wanted}; found {dtype}")
     if min(shape, default=0) < 0:
         raise InputError(f"not a readable NPY file: its header tells of the shape {shape}")
     return Header(shape, dtype)
 
 
-def read_npy(file: IO[bytes], most_bytes: int) -> NDArray[Any]:
-    """Array of real numbers from an open NPY file that can hold so many bytes.
+def read_npy(file: IO[bytes], most_bytes: int, kinds: str = REAL) -> NDArray[Any]:
+    """Array of numbers of these kinds from an open NPY file that can hold so many bytes.
 
     Raises InputError for anything else, and where the header tells of more.
     """
-    header = read_header(file)
+    header = read_header(file, kinds)
     size = header.numbers * header.dtype.itemsize
     if size > most_bytes:
         raise InputError(

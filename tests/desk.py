@@ -1,5 +1,6 @@
 """A folder as users have them, for commands: good inputs, bad ones, foreign files, odd things."""
 
+import json
 import os
 import shutil
 from dataclasses import replace
@@ -74,6 +75,21 @@ def _good(desk: Path, capture: Capture) -> None:
     np.save(desk / "readings.npy", np.arange(64.0))
     np.savez(desk / "readings.npz", data=np.arange(64.0), words=np.array(["a", "b"]))
     (desk / "readings.csv").write_text("\n".join(map(str, range(64))))
+    (desk / "table.csv").write_text("row;counts\n" + "\n".join(f"{k};{k % 7}" for k in range(64)))
+    np.save(desk / "zeros.npy", np.zeros((1, 64)))
+    np.save(desk / "complex.npy", np.arange(6.0) + 1j)
+    np.save(desk / "gap.npy", np.append(np.arange(63.0), np.nan))
+    (desk / "rig.yaml").write_text("electrons_per_count: 12\ngain: 3\n")
+    (desk / "half.yaml").write_text("electrons_per_count: twelve\n")
+    np.savez(desk / "cat_spectraldata.npz", spectral_data=np.ones((4, 2)))
+    np.savez(desk / "dog_spectraldata.npz", spectral_data=np.ones((4, 2)))
+    acquisition = {
+        "class_description": "Acquisition parameters",
+        "pattern_dimension_x": 8,
+        "pattern_dimension_y": 8,
+        "patterns": "[0, 1, __import__('os').system('touch owned')]",
+    }
+    (desk / "cat_metadata.json").write_text(json.dumps([acquisition]))
     write_capture(capture, desk / "c.h5")
     recorded = replace(capture.provenance, source="hardware", scene="", seed=None)
     write_capture(replace(capture, provenance=recorded, truth=None), desk / "recorded.h5")

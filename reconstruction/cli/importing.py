@@ -2,63 +2,294 @@
 
 import argparse
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..capture import write_capture
-from ..capture.importers import capture_from_readings, load_array, plan_from_matrix
-from ..errors import naming
+from ..capture.importers import (
+    ABOUT,
+    PHASE_STEPS,
+    READERS,
+    capture_from_readings,
+    frames_of_columns,
+    half_plane,
+    is_spas,
+    load_array,
+    load_spas,
+    parts,
+    plan_from_coefficients,
+    plan_from_factors,
+    plan_from_matrix,
+    plan_from_phase_steps,
+    plan_from_rows,
+    read_about,
+    readings_of,
+)
+from ..diagnostics import capture_warnings
+from ..errors import InputError, naming
 from ..files import Output, require_outputs
-from ..operators import ORDERS, POLARITIES, make_plan
+from ..image import UNLIT, Candidate, dark_estimate, recognise
+from ..operators import ORDERS, POLARITIES, PatternPlan, decoder_for, make_plan, transposed
 from ..text import printable
 
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = (
     "python -m reconstruction import car.mat -o car.h5 --shape 32x32 --variable data "
-    "--patterns-variable vecs --untrusted 0"
+    "--order auto --untrusted 0"
 )
+SURE = 0.95
+"""Probability from which on a layout is told without a warning."""
+MOST_TOLD, LEAST_TOLD = 3, 1e-3
+"""Layouts that are told, and the least probability."""
+
+
+class Recording(NamedTuple):
+    """Readings, the plan that they are of, and each reading's sign."""
+
+    readings: NDArray[Any]
+    plan: PatternPlan
+    sign: NDArray[np.int8] | int = 1
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of this command."""
-    parser.add_argument("file", metavar="FILE", type=Path, help=".mat, .npy, .npz or .csv")
-    parser.add_argument("-o", "--output", metavar="CAPTURE", type=Path, required=True, help="file")
-    parser.add_argument("--shape", type=_shape, required=True, help="rows x columns, as in 32x32")
-    parser.add_argument("--variable", help="the readings' variable in a .mat or .npz")
+    kinds = ", ".join(READERS)
     parser.add_argument(
-        "--patterns-variable",
-        help="variable with the patterns (M, N), any at all; replaces the next three",
+        "file", metavar="FILE", type=Path, help=f"{kinds}, or NAME_spectraldata.npz of SPAS"
     )
-    parser.add_argument("--order", default="natural", help=", ".join(ORDERS))
-    parser.add_argument("--polarity", default="signed", help=", ".join(POLARITIES))
-    parser.add_argument("--patterns", metavar="K", type=int, help="number of patterns (all)")
+    parser.add_argument("-o", "--output", metavar="CAPTURE", type=Path, required=True, help="file")
+    parser.add_argument(
+        "--shape", type=_shape, help="rows x columns, as in 32x32; SPAS tells it itself"
+    )
+    parser.add_argument(
+        "--variable", help="the readings' variable in a .mat or .npz, or column of a text, from 0"
+    )
+    _add_patterns(parser)
+    parser.add_argument(
+        "--transposed", action="store_true", help="pixels are numbered column by column"
+    )
+    parser.add_argument(
+        "--dark", metavar="COUNTS", type=_number, help="the dark reading, where none was recorded"
+    )
     parser.add_argument(
         "--untrusted", metavar="I", type=int, nargs="+", default=[], help="readings not to be used"
     )
+    parser.add_argument(
+        "--band-nm", metavar="LOW-HIGH", type=_band, help="wavelengths of SPAS to sum (all)"
+    )
+    parser.add_argument(
+        "--about", metavar="YAML", type=Path, help="file of lines like electrons_per_count: 12.5"
+    )
+    for name in ABOUT:
+        parser.add_argument(f"--{name.replace('_', '-')}", metavar="X", type=_number)
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+
+
+def _add_patterns(parser: argparse.ArgumentParser) -> None:
+    """What tells which patterns were shown; sources are variables, columns, or other files."""
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--patterns-variable", metavar="SOURCE", help="patterns (M, N), any at all")
+    which.add_argument(
+        "--factors", metavar="SOURCE,SOURCE", help="patterns down (A, H) and along (B, W) the image"
+    )
+    which.add_argument(
+        "--rows", metavar="SOURCE", help="numbers of Hadamard rows, counted in the order"
+    )
+    which.add_argument(
+        "--frequencies", metavar="SOURCE", help="of Fourier patterns, (K, 2): down and along"
+    )
+    parser.add_argument(
+        "--first-row", type=int, choices=(0, 1), default=0, help="number of the first row (0)"
+    )
+    parser.add_argument(
+        "--signs", metavar="SOURCE", help="polarity of each reading, with --rows: 1, -1 or 0"
+    )
+    parser.add_argument(
+        "--phase-steps", type=int, choices=PHASE_STEPS, help="of Fourier patterns, each in turn"
+    )
+    parser.add_argument("--order", default="natural", help=f"auto, {', '.join(ORDERS)}")
+    parser.add_argument("--polarity", help=f"{', '.join(POLARITIES)} (signed)")
+    parser.add_argument("--patterns", metavar="K", type=int, help="number of patterns (all)")
 
 
 def run(options: argparse.Namespace) -> None:
     """Import a recording."""
     file = Output(options.output, "hardware capture", (".h5", ".hdf5"))
-    require_outputs([file], [options.file], overwrite=options.overwrite)
-    readings = load_array(options.file, options.variable)
-    if options.patterns_variable is None:
-        plan = make_plan(options.shape, options.patterns, options.order, options.polarity)
-        sign = np.ones(plan.exposures, np.int8)
+    require_outputs([file], _inputs(options), overwrite=options.overwrite)
+    about: dict[str, float] = {}
+    if is_spas(options.file):
+        readings, plan, about = load_spas(options.file, options.band_nm)
+        recording = Recording(readings, plan)
     else:
-        matrix = load_array(options.file, options.patterns_variable)
-        with naming(options.file):
-            plan, sign = plan_from_matrix(matrix, options.shape)
+        recording = _recording(options)
+    if options.about is not None:
+        about |= read_about(options.about)
+    about |= {name: value for name in ABOUT if (value := getattr(options, name)) is not None}
+    plan = recording.plan
     with naming(options.file):
-        capture = capture_from_readings(readings, plan, options.untrusted)
-    buckets = capture.buckets
-    capture = replace(capture, buckets=replace(buckets, counts=buckets.counts * sign))
+        if plan.patterns.orthogonal:
+            decoder_for(plan)  # whether the background is told
+        capture = capture_from_readings(recording.readings, plan, options.untrusted, about)
+        buckets = capture.buckets
+        counts = buckets.counts * recording.sign
+        capture = replace(capture, buckets=replace(buckets, counts=counts))
     write_capture(capture, options.output)
+    for warning in capture_warnings(capture, 0):
+        print(printable(f"warning: {warning}"), file=sys.stderr)
     told = f"{options.output}: {capture.frames} frame(s) of {plan.exposures} readings"
     print(printable(told))
+
+
+def _inputs(options: argparse.Namespace) -> list[Path]:
+    return [options.file] if options.about is None else [options.file, options.about]
+
+
+def _recording(options: argparse.Namespace) -> Recording:
+    """Readings of a file, and the plan that the options tell."""
+    if options.shape is None:
+        raise InputError("--shape is missing: rows x columns of the patterns, as in 32x32")
+    readings = load_array(options.file, options.variable, complex_too=True)
+    shape = options.shape[::-1] if options.transposed else options.shape
+    with naming(options.file):
+        if np.iscomplexobj(readings):
+            found = _of_coefficients(options, readings, shape)
+        elif options.frequencies is not None:
+            found = _of_phase_steps(options, readings, shape)
+        elif options.patterns_variable is not None:
+            matrix = _source(options, options.patterns_variable)
+            found = Recording(readings, *plan_from_matrix(matrix, shape))
+        elif options.factors is not None:
+            found = _of_factors(options, readings)
+        elif options.rows is not None:
+            found = _of_rows(options, readings, shape)
+        elif options.order == "auto":
+            found = _recognised(options, readings, shape)
+        else:
+            order, polarity = options.order, options.polarity or "signed"
+            plan = make_plan(shape, options.patterns, order, polarity)
+            found = Recording(*_with_dark(options, readings, plan))
+        plan = transposed(found.plan) if options.transposed else found.plan
+        if plan.shape != options.shape:
+            raise InputError(
+                f"the patterns have {plan.shape[0]} x {plan.shape[1]} pixels, --shape tells "
+                f"{options.shape[0]} x {options.shape[1]}"
+            )
+        return found._replace(plan=plan)
+
+
+def _source(options: argparse.Namespace, name: str) -> NDArray[Any]:
+    """Numbers of another file, or of a variable or column of the same."""
+    if Path(name).suffix.lower() in READERS:
+        return load_array(name)
+    return load_array(options.file, name)
+
+
+def _of_rows(
+    options: argparse.Namespace, readings: NDArray[Any], shape: tuple[int, int]
+) -> Recording:
+    rows = _source(options, options.rows) - options.first_row
+    if rows.max() == shape[0] * shape[1] and rows.min() > 0:
+        raise InputError(f"--rows go from {rows.min():g} to {rows.max():g}: add --first-row 1")
+    order = "natural" if options.order == "auto" else options.order
+    polarity = options.polarity or "signed"
+    signs = polarity if options.signs is None else _source(options, options.signs)
+    plan = plan_from_rows(rows, shape, order=order, polarity=signs)
+    return Recording(*_with_dark(options, readings, plan))
+
+
+def _of_factors(options: argparse.Namespace, readings: NDArray[Any]) -> Recording:
+    names = options.factors.split(",")
+    if len(names) != 2:
+        raise InputError(f"--factors is {options.factors!r}, must name two, as in down,along")
+    return Recording(readings, *plan_from_factors(*(_source(options, name) for name in names)))
+
+
+def _of_phase_steps(
+    options: argparse.Namespace, readings: NDArray[Any], shape: tuple[int, int]
+) -> Recording:
+    if options.phase_steps is None:
+        raise InputError("--phase-steps is missing: 3 or 4 for real readings of Fourier patterns")
+    frequencies = _source(options, options.frequencies)
+    plan = plan_from_phase_steps(frequencies, shape, options.phase_steps)
+    steps, count = options.phase_steps, plan.exposures // options.phase_steps
+    if readings.shape == (steps, count) != (count, steps):
+        readings = readings.T
+    return Recording(readings, plan)
+
+
+def _of_coefficients(
+    options: argparse.Namespace, readings: NDArray[Any], shape: tuple[int, int]
+) -> Recording:
+    if options.frequencies is not None:
+        frequencies = _source(options, options.frequencies)
+        plan = plan_from_coefficients(frequencies, shape)
+        return Recording(parts(readings_of(readings, plan.exposures // 2)), plan)
+    if readings.shape != shape:
+        raise InputError(
+            f"the readings are complex and of shape {readings.shape}: Fourier coefficients are "
+            f"read as a whole spectrum {shape}, or of named --frequencies"
+        )
+    values, numbers = half_plane(readings)
+    return Recording(parts(values), plan_from_coefficients(numbers, shape))
+
+
+def _with_dark(
+    options: argparse.Namespace, readings: NDArray[Any], plan: PatternPlan
+) -> tuple[NDArray[Any], PatternPlan]:
+    """Readings and plan, with a dark exposure in the end where one is told and not recorded."""
+    if options.dark is None:
+        return readings, plan
+    level = plan.patterns.level
+    assert level is not None
+    dark = (plan.index == level) & (plan.polarity == -1)
+    if not dark.any():
+        index, sign = np.append(plan.index, level), np.append(plan.polarity, -1)
+        plan = PatternPlan(plan.shape, index, sign, plan.order, plan.patterns)
+    counts = readings_of(readings, plan.exposures - 1)
+    return np.column_stack([counts, np.full(len(counts), options.dark)]), plan
+
+
+def _recognised(
+    options: argparse.Namespace, readings: NDArray[Any], shape: tuple[int, int]
+) -> Recording:
+    """Readings and the known layout that explains them best."""
+    counts = _frames(readings, shape)
+    if options.dark is not None:
+        counts = np.column_stack([counts, np.full(len(counts), options.dark)])
+    trusted = counts.astype(np.float64)
+    trusted[:, [i for i in options.untrusted if 0 <= i < trusted.shape[1]]] = np.median(counts)
+    found = recognise(trusted, shape, options.polarity)
+    layout, probability = found[0][:2]
+    for place, candidate in enumerate(found[:MOST_TOLD]):
+        if place == 0 or candidate.probability >= LEAST_TOLD:
+            print(printable(_told(candidate)))
+    if probability < SURE:
+        print("warning: the layout is not sure; name order and polarity", file=sys.stderr)
+    if layout.polarity == UNLIT:
+        dark = dark_estimate(layout.plan, trusted[0])
+        hint = f"; these readings suggest about {dark:.4g}" if np.isfinite(dark) else ""
+        raise InputError(
+            f"the readings look like {layout}, which leaves the background unknown: tell the dark "
+            f"reading with --dark{hint}"
+        )
+    return Recording(counts, layout.plan)
+
+
+def _told(candidate: Candidate) -> str:
+    share = f"{100 * candidate.probability:.1f}"
+    return f"{candidate.layout}: {'over 99.9' if share == '100.0' else share} % sure"
+
+
+def _frames(readings: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+    """Readings (frames, M) of an array of which M is not told: the longer axis."""
+    if readings.ndim != 2 or 1 in readings.shape or readings.shape == shape:
+        return readings.reshape(1, -1)
+    return readings if readings.shape[1] >= readings.shape[0] else frames_of_columns(readings)
 
 
 def _shape(text: str) -> tuple[int, int]:
@@ -66,3 +297,20 @@ def _shape(text: str) -> tuple[int, int]:
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form 32x32 (rows x columns)")
     return int(match[1]), int(match[2])
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number")
+    return value
+
+
+def _band(text: str) -> tuple[float, float]:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)", text)
+    if match is None or float(match[1]) > float(match[2]):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 530-560 (nm, low to high)")
+    return float(match[1]), float(match[2])

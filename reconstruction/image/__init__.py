@@ -8,11 +8,22 @@ from .method import Estimate, ImageMethod, ImageSolver
 from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp
 from .prior import Prior, fit_variance
+from .recognition import (
+    UNLIT,
+    Candidate,
+    Layout,
+    dark_estimate,
+    doubt,
+    known_layouts,
+    recognise,
+)
 from .shared_errors import without_shared_errors
 
 __all__ = [
     "DICTIONARIES",
     "IMAGE_METHODS",
+    "UNLIT",
+    "Candidate",
     "CoefficientDecoder",
     "Coefficients",
     "Dictionary",
@@ -20,10 +31,15 @@ __all__ = [
     "ImageMethod",
     "ImageSolver",
     "Imaging",
+    "Layout",
     "Prior",
     "UsableReadings",
     "batch_omp",
+    "dark_estimate",
+    "doubt",
     "fit_variance",
     "image_method",
+    "known_layouts",
+    "recognise",
     "without_shared_errors",
 ]

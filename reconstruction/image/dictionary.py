@@ -10,6 +10,9 @@ from ..arrays import Floats
 class Dictionary(Protocol):
     """Orthonormal atoms that are outer products of those of either axis, and how strong each is."""
 
+    def __hash__(self) -> int:
+        """Solvers are kept by dictionary."""
+
     def atoms(self, side: int) -> Floats:
         """Orthonormal atoms of one axis, one in each column: (side, side)."""
 

@@ -7,7 +7,6 @@ from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS, pattern_order
 from .plan import (
-    POLARITIES,
     PatternPlan,
     expose,
     illumination,
@@ -16,8 +15,10 @@ from .plan import (
     ordered_rows,
     plan_of_rows,
 )
+from .polarities import POLARITIES
 from .redundancy import redundant_combinations
 from .sparse import SparseRows
+from .transposed import transposed
 
 __all__ = [
     "BASES",
@@ -44,4 +45,5 @@ __all__ = [
     "plan_of_rows",
     "redundant_combinations",
     "sequency",
+    "transposed",
 ]

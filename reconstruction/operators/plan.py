@@ -13,8 +13,7 @@ from .bases import basis_of
 from .bases.hadamard import Hadamard
 from .basis import Basis
 from .orders import pattern_order
-
-POLARITIES = ("differential", "single-ended", "signed")
+from .polarities import POLARITIES, Exposures
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +116,8 @@ def make_plan(
         height, width = rows_of.shape
         raise InputError(f"patterns = {kept}: must lie in 1..{rows} for {height} x {width} pixels")
     order = order or rows_of.usual_order
-    return _shown(rows_of, ordered_rows(rows_of, order)[:kept], polarity, order)
+    index, sign = _exposures(rows_of, ordered_rows(rows_of, order)[:kept], polarity)
+    return PatternPlan(shape, index, sign, order, rows_of)
 
 
 def plan_of_rows(
@@ -141,23 +141,15 @@ def plan_of_rows(
             f"index {outside[0]} is outside 0..{basis.rows - 1}, the rows of this basis and shape"
         )
     if isinstance(polarity, str):
-        return _shown(basis, rows[numbers], polarity, "custom")
-    return PatternPlan(basis.shape, rows[numbers], np.asarray(polarity), "custom", basis)
+        return PatternPlan(basis.shape, *_exposures(basis, rows[numbers], polarity), patterns=basis)
+    return PatternPlan(basis.shape, rows[numbers], np.asarray(polarity), patterns=basis)
 
 
-def _shown(basis: Basis, rows: NDArray[np.int64], polarity: str, order: str) -> PatternPlan:
-    """Plan that shows rows (K,) one after the other by a named polarity."""
-    if polarity == "differential":
-        index, sign = np.repeat(rows, 2), np.tile([1, -1], rows.size)
-    elif polarity == "single-ended":
-        dark = [] if basis.level is None else [basis.level]
-        index = np.append(rows, dark)
-        sign = np.append(np.ones(rows.size), -np.ones(len(dark)))
-    elif polarity == "signed":
-        index, sign = rows, np.zeros(rows.size)
-    else:
+def _exposures(basis: Basis, rows: NDArray[np.int64], polarity: str) -> Exposures:
+    """Rows (K,) shown one after the other by a named polarity."""
+    if polarity not in POLARITIES:
         raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
-    return PatternPlan(basis.shape, index.astype(np.int32), sign.astype(np.int8), order, basis)
+    return POLARITIES[polarity](rows, basis.level)
 
 
 def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:

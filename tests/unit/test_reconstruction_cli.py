@@ -250,7 +250,7 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
     readings = tmp_path / "readings.npy"
     np.save(readings, np.ones(63))
     rows, of_matrix = hadamard(64), tmp_path / "readings.npz"
-    np.savez(of_matrix, short=np.ones(63), turned=np.ones((64, 2)), rows=rows)
+    np.savez(of_matrix, short=np.ones(63), odd=np.ones((65, 2)), rows=rows)
     new = str(tmp_path / "new.h5")
     by_rows = ["import", str(of_matrix), "-o", new, "--shape", "8x8", "--patterns-variable", "rows"]
     for arguments, message in [
@@ -273,7 +273,7 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         (["import", str(readings), "-o", new, "--shape", "8x8"], f"{readings}: the readings have"),
         ([*by_rows, "--variable", "short", "--shape", "7x8"], "expected (M, 56) for 7 x 8 pixels"),
         ([*by_rows, "--variable", "short"], "the readings have shape (63,)"),
-        ([*by_rows, "--variable", "turned"], "the readings have shape (64, 2)"),
+        ([*by_rows, "--variable", "odd"], "the readings have shape (65, 2)"),
         ([str(tmp_path), "-o", out], "is a folder; the name of a capture file is needed"),
     ]:
         assert main(arguments) == 2

@@ -1,6 +1,41 @@
 """Recordings of existing rigs and plain arrays -> capture."""
 
-from .arrays import capture_from_readings, plan_from_matrix
-from .files import load_array
+from .about import ABOUT, read_about
+from .arrays import (
+    capture_from_readings,
+    frames_of_columns,
+    plan_from_factors,
+    plan_from_matrix,
+    plan_from_rows,
+    readings_of,
+)
+from .files import READERS, load_array
+from .fourier import (
+    PHASE_STEPS,
+    half_plane,
+    parts,
+    plan_from_coefficients,
+    plan_from_phase_steps,
+)
+from .spas import is_spas, load_spas, whole_numbers
 
-__all__ = ["capture_from_readings", "load_array", "plan_from_matrix"]
+__all__ = [
+    "ABOUT",
+    "PHASE_STEPS",
+    "READERS",
+    "capture_from_readings",
+    "frames_of_columns",
+    "half_plane",
+    "is_spas",
+    "load_array",
+    "load_spas",
+    "parts",
+    "plan_from_coefficients",
+    "plan_from_factors",
+    "plan_from_matrix",
+    "plan_from_phase_steps",
+    "plan_from_rows",
+    "read_about",
+    "readings_of",
+    "whole_numbers",
+]

@@ -1,19 +1,25 @@
 """Arrays of bucket readings, with a named pattern plan or the patterns themselves -> capture."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import Floats
 from ...errors import InputError
-from ...operators import Basis, PatternPlan, checked_shape, fwht
+from ...operators import Basis, PatternPlan, checked_shape, fwht, plan_of_rows
 from ...operators.bases.dense import Dense
 from ...operators.bases.hadamard import Hadamard
 from ...operators.hadamard import power_of_two
 from ..buckets import Buckets
 from ..model import Capture, Provenance
+from .about import checked_about
+
+MAX_VALUES = 2**26
+"""Pixels of all patterns together that are neither Hadamard's nor few."""
 
 
 def plan_from_matrix(
@@ -68,25 +74,98 @@ def _hadamard_rows(
     return index.astype(np.int32), np.sign(peak).astype(np.int8)
 
 
-def capture_from_readings(
-    readings: ArrayLike, plan: PatternPlan, untrusted: Iterable[int] = ()
-) -> Capture:
-    """Capture (source hardware, no time of flight) from readings (M,) or (frames, M).
+def plan_from_rows(
+    rows: ArrayLike,
+    shape: tuple[int, int],
+    *,
+    order: str = "natural",
+    polarity: str | ArrayLike = "signed",
+) -> PatternPlan:
+    """Plan of Hadamard patterns by their row numbers, from 0.
 
-    ``untrusted`` are positions of readings that must not be used, marked as saturated. What a count
-    stands for, noise and times are marked as unknown. Raises InputError if the number of readings
-    is not the plan's.
+    The numbers count in a named ``order``: number k is the k-th pattern of it. ``polarity`` is the
+    name of a sequence in which both polarities of the ``rows`` (K,) were shown, or one of +1, -1
+    and 0 for each, as in `PatternPlan`. Raises InputError for numbers that are not whole or
+    outside, and for other polarities.
     """
-    counts = np.asarray(readings)
-    if counts.dtype.kind == "b":
-        raise InputError("the readings are true/false values, not numbers")
-    if counts.size == plan.exposures:
-        counts = counts.reshape(1, -1)
-    if counts.ndim != 2 or counts.shape[1] != plan.exposures:
+    numbers = np.asarray(rows).ravel()
+    if numbers.dtype.kind not in "iuf" or (numbers != np.floor(numbers)).any():
+        raise InputError("the row numbers must be whole numbers")
+    signs = polarity if isinstance(polarity, str) else np.asarray(polarity).ravel().tolist()
+    return plan_of_rows(Hadamard(shape), numbers.astype(np.int64), signs, order)
+
+
+def plan_from_factors(
+    vertical: ArrayLike, horizontal: ArrayLike
+) -> tuple[PatternPlan, NDArray[np.int8]]:
+    """Plan of all products of A patterns (A, H) down the image with B patterns (B, W) along it.
+
+    Reading a B + b is that of the product of a and b: readings are (A, B) in C order. Returns each
+    reading's sign too, as `plan_from_matrix`. Raises InputError as that, and for more patterns than
+    can be held.
+    """
+    tall, wide = (
+        np.atleast_2d(np.asarray(each, dtype=np.float64)) for each in (vertical, horizontal)
+    )
+    shape = checked_shape((tall.shape[1], wide.shape[1]))
+    known_tall, known_wide = (_hadamard_rows(each, (1, each.shape[1])) for each in (tall, wide))
+    if known_tall is not None and known_wide is not None:
+        (down, sign_down), (along, sign_along) = known_tall, known_wide
+        index = np.add.outer(down * shape[1], along).ravel()
+        sign = np.multiply.outer(sign_down, sign_along).ravel().astype(np.int8)
+        return PatternPlan(shape, index, np.zeros_like(sign)), sign
+    if tall.size * wide.size > MAX_VALUES:
         raise InputError(
-            f"the readings have shape {counts.shape}; the pattern plan expects {plan.exposures} "
-            "per frame"
+            f"{len(tall) * len(wide)} products of patterns of {shape[0]} x {shape[1]} pixels are "
+            f"more than the {MAX_VALUES // (shape[0] * shape[1])} that can be held"
         )
+    return plan_from_matrix(np.kron(tall, wide), shape)
+
+
+def frames_of_columns(table: NDArray[Any]) -> NDArray[Any]:
+    """Readings (frames, M) of a table (M, frames); InputError where a column counts the lines."""
+    counting = (np.diff(table, axis=0) == 1).all(axis=0) & (len(table) > 1)
+    if counting.any():
+        raise InputError(
+            f"column {counting.argmax()} of the readings counts their lines: name the column of "
+            "the readings"
+        )
+    return table.T
+
+
+def readings_of(counts: ArrayLike, exposures: int) -> NDArray[Any]:
+    """Readings (frames, M) from an array of any layout: (M,), (frames, M), (M, frames), or M
+    numbers of one frame in C order.
+
+    An array that may be both is taken as (frames, M). Raises InputError where none of it has M.
+    """
+    array = np.asarray(counts)
+    if array.dtype.kind == "b":
+        raise InputError("the readings are true/false values, not numbers")
+    if array.size == exposures:
+        return array.reshape(1, -1)
+    if array.ndim == 2 and array.shape[1] == exposures:
+        return array
+    if array.ndim == 2 and array.shape[0] == exposures:
+        return frames_of_columns(array)
+    raise InputError(
+        f"the readings have shape {array.shape}; the pattern plan expects {exposures} per frame"
+    )
+
+
+def capture_from_readings(
+    readings: ArrayLike,
+    plan: PatternPlan,
+    untrusted: Iterable[int] = (),
+    about: Mapping[str, float] = MappingProxyType({}),
+) -> Capture:
+    """Capture (source hardware, no time of flight) from readings in a layout of `readings_of`.
+
+    ``untrusted`` are positions of readings that must not be used, marked as saturated. ``about``
+    tells by name what is known of the detector (`ABOUT`): what a count stands for, noise and times
+    are else marked as unknown. Raises InputError if the number of readings is not the plan's.
+    """
+    counts = readings_of(readings, plan.exposures)
     saturated = np.zeros(counts.shape, dtype=bool)
     for position in untrusted:
         if not 0 <= position < plan.exposures:
@@ -97,13 +176,7 @@ def capture_from_readings(
         buckets=Buckets(
             counts=counts.astype(np.int64 if counts.dtype.kind in "iu" else np.float64),
             saturated=saturated,
-            exposure_time_s=np.nan,
-            pattern_period_s=np.nan,
-            electrons_per_count=np.nan,
-            offset_counts=0.0,
-            noise_electrons=np.nan,
-            excess_noise_factor=1.0,
-            dead_time_s=0.0,
+            **checked_about(about),
         ),
         spots=None,
         optics=None,

@@ -1,0 +1,106 @@
+"""Readings of Fourier patterns: grey cosines with steps of their phase, or complex coefficients.
+
+Z. Zhang, X. Ma and J. Zhong, Nat. Commun. 6, 6225 (2015): the pattern of frequency numbers (v, h)
+and phase step s of S is (1 + cos(2 pi (v y / H + h x / W) + 2 pi s / S)) / 2 in pixel (y, x).
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...arrays import Floats
+from ...errors import InputError
+from ...operators import PatternPlan, checked_shape
+from ...operators.bases.dense import Dense
+
+MAX_VALUES = 2**26
+"""Pixels of all patterns together: they are held and stored one by one."""
+PHASE_STEPS = (3, 4)
+
+
+def plan_from_phase_steps(
+    frequencies: ArrayLike, shape: tuple[int, int], steps: int
+) -> PatternPlan:
+    """Plan of cosines of frequency numbers (K, 2), down and along, each shown in all its steps.
+
+    The steps of a frequency follow each other, so that readings are (K, steps) in C order. Raises
+    InputError for other than whole numbers, more patterns than can be held, and other steps.
+    """
+    if steps not in PHASE_STEPS:
+        raise InputError(f"{steps} phase steps; allowed: {', '.join(map(str, PHASE_STEPS))}")
+    angles = _angles(frequencies, shape, steps)
+    phases = 2 * np.pi * np.arange(steps) / steps
+    shown = (1 + np.cos(angles[:, None] + phases[:, None, None])) / 2
+    basis = Dense(np.clip(shown.reshape(-1, *angles.shape[1:]), 0, 1))
+    index = np.arange(basis.rows, dtype=np.int32)
+    return PatternPlan(basis.shape, index, np.ones(index.size, np.int8), patterns=basis)
+
+
+def plan_from_coefficients(frequencies: ArrayLike, shape: tuple[int, int]) -> PatternPlan:
+    """Plan of real and imaginary parts of sum x exp(-i a), a row of cos(a) and one of -sin(a) each.
+
+    Complex coefficients (frames, K) are its readings (frames, 2 K) by `parts`. Raises InputError
+    as `plan_from_phase_steps`.
+    """
+    angles = _angles(frequencies, shape, 2)
+    rows = np.stack([np.cos(angles), -np.sin(angles)], axis=1).reshape(-1, *angles.shape[1:])
+    basis = Dense(np.clip((1 + rows) / 2, 0, 1))
+    index = np.arange(basis.rows, dtype=np.int32)
+    return PatternPlan(basis.shape, index, np.zeros(index.size, np.int8), patterns=basis)
+
+
+def parts(coefficients: NDArray[Any]) -> Floats:
+    """Real and imaginary parts (..., 2 K) of coefficients (..., K), in turn."""
+    both = np.stack([coefficients.real, coefficients.imag], axis=-1)
+    return both.reshape(*coefficients.shape[:-1], -1)
+
+
+def half_plane(
+    spectrum: NDArray[Any],
+) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """Coefficients (K,) of a whole spectrum (H, W) without the conjugates of others, and their
+    frequency numbers (K, 2).
+
+    The level, the greatest of a picture, tells whether it comes first, as `numpy.fft.fft2` has it,
+    or in the middle, as `numpy.fft.fftshift`; InputError where it is at neither place.
+    """
+    place = np.unravel_index(np.abs(spectrum).argmax(), spectrum.shape)
+    height, width = spectrum.shape
+    if place == (height // 2, width // 2):
+        spectrum = np.fft.ifftshift(spectrum)
+    elif place != (0, 0):
+        raise InputError(
+            f"the greatest of the {height} x {width} complex readings is at "
+            f"{[int(n) for n in place]}, must be at [0, 0] or [{height // 2}, {width // 2}], the "
+            "level of a spectrum: give the frequencies"
+        )
+    down, along = np.divmod(np.arange(height * width), width)
+    conjugate = -down % height * width + -along % width
+    first = np.flatnonzero(np.arange(height * width) <= conjugate)
+    return spectrum.ravel()[first], np.stack([down[first], along[first]], axis=1)
+
+
+def _angles(frequencies: ArrayLike, shape: tuple[int, int], rows: int) -> Floats:
+    """2 pi (v y / H + h x / W), (K, H, W)."""
+    height, width = checked_shape(shape)
+    numbers = np.asarray(frequencies, dtype=np.float64)
+    if numbers.ndim == 2 and numbers.shape[1] != 2 and numbers.shape[0] == 2:
+        numbers = numbers.T
+    if numbers.ndim != 2 or numbers.shape[1] != 2 or not len(numbers):
+        raise InputError(
+            f"the frequencies have shape {numbers.shape}, must be (K, 2): down and along the image"
+        )
+    if (numbers != np.floor(numbers)).any() or np.abs(numbers).max() > max(height, width):
+        raise InputError(
+            "the frequencies must be whole numbers of cycles in the image, at most "
+            f"{max(height, width)}"
+        )
+    if rows * len(numbers) * height * width > MAX_VALUES:
+        raise InputError(
+            f"{rows * len(numbers)} Fourier patterns of {height} x {width} pixels are more than "
+            f"the {MAX_VALUES // (height * width)} that can be held"
+        )
+    y, x = np.arange(height)[:, None] / height, np.arange(width) / width
+    vertical, horizontal = numbers.T[:, :, None, None]
+    return np.asarray(2 * np.pi * (vertical * y + horizontal * x))

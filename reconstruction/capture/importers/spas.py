@@ -1,0 +1,180 @@
+"""Recordings of SPAS, the acquisition software of OpenSpyrit, as in the SPIHIM collection.
+
+``NAME_spectraldata.npz`` holds the readings (exposures, wavelengths), ``NAME_metadata.json`` a list
+of objects, told apart by their ``class_description``. Pattern number 2k is the positive and 2k + 1
+the negative part of row k of the Kronecker product of two Walsh matrices in sequency order, its
+pixels row by row (G. Beneti-Martin et al., Opt. Express 31, 15599 (2023)).
+"""
+
+import json
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import Floats
+from ...errors import InputError, naming
+from ...operators import PatternPlan, sequency
+from ...operators.bases.hadamard import Hadamard
+from .files import load_array
+
+DATA, METADATA = "_spectraldata.npz", "_metadata.json"
+MAX_BYTES = 2**26
+MAX_PATTERNS = 2**22
+#: A list of whole numbers, as Python writes it; NumPy's integers have their type around them.
+WRAPPED = re.compile(r"np\.u?int(?:8|16|32|64)\((\d{1,9})\)")
+WHOLE = re.compile(r"\[\s*(?:\d{1,9}(?:\s*,\s*\d{1,9})*)?\s*\]")
+DECIMALS = re.compile(r"\[\s*(?:\d{1,6}(?:\.\d{1,9})?(?:\s*,\s*\d{1,6}(?:\.\d{1,9})?)*)?\s*\]")
+KNOWN_PATTERNS = ("walsh", "hadamard")
+
+
+class SpasRecording(NamedTuple):
+    """Readings (frames, M) of a plan, and what is known beside them, as in `ABOUT`."""
+
+    readings: Floats
+    plan: PatternPlan
+    about: dict[str, float]
+
+
+def is_spas(path: Path) -> bool:
+    """Whether a file is named as SPAS names its readings."""
+    return path.name.endswith(DATA)
+
+
+def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRecording:
+    """A recording of SPAS from its ``*_spectraldata.npz``, the wavelengths of a band summed.
+
+    Raises InputError where a file is missing, and for whatever it cannot hold.
+    """
+    metadata = path.with_name(path.name.removesuffix(DATA) + METADATA)
+    objects = _objects(metadata)
+    with naming(metadata):
+        acquisition = _object(objects, "Acquisition parameters", "patterns")
+        _check_kind(objects, acquisition)
+        plan = _plan(acquisition)
+        chosen = _band(acquisition.get("wavelengths"), band_nm)
+        about = _about(objects, acquisition)
+    spectra = load_array(path, "spectral_data")
+    with naming(path):
+        readings = _readings(spectra, plan, chosen)
+    return SpasRecording(readings, plan, about)
+
+
+def whole_numbers(value: Any, name: str) -> NDArray[np.int64]:
+    """The whole numbers from 0 of a list, or of a string that Python wrote of one.
+
+    It is matched and never evaluated. Raises InputError, telling the name, for all else.
+    """
+    if isinstance(value, list) and all(type(each) is int for each in value):
+        value = json.dumps(value)
+    text = WRAPPED.sub(r"\1", value) if isinstance(value, str) else ""
+    if not WHOLE.fullmatch(text):
+        raise InputError(f"{name} is {_told(value)}, must be a list of whole numbers from 0")
+    if text.count(",") >= MAX_PATTERNS:
+        raise InputError(f"{name} has more than {MAX_PATTERNS} numbers")
+    return np.array(re.findall(r"\d+", text), dtype=np.int64)
+
+
+def _told(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return repr(text if len(text) <= 40 else text[:40] + "...")
+
+
+def _objects(path: Path) -> list[dict[str, Any]]:
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; SPAS writes it beside the readings")
+    with naming(path):
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"has more than {MAX_BYTES // 2**20} MiB")
+        try:
+            found = json.loads(path.read_text("utf-8-sig", "replace"))
+        except (ValueError, RecursionError):
+            raise InputError("not readable as JSON") from None
+        if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+            raise InputError("should hold a list of objects, as SPAS writes it")
+        return found
+
+
+def _object(objects: list[dict[str, Any]], kind: str, field: str) -> dict[str, Any]:
+    for each in objects:
+        if each.get("class_description") == kind and field in each:
+            return each
+    raise InputError(f"has no object of class_description {kind!r} with {field!r}")
+
+
+def _check_kind(objects: list[dict[str, Any]], acquisition: dict[str, Any]) -> None:
+    """Raise InputError for patterns that are none of a whole square."""
+    prefix = next((each["pattern_prefix"] for each in objects if "pattern_prefix" in each), "")
+    if prefix and not str(prefix).lower().startswith(KNOWN_PATTERNS):
+        raise InputError(
+            f"pattern_prefix is {_told(prefix)}; read are those that begin with Walsh or Hadamard"
+        )
+    if str(acquisition.get("mask_index") or "[]").strip("[] "):
+        raise InputError("mask_index is not empty: patterns of part of an image are not read")
+
+
+def _plan(acquisition: dict[str, Any]) -> PatternPlan:
+    height, width = (_side(acquisition, f"pattern_dimension_{axis}") for axis in "yx")
+    basis = Hadamard((height, width))
+    numbers = whole_numbers(acquisition["patterns"], "patterns")
+    if numbers.max(initial=0) >= 2 * basis.rows:
+        raise InputError(
+            f"patterns holds {numbers.max()}, outside 0..{2 * basis.rows - 1} for {height} x "
+            f"{width} pixels in two polarities"
+        )
+    down, along = np.divmod(numbers // 2, width)
+    index = np.argsort(sequency(height))[down] * width + np.argsort(sequency(width))[along]
+    sign = (1 - 2 * (numbers % 2)).astype(np.int8)
+    return PatternPlan(basis.shape, index.astype(np.int32), sign, patterns=basis)
+
+
+def _side(acquisition: dict[str, Any], name: str) -> int:
+    side = acquisition.get(name)
+    if type(side) is not int:
+        raise InputError(f"{name} is {_told(side)}, must be a whole number")
+    return side
+
+
+def _band(wavelengths: Any, band_nm: tuple[float, float] | None) -> NDArray[np.bool_] | None:
+    """Which wavelengths lie in a band; None for all."""
+    if band_nm is None:
+        return None
+    if not isinstance(wavelengths, str) or not DECIMALS.fullmatch(wavelengths):
+        raise InputError(f"wavelengths is {_told(wavelengths)}, must be a list of numbers")
+    known = np.array(re.findall(r"[\d.]+", wavelengths), dtype=np.float64)
+    chosen = (known >= band_nm[0]) & (known <= band_nm[1])
+    if not chosen.any():
+        raise InputError(
+            f"no wavelength lies in {band_nm[0]:g}..{band_nm[1]:g} nm; there are "
+            f"{known.min(initial=np.inf):g}..{known.max(initial=0):g}"
+        )
+    return chosen
+
+
+def _about(objects: list[dict[str, Any]], acquisition: dict[str, Any]) -> dict[str, float]:
+    detector = next((each for each in objects if "integration_time_ms" in each), {})
+    times_ms = {
+        "exposure_time_s": detector.get("integration_time_ms"),
+        "pattern_period_s": acquisition.get("mean_spectrometer_acquisition_time_ms"),
+    }
+    return {
+        name: value / 1e3
+        for name, value in times_ms.items()
+        if isinstance(value, int | float) and 0 < value < np.inf
+    }
+
+
+def _readings(spectra: NDArray[Any], plan: PatternPlan, chosen: NDArray[np.bool_] | None) -> Floats:
+    if spectra.ndim != 2 or len(spectra) % plan.exposures:
+        raise InputError(
+            f"spectral_data has shape {spectra.shape}; the metadata tell {plan.exposures} patterns"
+        )
+    if chosen is not None:
+        if spectra.shape[1] != chosen.size:
+            raise InputError(
+                f"spectral_data has {spectra.shape[1]} wavelengths, the metadata {chosen.size}"
+            )
+        spectra = spectra[:, chosen]
+    return np.asarray(spectra.sum(axis=1, dtype=np.float64)).reshape(-1, plan.exposures)

@@ -1,0 +1,131 @@
+"""Tables of numbers in text: any separator, headings, comments, decimal points or commas."""
+
+import re
+import warnings
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError, nearest
+
+MAX_BYTES = 2**28
+MAX_HEADING_LINES = 1000
+"""Lines that are looked through for the first numbers."""
+COMMENT = re.compile(r"#.*|^\s*(%|//|!).*")
+NUMBER = re.compile(
+    r"[+-]?((\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|nan|inf(inity)?)", re.IGNORECASE
+)
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+
+
+class _Table(NamedTuple):
+    """How a table is written: separator (None for spaces), decimal mark, headings, first line."""
+
+    separator: str | None
+    comma: bool
+    headings: list[str]
+    columns: int
+    start: int
+
+
+def read_text(path: Path, column: str | None) -> NDArray[Any]:
+    """Numbers (lines, columns) of a text file, or one ``column``, by its heading or number from 0.
+
+    Lines before the first of numbers, words may stand beside them, are headings, of which the last
+    names the columns. Raises InputError where there are no numbers, and where lines differ in
+    their columns.
+    """
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise InputError(
+            f"has {size / 2**20:.0f} MiB, at most {MAX_BYTES // 2**20} of text are read: save it "
+            "as .npy"
+        )
+    lines = [COMMENT.sub("", line) for line in path.read_text("utf-8-sig", "replace").splitlines()]
+    table = _table(lines)
+    if table is None:
+        if any(line.strip() for line in lines):
+            raise InputError("should hold numbers, in lines with the same number of columns")
+        return np.empty(0)
+    wanted = None if column is None else [_column(column, table)]
+    body = (line.replace(",", ".") if table.comma else line for line in lines[table.start :])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return np.loadtxt(body, delimiter=table.separator, usecols=wanted, comments=None)
+        except (ValueError, IndexError):
+            raise InputError(_complaint(lines, table, wanted)) from None
+
+
+def _table(lines: list[str]) -> _Table | None:
+    """How the table is written; None where there is no line of numbers."""
+    headings: list[str] = []
+    for start, line in enumerate(islice(lines, MAX_HEADING_LINES)):
+        separator, comma = _separator(line)
+        cells = _cells(line, separator)
+        numbers = _numbers(cells)
+        words = any(cell and not number for cell, number in zip(cells, numbers, strict=True))
+        if any(numbers) and (not words or numbers == _next_numbers(lines, start)):
+            named = headings if len(headings) == len(cells) else []
+            return _Table(separator, comma, named, len(cells), start)
+        headings = cells or headings
+    return None
+
+
+def _numbers(cells: list[str]) -> list[bool]:
+    """Which of the cells are numbers."""
+    return [NUMBER.fullmatch(cell) is not None for cell in cells]
+
+
+def _next_numbers(lines: list[str], start: int) -> list[bool]:
+    """Which cells of the following line are numbers: where the same are, words are no heading."""
+    following = next((line for line in lines[start + 1 :] if line.strip()), "")
+    return _numbers(_cells(following, _separator(following)[0]))
+
+
+def _separator(line: str) -> tuple[str | None, bool]:
+    """Separator of a line, None for spaces, and whether its decimal mark is a comma."""
+    for separator in ("\t", ";"):
+        if separator in line:
+            return separator, "," in line
+    cells = line.split()
+    if len(cells) > 1 and all(DECIMAL_COMMA.fullmatch(cell) for cell in cells):
+        return None, True
+    return ("," if "," in line else None), False
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.split(separator)] if line.strip() else []
+
+
+def _column(name: str, table: _Table) -> int:
+    if name in table.headings:
+        return table.headings.index(name)
+    if name.isascii() and name.isdecimal() and int(name[:9]) < table.columns:
+        return int(name[:9])
+    known = [*table.headings, *map(str, range(table.columns))]
+    raise InputError(f"has no column {name!r}: {nearest(name, known)}")
+
+
+def _complaint(lines: list[str], table: _Table, wanted: list[int] | None) -> str:
+    """The first line that is wrong."""
+    for number, line in enumerate(lines[table.start :], table.start + 1):
+        cells = _cells(line, table.separator)
+        if not cells:
+            continue
+        if len(cells) != table.columns:
+            return (
+                f"should hold numbers, in lines with the same number of columns; line {number} has "
+                f"{len(cells)}, line {table.start + 1} {table.columns}"
+            )
+        for place in range(table.columns) if wanted is None else wanted:
+            if NUMBER.fullmatch(cells[place]) is None:
+                named = f" ({table.headings[place]})" if table.headings else ""
+                return (
+                    f"should hold numbers; line {number} has {cells[place][:40]!r} in column "
+                    f"{place}{named}: name the column of the readings"
+                )
+    return "should hold numbers, in lines with the same number of columns"

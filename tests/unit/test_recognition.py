@@ -1,0 +1,192 @@
+"""Layouts of readings, told by the spectrum of images, and what is no known layout."""
+
+import numpy as np
+import pytest
+from scipy.fft import idctn
+
+from images import natural_image
+from reconstruction import capture_warnings
+from reconstruction.capture.importers import capture_from_readings
+from reconstruction.errors import InputError
+from reconstruction.image import UNLIT, dark_estimate, doubt, known_layouts, recognise
+from reconstruction.image.spectra import fit, gaussian, heavy_tails, powers, spectra
+from reconstruction.image.transforms import haar, other_spectra
+from reconstruction.operators import (
+    PatternPlan,
+    RowOperator,
+    expose,
+    fwht,
+    make_plan,
+    transposed,
+)
+from reconstruction.operators.bases.hadamard import Hadamard
+
+SHAPE = (32, 32)
+ORDERS = ("natural", "sequency", "sequency-2d")
+LAYOUTS = [
+    ("natural", "signed"),
+    ("sequency", "differential"),
+    ("natural", "halves"),
+    ("sequency", "negative-first"),
+    ("natural", "single-ended"),
+    ("sequency-2d", "signed"),
+]
+
+
+def recorded(plan, seed, noise=0.1):
+    """Readings (1, M) of a picture on a background, with noise by the spread of the readings."""
+    readings = expose(plan, natural_image(32, seed)[: plan.shape[0]])
+    readings += 50 * (plan.polarity != 0)
+    spread = np.diff(np.percentile(readings, [16, 84])) / 2
+    rng = np.random.default_rng(seed)
+    return (readings + rng.normal(0, noise * spread, readings.shape))[None]
+
+
+@pytest.mark.parametrize(("order", "polarity"), LAYOUTS)
+def test_layouts_are_recognised_and_not_doubted(order, polarity):
+    plan = make_plan(SHAPE, 400, order, polarity)
+    readings = recorded(plan, 3)
+    found = recognise(readings, SHAPE)
+    assert found[0].layout.polarity == polarity
+    # Several orders go by sums of frequencies, and are as likely.
+    assert order in ("sequency-2d", found[0].layout.order)
+    assert found[0].probability > (0.2 if order == "sequency-2d" else 0.9)
+    assert doubt(plan, readings) is None
+
+
+def test_probabilities_are_of_all_that_is_known():
+    plan = make_plan(SHAPE, 60, "sequency-2d", "signed")
+    found = recognise(recorded(plan, 4), SHAPE)
+    assert sum(candidate.probability for candidate in found) == pytest.approx(1)
+    assert found == sorted(found, key=lambda candidate: -candidate.probability)
+
+
+def test_pixels_numbered_by_columns_are_told_where_sides_differ():
+    plan = transposed(make_plan((32, 16), 300, "sequency", "signed"))
+    best = recognise(recorded(plan, 5), (16, 32))[0].layout
+    assert (best.order, best.transposed) == ("sequency", True)
+    np.testing.assert_array_equal(best.plan.index, plan.index)
+
+
+def test_transposed_plans_show_transposed_patterns():
+    plan = make_plan((4, 8), order="sequency", polarity="signed")
+    image = np.random.default_rng(1).random((8, 4))
+    np.testing.assert_allclose(expose(transposed(plan), image), expose(plan, image.T))
+
+
+@pytest.mark.parametrize(
+    ("shown", "told"),
+    [("natural", "natural"), ("natural", "sequency-2d"), ("sequency", "natural")],
+)
+def test_another_order_is_doubted(shown, told):
+    readings = recorded(make_plan(SHAPE, order=shown, polarity="differential"), 6)
+    found = doubt(make_plan(SHAPE, order=told, polarity="differential"), readings)
+    assert (found is None) == (shown == told)
+    if found:
+        assert f"they look like order {shown}, polarity differential" in found
+
+
+def test_polarities_in_another_sequence_are_doubted():
+    readings = recorded(make_plan(SHAPE, 100, "sequency", "halves"), 7)
+    found = doubt(make_plan(SHAPE, 100, "sequency", "differential"), readings)
+    assert "polarity halves" in found
+
+
+def test_noise_is_not_doubted_and_not_recognised():
+    rng = np.random.default_rng(8)
+    readings = rng.normal(500, 3, (1, 800))
+    assert doubt(make_plan(SHAPE, 400), readings) is None
+    with pytest.raises(InputError, match="no known layout explains the 800 readings better than"):
+        recognise(readings, SHAPE)
+
+
+def test_an_order_that_nobody_knows_is_doubted_and_not_recognised():
+    readings = recorded(make_plan(SHAPE, order="natural", polarity="signed"), 9)
+    readings[:, 1:] = np.random.default_rng(9).permutation(readings[:, 1:], axis=1)
+    found = doubt(make_plan(SHAPE, order="natural", polarity="signed"), readings)
+    assert "have nothing to do with the pattern plan's order" in found
+    with pytest.raises(InputError, match="no known layout explains"):
+        recognise(readings, SHAPE)
+
+
+def test_coefficients_of_other_transforms_are_told():
+    """Haar wavelets of -1, 0 and 1 in a pyramid, read as Hadamard's."""
+    pyramid = np.zeros(SHAPE)
+    size, means = 32, natural_image(32, 10)
+    signs = np.array([[1, 1], [1, -1]])
+    while size > 1:
+        half = size // 2
+        blocks = means.reshape(half, 2, half, 2)
+        means, across, down, diagonal = np.einsum("ipjq,ap,bq->abij", blocks, signs, signs).reshape(
+            4, half, half
+        )
+        pyramid[:half, half:size], pyramid[half:size, :half] = across, down
+        pyramid[half:size, half:size] = diagonal
+        size = half
+    pyramid[0, 0] = means[0, 0]
+    for order in ORDERS:
+        plan = make_plan(SHAPE, order=order, polarity="signed")
+        assert "look like Haar wavelet coefficients" in doubt(plan, pyramid.reshape(1, -1))
+    with pytest.raises(InputError, match="look like Haar wavelet coefficients, in a pyramid"):
+        recognise(pyramid.reshape(1, -1), SHAPE)
+
+
+def test_a_dark_reading_is_estimated():
+    plan = make_plan(SHAPE, order="natural", polarity="single-ended").only(np.arange(1025) < 1024)
+    readings = recorded(plan, 11, noise=0)
+    assert recognise(readings, SHAPE)[0].layout.polarity == UNLIT
+    assert dark_estimate(plan, readings[0]) == pytest.approx(50, abs=5)
+
+
+def test_recordings_are_warned_of_and_simulations_are_not():
+    plan = make_plan(SHAPE, order="sequency", polarity="signed")
+    readings = recorded(make_plan(SHAPE, order="natural", polarity="signed"), 12)
+    capture = capture_from_readings(readings, plan, untrusted=[0])
+    assert "look like order natural" in capture_warnings(capture)[0]
+    object.__setattr__(capture.provenance, "source", "simulation")
+    assert not any("look like" in warning for warning in capture_warnings(capture))
+
+
+def test_all_zero_frames_are_told():
+    plan = make_plan(SHAPE, order="natural", polarity="signed")
+    told = capture_warnings(capture_from_readings(np.zeros(1024), plan))
+    assert told == ["all 1024 bucket readings are the same: there is no image in them"]
+
+
+def test_plans_of_other_repetitions_cannot_be_doubted():
+    plan = PatternPlan(SHAPE, np.array([0, 1, 1, 2]), np.zeros(4))
+    assert doubt(plan, np.arange(4.0)[None]) is None
+
+
+def test_known_layouts_have_so_many_readings():
+    for exposures in (64, 65, 128):
+        found = list(known_layouts((8, 8), exposures))
+        assert found
+        assert all(layout.plan.exposures == exposures for layout in found)
+    assert not list(known_layouts((8, 8), 129))
+
+
+def test_spectra_are_those_of_images_with_that_spectrum():
+    """By chance: Hadamard and pyramid coefficients of images drawn with a power of cosines."""
+    shape, draws = (8, 8), 4000
+    rng = np.random.default_rng(13)
+    power = powers(shape)[4]
+    drawn = rng.normal(size=(draws, *shape)) * np.sqrt(power)
+    images = idctn(drawn, axes=(1, 2), norm="ortho")
+    measured = (fwht(images.reshape(draws, 64)) ** 2).mean(axis=0)[1:] / 64
+    expected = spectra(RowOperator(Hadamard(shape), np.arange(64, dtype=np.int32)))[4]
+    assert np.abs(measured / expected - 1).max() < 5 * np.sqrt(2 / draws)
+    seen = dict(other_spectra(shape))["Haar wavelet coefficients, axis by axis"][4]
+    measured = ((haar(8) @ images @ haar(8).T) ** 2).mean(axis=0).ravel()[1:]
+    assert np.abs(measured / seen[1:] - 1).max() < 5 * np.sqrt(2 / draws)
+
+
+def test_likelihoods_are_greatest_ones():
+    """Of Gaussian values: Student's t of 30 degrees of freedom is hardly worse than Gauss."""
+    values = np.random.default_rng(14).normal(0, 3, 5000)
+    closed = -2500 * (np.log(2 * np.pi * np.mean(values**2)) + 1)
+    assert gaussian(values) == pytest.approx(closed)
+    found = fit(values, np.ones((1, 5000)))
+    assert closed - 40 < found.white < closed + 5
+    assert found.gain == pytest.approx(0, abs=1e-6)
+    assert heavy_tails(values) < 0 < heavy_tails(values**3)
