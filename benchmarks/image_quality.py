@@ -105,7 +105,7 @@ def drawn() -> Iterator[Case]:
         capture = sample.capture
         truth = capture.truth.at(0) if capture.truth is not None else None
         assert truth is not None
-        weather = "clear" if sample.parameters["scene.fog"] is None else "fog"
+        weather = "fog" if "scene.fog.kind" in sample.parameters else "clear"
         row = f"scenes, {sample.parameters['instrument']}, {weather}"
         yield Case(row, capture, truth.image.astype(np.float64))
 

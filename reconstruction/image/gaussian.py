@@ -49,6 +49,18 @@ class Field:
         return np.asarray(self.vertical**2 @ self.variance @ self.horizontal.T**2)
 
 
+class Spectrum(Field):
+    """The same of spectra (H, W), with respect to the atoms themselves."""
+
+    def __init__(self, variance: Floats) -> None:
+        height, width = variance.shape
+        super().__init__(np.eye(height), np.eye(width), variance)
+
+    def __call__(self, images: NDArray[Any]) -> NDArray[Any]:
+        """C of spectra (..., H, W)."""
+        return np.asarray(self.variance * images)
+
+
 class Posterior:
     """Of one frame: ``mean`` (H, W), complex where coefficients are, and ``contrast`` v.
 

@@ -16,6 +16,7 @@ Teubner 1998) that agrees with the readings. The rounds begin at the least-squar
 posterior covariance is the preconditioner, on a grid no finer than what the patterns can tell.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,11 +27,12 @@ from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
-from ..gaussian import Field, GaussianModel, Posterior
-from ..gradient import divergence, gradient
+from ..gaussian import GaussianModel, Posterior, Spectrum
 from ..grid import Grid, at_most, band
 from ..method import Estimate
 from .least_squares import METHOD as LEAST_SQUARES
+
+Linear = Callable[[NDArray[Any]], NDArray[Any]]
 
 ROUNDS = 3
 STEPS = 5
@@ -61,14 +63,15 @@ class EdgePreservingSolver:
         high, wide = band(linear.seen, SEEN)
         height, width = at_most((2 * high, 2 * wide), field.shape)
         self._grid = Grid((height, width), field.shape)
-        rows = linear.rows.reshape(len(linear.rows), *field.shape)
-        self._rows: Floats = self._grid.coarser(rows).reshape(len(rows), height * width)
-        atoms = DICTIONARY.atoms(height), DICTIONARY.atoms(width)
-        self._model = GaussianModel(self._rows, Field(*atoms, field.variance[:height, :width]))
+        rows = self._grid.coarser(linear.rows.reshape(len(linear.rows), *field.shape))
         # The 1/f prior is in frequencies per two pixels of the image, of which a cosine of one
         # has gradients of pi: differences on the grid are taken back to these pixels.
         sides = operator.image_shape
-        self._tensors = Tensors((height, width), (height / sides[0], width / sides[1]))
+        self._slopes = Slopes((height, width), (height / sides[0], width / sides[1]))
+        variance = field.variance[:height, :width]
+        self._spectra: Floats = self._slopes.spectrum(rows).reshape(len(rows), height * width)
+        self._model = GaussianModel(self._spectra, Spectrum(variance))
+        self._precision = np.divide(1, variance, out=np.zeros_like(variance), where=variance > 0)
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image whose edges agree with itself."""
@@ -87,83 +90,104 @@ class EdgePreservingSolver:
     def _followed(self, measured: NDArray[Any], noise: Floats) -> tuple[NDArray[Any], Floats]:
         """Image on the grid, and the energy of its gradients."""
         start = self._model.given(measured, noise)
-        image = start.mean
+        spectrum = start.mean
         for _ in range(ROUNDS):
-            stiffness = self._tensors.of(image, 1 / (np.pi**2 * start.contrast))
-            image = self._towards_minimum(image, measured, stiffness, start)
-        return image, self._tensors.energy(image)
+            tensors = self._slopes.tensors(spectrum)
+            stiffness = self._slopes.stiffness(tensors, 1 / (np.pi**2 * start.contrast))
+            spectrum = self._towards_minimum(spectrum, measured, stiffness, start)
+        return self._slopes.image(spectrum), self._slopes.tensors(spectrum).energy
 
     def _towards_minimum(
         self,
-        image: NDArray[Any],
+        spectrum: NDArray[Any],
         measured: NDArray[Any],
-        stiffness: "Stiffness",
+        stiffness: Linear,
         start: Posterior,
     ) -> NDArray[Any]:
-        """Some steps of preconditioned conjugate gradients."""
-        rows, weight = self._rows, 1 / start.noise**2
-        misfit = weight * (measured - rows @ image.ravel())
-        residual = (misfit @ rows).reshape(image.shape) - stiffness(image)
-        step = ready = start.covariance(residual)
-        size = np.vdot(residual, ready).real
+        """Some steps of conjugate gradients, preconditioned by the first posterior covariance P.
+
+        The matrix of this round is P^-1 less the 1/f prior's precision plus the stiffness. With
+        P^-1 of the step at hand, carried along as the step itself is, readings do not enter.
+        """
+        precision = self._precision / start.contrast
+        misfit = (measured - self._spectra @ spectrum.ravel()) / start.noise**2
+        residual = (misfit @ self._spectra).reshape(spectrum.shape) - stiffness(spectrum)
+        step, unconditioned = start.covariance(residual), residual
+        size = np.vdot(residual, step).real
         for _ in range(STEPS):
-            curved = ((weight * (rows @ step.ravel())) @ rows).reshape(image.shape)
-            curved = curved + stiffness(step)
+            curved = unconditioned - precision * step + stiffness(step)
             length = size / np.vdot(step, curved).real
-            image = image + length * step
+            spectrum = spectrum + length * step
             residual = residual - length * curved
             ready = start.covariance(residual)
             before, size = size, np.vdot(residual, ready).real
             step = ready + (size / before) * step
-        return image
+            unconditioned = residual + (size / before) * unconditioned
+        return spectrum
 
 
+@dataclass(frozen=True, eq=False)
 class Tensors:
-    """Structure tensors of images on a ``grid``; ``scale`` takes differences to gradients."""
+    """The three different entries (h, w) of the structure tensor at each pixel."""
+
+    vertical: Floats
+    horizontal: Floats
+    across: Floats
+
+    @property
+    def energy(self) -> Floats:
+        """The trace."""
+        return self.vertical + self.horizontal
+
+
+class Slopes:
+    """Images on a ``grid`` and their gradients, of spectra (h, w).
+
+    ``scale``: what differences between pixels are multiplied by.
+    """
 
     def __init__(self, grid: tuple[int, int], scale: tuple[float, float]) -> None:
-        self._scale = scale
+        self._vertical, self._horizontal = (DICTIONARY.atoms(side) for side in grid)
+        self._down = scale[0] * np.diff(self._vertical, axis=0, append=self._vertical[-1:])
+        self._along = scale[1] * np.diff(self._horizontal, axis=0, append=self._horizontal[-1:])
         self._windows = _window(grid[0]), _window(grid[1]).T
 
-    def of(self, image: NDArray[Any], contrast: float) -> "Stiffness":
-        """What holds images back where this one is smooth; see `Stiffness`."""
-        vertical, horizontal, across = self._smoothed(image)
-        determinant = vertical * horizontal - across**2
-        scale = contrast * (vertical + horizontal).mean() / 2 / determinant
-        return Stiffness(scale * horizontal, scale * vertical, -scale * across, self._scale)
+    def image(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """The image of a spectrum."""
+        return np.asarray(self._vertical @ spectrum @ self._horizontal.T)
 
-    def energy(self, image: NDArray[Any]) -> Floats:
-        """Trace of the tensors (h, w)."""
-        vertical, horizontal, _ = self._smoothed(image)
-        return np.asarray(vertical + horizontal)
+    def spectrum(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Spectra of images (..., h, w)."""
+        return np.asarray(self._vertical.T @ image @ self._horizontal)
 
-    def _smoothed(self, image: NDArray[Any]) -> tuple[Floats, Floats, Floats]:
-        down, along = gradient(image, self._scale)
+    def gradient(self, spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Differences to the next pixel down and along, 0 at the last, of a spectrum's image."""
+        down = self._down @ spectrum @ self._horizontal.T
+        return down, self._vertical @ spectrum @ self._along.T
+
+    def tensors(self, spectrum: NDArray[Any]) -> Tensors:
+        """Structure tensors in the Gaussian window, and on their diagonal the mean gradient."""
+        down, along = self.gradient(spectrum)
         mean = (np.abs(down).mean() + np.abs(along).mean()) / 2
         products = np.abs(down) ** 2, np.abs(along) ** 2, (down * np.conj(along)).real
         vertical, horizontal, across = (
             self._windows[0] @ product @ self._windows[1] for product in products
         )
-        return vertical + mean**2, horizontal + mean**2, across
+        return Tensors(vertical + mean**2, horizontal + mean**2, across)
 
+    def stiffness(self, tensors: Tensors, weight: float) -> Linear:
+        """D^T W D of spectra, D the gradient and W the inverse tensors times their mean."""
+        determinant = tensors.vertical * tensors.horizontal - tensors.across**2
+        scale = weight * tensors.energy.mean() / 2 / determinant
+        vertical, horizontal = scale * tensors.horizontal, scale * tensors.vertical
+        across = -scale * tensors.across
 
-class Stiffness:
-    """The matrix D^T W D, D the gradient and W (2, 2) at each pixel; applied to images (h, w)."""
+        def apply(spectrum: NDArray[Any]) -> NDArray[Any]:
+            down, along = self.gradient(spectrum)
+            back = self._down.T @ (vertical * down + across * along) @ self._horizontal
+            return back + self._vertical.T @ (across * down + horizontal * along) @ self._along
 
-    def __init__(
-        self, vertical: Floats, horizontal: Floats, across: Floats, scale: tuple[float, float]
-    ) -> None:
-        self._vertical, self._horizontal, self._across = vertical, horizontal, across
-        self._scale = scale
-
-    def __call__(self, image: NDArray[Any]) -> NDArray[Any]:
-        """The matrix times an image."""
-        down, along = gradient(image, self._scale)
-        return divergence(
-            self._vertical * down + self._across * along,
-            self._across * down + self._horizontal * along,
-            self._scale,
-        )
+        return apply
 
 
 def _window(side: int) -> Floats:
