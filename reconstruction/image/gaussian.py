@@ -13,6 +13,7 @@ every frame: the components U^T T^-1 m of coefficients vary independently, by v 
 """
 
 from collections import OrderedDict
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ MAX_KEPT = 4
 
 
 class Field:
-    """Covariance C of images (H, W), diagonal with ``variance`` (H, W) in separable atoms.
+    """Images (H, W) with independent coefficients of ``variance`` (H, W) in separable atoms.
 
     ``vertical`` (H, H) and ``horizontal`` (W, W) have orthonormal atoms in their columns.
     """
@@ -38,31 +39,22 @@ class Field:
         height, width = variance.shape
         self.shape = height, width
 
-    def __call__(self, images: NDArray[Any]) -> NDArray[Any]:
-        """C of images (..., H, W)."""
-        spectrum = self.vertical.T @ images @ self.horizontal
-        return np.asarray(self.vertical @ (self.variance * spectrum) @ self.horizontal.T)
+    def image(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """The sum of atoms (..., H, W) with these coefficients."""
+        return np.asarray(self.vertical @ spectrum @ self.horizontal.T)
+
+    def spectrum(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Coefficients (..., H, W) of an image."""
+        return np.asarray(self.vertical.T @ image @ self.horizontal)
 
     @property
     def pixel_variance(self) -> Floats:
-        """Diagonal of C, (H, W)."""
+        """Variance of each pixel, (H, W)."""
         return np.asarray(self.vertical**2 @ self.variance @ self.horizontal.T**2)
 
 
-class Spectrum(Field):
-    """The same of spectra (H, W), with respect to the atoms themselves."""
-
-    def __init__(self, variance: Floats) -> None:
-        height, width = variance.shape
-        super().__init__(np.eye(height), np.eye(width), variance)
-
-    def __call__(self, images: NDArray[Any]) -> NDArray[Any]:
-        """C of spectra (..., H, W)."""
-        return np.asarray(self.variance * images)
-
-
 class Posterior:
-    """Of one frame: ``mean`` (H, W), complex where coefficients are, and ``contrast`` v.
+    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are; ``contrast`` v.
 
     ``noise`` (K,) is that of the coefficients, nowhere too small to divide by.
     """
@@ -74,7 +66,7 @@ class Posterior:
         self.noise = noise
         self.contrast = fit_scale(turned, components.spread, rms**2)
         shrinking = self.contrast / (self.contrast * components.spread + rms**2)
-        self.mean = ((shrinking * turned) @ components.images).reshape(components.shape)
+        self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
         self._explained = self.contrast * shrinking
         self._components = components
 
@@ -86,38 +78,43 @@ class Posterior:
         explained = (weights @ components.squared).reshape(components.shape)
         return np.maximum(self.contrast * components.pixel_variance - explained, 0)
 
-    def covariance(self, image: NDArray[Any]) -> NDArray[Any]:
-        """The posterior covariance times an image (H, W)."""
+    def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """The posterior covariance times a spectrum (H, W)."""
         components = self._components
-        explained = (self._explained * (components.images @ image.ravel())) @ components.images
-        return np.asarray(self.contrast * components.field(image) - explained.reshape(image.shape))
+        explained = (self._explained * (components.spectra @ spectrum.ravel())) @ components.spectra
+        prior = self.contrast * components.field.variance * spectrum
+        return np.asarray(prior - explained.reshape(spectrum.shape))
 
 
 class Components:
     """What varies independently in coefficients of which the noise has ``relative`` size (K,).
 
-    ``spread`` (K,): the l above; ``turn`` (K, K): U^T T^-1; ``images`` (K, N): U^T T^-1 R C.
+    ``spread`` (K,): the l above; ``turn`` (K, K): U^T T^-1; ``spectra`` (K, N): U^T T^-1 R C.
     """
 
-    def __init__(self, field: Field, rows: Floats, seen: Floats, relative: Floats) -> None:
+    def __init__(self, field: Field, rows: Floats, relative: Floats) -> None:
         self.field = field
         self.shape = field.shape
+        seen = rows * field.variance.ravel()
         spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
         self.spread: Floats = np.maximum(spread, 0)
         self.turn: Floats = turn.T / relative
-        self.images: Floats = self.turn @ seen
-        self.squared = (self.images**2).astype(np.float32)
+        self.spectra: Floats = self.turn @ seen
         self.pixel_variance = field.pixel_variance
+
+    @cached_property
+    def squared(self) -> NDArray[np.float32]:
+        """Squared images (K, N) of the spectra."""
+        images = self.field.image(self.spectra.reshape(-1, *self.shape))
+        return np.asarray(images**2, np.float32).reshape(self.spectra.shape)
 
 
 class GaussianModel:
-    """Images of covariance v C, of which ``rows`` (K, N) of any length are measured."""
+    """Images of a field, times v, of which ``rows`` (K, N), spectra of any length, are measured."""
 
     def __init__(self, rows: Floats, field: Field) -> None:
         self.field = field
-        self._rows = rows
-        images = rows.reshape(len(rows), *field.shape)
-        self._seen: Floats = field(images).reshape(rows.shape)
+        self.rows = rows
         self._kept: OrderedDict[bytes, Components] = OrderedDict()
 
     def given(self, measured: NDArray[Any], noise: Floats) -> Posterior:
@@ -137,9 +134,7 @@ class GaussianModel:
         key = relative.tobytes()
         if key not in self._kept:
             known = np.isfinite(relative)
-            self._kept[key] = Components(
-                self.field, self._rows[known], self._seen[known], relative[known]
-            )
+            self._kept[key] = Components(self.field, self.rows[known], relative[known])
         self._kept.move_to_end(key)
         if len(self._kept) > MAX_KEPT:
             self._kept.popitem(last=False)

@@ -14,13 +14,11 @@ Shape = tuple[int, int]
 class Grid:
     """Images of the lowest ``shape`` (h, w) frequencies of finer ones, as pixels of their own.
 
-    The way there and back leaves the length of an image as it is, so that pixels become larger by
-    `scale`.
+    `finer` leaves the length of an image as it is, so that its values become smaller by `scale`.
     """
 
     def __init__(self, shape: Shape, finer: Shape) -> None:
         self.shape = shape
-        self.same = shape == finer
         self.scale = float(np.sqrt(finer[0] * finer[1] / (shape[0] * shape[1])))
         self._down, self._across = (
             DICTIONARY.atoms(side)[:, :fewer] @ DICTIONARY.atoms(fewer).T
@@ -29,11 +27,7 @@ class Grid:
 
     def finer(self, image: NDArray[Any]) -> NDArray[Any]:
         """An image (h, w) on the finer grid."""
-        return image if self.same else np.asarray(self._down @ image @ self._across.T)
-
-    def coarser(self, image: NDArray[Any]) -> NDArray[Any]:
-        """The low frequencies of a finer image on this grid, (h, w)."""
-        return image if self.same else np.asarray(self._down.T @ image @ self._across)
+        return np.asarray(self._down @ image @ self._across.T)
 
     def finer_density(self, image: Floats) -> Floats:
         """What is the same for pixels of any size, as a relative variance, on the finer grid."""

@@ -21,21 +21,17 @@ def field():
 
 
 @pytest.fixture(scope="module")
-def rows():
+def rows(field):
+    """Spectra of what 39 patterns see."""
     operator = decoder_for(make_plan(SHAPE, 40, polarity="signed")).operator
-    images = np.eye(128).reshape(-1, *SHAPE)
+    images = field.image(np.eye(128).reshape(-1, *SHAPE))
     return operator.forward(images).T[1:] / operator.row_length
 
 
-def dense(field):
-    return field(np.eye(128).reshape(-1, *SHAPE)).reshape(128, 128)
-
-
 def drawn(field, contrast, seed):
-    """An image of this covariance."""
+    """The spectrum of an image of this variance."""
     white = np.random.default_rng(seed).standard_normal(SHAPE)
-    spectrum = np.sqrt(contrast * field.variance) * white
-    return field.vertical @ spectrum @ field.horizontal.T
+    return np.sqrt(contrast * field.variance) * white
 
 
 @pytest.mark.parametrize("noise", ["even", "uneven", "one unknown"])
@@ -47,11 +43,13 @@ def test_the_posterior_is_that_of_the_joint_covariance(field, rows, noise):
         sigma[7], measured[7] = np.inf, 0
     posterior = GaussianModel(rows, field).given(measured, sigma)
     known = np.isfinite(sigma)
-    prior, seen = posterior.contrast * dense(field), rows[known]
+    prior, seen = posterior.contrast * np.diag(field.variance.ravel()), rows[known]
     gain = np.linalg.solve(seen @ prior @ seen.T + np.diag(sigma[known] ** 2), seen @ prior).T
     covariance = prior - gain @ seen @ prior
     np.testing.assert_allclose(posterior.mean.ravel(), gain @ measured[known], rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(posterior.variance.ravel(), np.diag(covariance), rtol=1e-4)
+    pixels = field.image(np.eye(128).reshape(-1, *SHAPE)).reshape(128, 128).T
+    in_pixels = np.diag(pixels @ covariance @ pixels.T)
+    np.testing.assert_allclose(posterior.variance.ravel(), in_pixels, rtol=1e-4)
     image = rng.standard_normal(SHAPE)
     np.testing.assert_allclose(
         posterior.covariance(image).ravel(), covariance @ image.ravel(), rtol=1e-3, atol=1e-3
@@ -66,7 +64,8 @@ def test_errors_have_the_variance_that_is_told(field, rows):
         image = drawn(field, 50.0, seed)
         noise = sigma * np.random.default_rng(10_000 + seed).standard_normal(39)
         posterior = model.given(rows @ image.ravel() + noise, np.full(39, sigma))
-        ratios.append(np.mean((posterior.mean - image) ** 2) / posterior.variance.mean())
+        error = field.image(posterior.mean - image)
+        ratios.append(np.mean(error**2) / posterior.variance.mean())
     z = (np.mean(ratios) - 1) / (np.std(ratios) / np.sqrt(len(ratios)))
     assert abs(z) < 4
 
@@ -83,11 +82,10 @@ def test_contrast_is_found(field, rows):
     assert abs(z) < 4
 
 
-def test_a_coarser_grid_keeps_length_and_knows_its_way_back():
+def test_a_coarser_grid_keeps_length():
     grid = Grid((4, 6), SHAPE)
     image = np.random.default_rng(0).standard_normal((4, 6))
     assert np.linalg.norm(grid.finer(image)) == pytest.approx(np.linalg.norm(image))
-    np.testing.assert_allclose(grid.coarser(grid.finer(image)), image, atol=1e-12)
     np.testing.assert_allclose(grid.finer_density(np.ones((4, 6))), np.ones(SHAPE))
 
 
@@ -103,8 +101,9 @@ def test_least_squares_on_a_grid_is_nearly_that_on_all_pixels(monkeypatch):
     coefficients = Coefficients(operator.forward(image), np.full(128, 1.0))
     exact = image_method("least-squares").compile(operator)(coefficients)
     monkeypatch.setattr(least_squares, "MOST", 127 * 32 * 32)
-    solver = image_method("least-squares").compile(operator)
-    assert solver.grid.shape == (32, 32)
+    anew = decoder_for(make_plan(image.shape, 128, polarity="signed")).operator
+    solver = image_method("least-squares").compile(anew)
+    assert solver.model.field.variance.shape == (32, 32)
     coarse = solver(coefficients)
     assert correlation(coarse.image, exact.image) > 0.995
     np.testing.assert_allclose(coarse.deviation.mean(), exact.deviation.mean(), rtol=0.05)

@@ -27,7 +27,7 @@ from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
-from ..gaussian import GaussianModel, Posterior, Spectrum
+from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import Grid, at_most, band
 from ..method import Estimate
 from .least_squares import METHOD as LEAST_SQUARES
@@ -58,44 +58,49 @@ class EdgePreservingSolver:
     """Holds what depends on the operator alone."""
 
     def __init__(self, operator: MeasurementOperator) -> None:
-        self._linear = linear = LEAST_SQUARES.compile(operator)
-        field = linear.field
-        high, wide = band(linear.seen, SEEN)
-        height, width = at_most((2 * high, 2 * wide), field.shape)
-        self._grid = Grid((height, width), field.shape)
-        rows = self._grid.coarser(linear.rows.reshape(len(linear.rows), *field.shape))
+        self._linear = LEAST_SQUARES.compile(operator)
+        model = self._linear.model
+        sides = operator.image_shape
+        all_of_them = model.field.variance.shape[0], model.field.variance.shape[1]
+        high, wide = band(self._linear.seen, SEEN)
+        self._grid = Grid(at_most((2 * high, 2 * wide), all_of_them), sides)
+        height, width = self._grid.shape
         # The 1/f prior is in frequencies per two pixels of the image, of which a cosine of one
         # has gradients of pi: differences on the grid are taken back to these pixels.
-        sides = operator.image_shape
-        self._slopes = Slopes((height, width), (height / sides[0], width / sides[1]))
-        variance = field.variance[:height, :width]
-        self._spectra: Floats = self._slopes.spectrum(rows).reshape(len(rows), height * width)
-        self._model = GaussianModel(self._spectra, Spectrum(variance))
+        self._slopes = Slopes(self._grid.shape, (height / sides[0], width / sides[1]))
+        variance = model.field.variance[:height, :width]
         self._precision = np.divide(1, variance, out=np.zeros_like(variance), where=variance > 0)
+        self._model = model
+        if self._grid.shape != all_of_them:
+            low = model.rows.reshape(-1, *all_of_them)[:, :height, :width]
+            vertical, horizontal = self._slopes.atoms
+            field = Field(vertical, horizontal, variance)
+            self._model = GaussianModel(low.reshape(len(model.rows), height * width), field)
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image whose edges agree with itself."""
-        linear, grid = self._linear, self._grid
+        linear = self._linear
         start = linear.posterior(coefficients)
         if start is None:
             return linear.flat(coefficients)
         measured, noise = linear.varying(coefficients)
-        fine = start.mean - grid.finer(grid.coarser(start.mean))
-        image, energy = self._followed(measured - linear.rows @ fine.ravel(), noise)
-        unevenness = grid.finer_density(energy / energy.mean())
-        variance = linear.variance(start, start.variance * unevenness)
-        followed = linear.grid.finer(fine + grid.finer(image))
-        return linear.with_level(followed, variance, coefficients)
+        height, width = self._grid.shape
+        spectrum = start.mean.copy()
+        spectrum[:height, :width] = 0
+        left = measured - linear.model.rows @ spectrum.ravel()
+        spectrum[:height, :width], energy = self._followed(left, noise)
+        unevenness = self._grid.finer_density(energy / energy.mean())
+        return linear.estimate(spectrum, linear.variance(start) * unevenness, coefficients)
 
     def _followed(self, measured: NDArray[Any], noise: Floats) -> tuple[NDArray[Any], Floats]:
-        """Image on the grid, and the energy of its gradients."""
+        """Spectrum on the grid, and the energy of its gradients."""
         start = self._model.given(measured, noise)
         spectrum = start.mean
         for _ in range(ROUNDS):
             tensors = self._slopes.tensors(spectrum)
             stiffness = self._slopes.stiffness(tensors, 1 / (np.pi**2 * start.contrast))
             spectrum = self._towards_minimum(spectrum, measured, stiffness, start)
-        return self._slopes.image(spectrum), self._slopes.tensors(spectrum).energy
+        return spectrum, self._slopes.tensors(spectrum).energy
 
     def _towards_minimum(
         self,
@@ -110,8 +115,9 @@ class EdgePreservingSolver:
         P^-1 of the step at hand, carried along as the step itself is, readings do not enter.
         """
         precision = self._precision / start.contrast
-        misfit = (measured - self._spectra @ spectrum.ravel()) / start.noise**2
-        residual = (misfit @ self._spectra).reshape(spectrum.shape) - stiffness(spectrum)
+        rows = self._model.rows
+        misfit = (measured - rows @ spectrum.ravel()) / start.noise**2
+        residual = (misfit @ rows).reshape(spectrum.shape) - stiffness(spectrum)
         step, unconditioned = start.covariance(residual), residual
         size = np.vdot(residual, step).real
         for _ in range(STEPS):
@@ -141,24 +147,17 @@ class Tensors:
 
 
 class Slopes:
-    """Images on a ``grid`` and their gradients, of spectra (h, w).
+    """Gradients of images on a ``grid``, of their spectra (h, w).
 
     ``scale``: what differences between pixels are multiplied by.
     """
 
     def __init__(self, grid: tuple[int, int], scale: tuple[float, float]) -> None:
         self._vertical, self._horizontal = (DICTIONARY.atoms(side) for side in grid)
+        self.atoms = self._vertical, self._horizontal
         self._down = scale[0] * np.diff(self._vertical, axis=0, append=self._vertical[-1:])
         self._along = scale[1] * np.diff(self._horizontal, axis=0, append=self._horizontal[-1:])
         self._windows = _window(grid[0]), _window(grid[1]).T
-
-    def image(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """The image of a spectrum."""
-        return np.asarray(self._vertical @ spectrum @ self._horizontal.T)
-
-    def spectrum(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Spectra of images (..., h, w)."""
-        return np.asarray(self._vertical.T @ image @ self._horizontal)
 
     def gradient(self, spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
         """Differences to the next pixel down and along, 0 at the last, of a spectrum's image."""

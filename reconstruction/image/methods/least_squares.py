@@ -17,14 +17,14 @@ from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
 from ..dictionary import Dictionary
 from ..gaussian import Field, GaussianModel, Posterior
-from ..grid import Grid, at_most, band
+from ..grid import at_most, band
 from ..method import Estimate
 from ..prior import Prior
 
 MOST = 2**23
-"""Numbers in the rows on a grid, at most."""
+"""Numbers in the spectra of rows, at most."""
 SEEN = 0.99
-"""Share of what the patterns see that a grid holds at least."""
+"""Share of what the rows see that the frequencies hold at least."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,9 @@ def _compiled(operator: MeasurementOperator, dictionary: Dictionary) -> "LeastSq
 class LeastSquaresSolver:
     """Holds what depends on the operator alone.
 
-    ``rows`` (K, n) and ``field`` are those of images on the ``grid``, which has all pixels unless
-    that were more than `MOST` numbers.
+    ``model`` is of the spectra of images, of which the highest frequencies are left out where all
+    rows and frequencies were more than `MOST` numbers. ``seen`` (H, W): how much of each the rows
+    see, over all images.
     """
 
     def __init__(self, operator: MeasurementOperator, dictionary: Dictionary) -> None:
@@ -56,60 +57,51 @@ class LeastSquaresSolver:
         prior = Prior(operator, dictionary)
         variance = prior.deviation**2
         self.seen: Floats = prior.atoms.by_atom() * variance
-        self.grid = Grid(_sides(self.seen, len(prior.expected)), operator.image_shape)
-        height, width = shape = self.grid.shape
-        vertical, horizontal = dictionary.atoms(height), dictionary.atoms(width)
-        self.field = Field(vertical, horizontal, variance[:height, :width])
+        tall, wide = (dictionary.atoms(side) for side in operator.image_shape)
+        height, width = shape = _sides(self.seen, len(prior.expected))
         lowest = np.indices(shape).reshape(2, -1)
-        spectra = prior.atoms.of((lowest[0], lowest[1]))
-        pixels = vertical @ spectra.reshape(len(spectra), *shape) @ horizontal.T
-        self.rows: Floats = pixels.reshape(spectra.shape)
-        self.model = GaussianModel(self.rows, self.field)
-        self._finer_variance: Floats = np.zeros(operator.image_shape)
-        if not self.grid.same:
-            finer = variance.copy()
-            finer[:height, :width] = 0
-            tall, wide = (dictionary.atoms(side) for side in operator.image_shape)
-            self._finer_variance = Field(tall, wide, finer).pixel_variance
+        self.model = GaussianModel(
+            prior.atoms.of((lowest[0], lowest[1])),
+            Field(tall[:, :height], wide[:, :width], variance[:height, :width]),
+        )
+        higher = variance.copy()
+        higher[:height, :width] = 0
+        self._higher: Floats = Field(tall, wide, higher).pixel_variance
         self._level_image: Floats | None = None
         if operator.level is not None:
-            self._level_image = operator.least_energy(
-                np.eye(1, operator.shape[0], operator.level)[0]
-            )
+            units = np.eye(1, operator.shape[0], operator.level)
+            self._level_image = operator.least_energy(units[0])
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The most probable image."""
         posterior = self.posterior(coefficients)
         if posterior is None:
             return self.flat(coefficients)
-        image = self.grid.finer(posterior.mean)
-        return self.with_level(image, self.variance(posterior, posterior.variance), coefficients)
+        return self.estimate(posterior.mean, self.variance(posterior), coefficients)
 
     def flat(self, coefficients: Coefficients) -> Estimate:
         """The level alone."""
-        return self.with_level(np.zeros(self.operator.image_shape), None, coefficients)
+        return self.estimate(np.zeros(self.model.field.variance.shape), None, coefficients)
 
     def posterior(self, coefficients: Coefficients) -> Posterior | None:
         """What coefficients other than the level tell; None where all that are known are 0."""
         measured, noise = self.varying(coefficients)
         return self.model.given(measured, noise) if measured.any() else None
 
-    def variance(self, posterior: Posterior, on_grid: Floats) -> Floats:
-        """Variance of pixels (H, W), of that on the grid."""
-        if self.grid.same:
-            return on_grid
-        known = self.grid.finer_density(on_grid) / self.grid.scale**2
-        return known + posterior.contrast * self._finer_variance
+    def variance(self, posterior: Posterior) -> Floats:
+        """Variance of each pixel (H, W)."""
+        return posterior.variance + posterior.contrast * self._higher
 
     def varying(self, coefficients: Coefficients) -> tuple[NDArray[Any], Floats]:
         """Coefficients other than the level, of rows of length 1, and their noise."""
         varying, length = self.operator.varying, self.operator.row_length
         return coefficients.values[varying] / length, coefficients.noise[varying] / length
 
-    def with_level(
-        self, image: NDArray[Any], variance: Floats | None, coefficients: Coefficients
+    def estimate(
+        self, spectrum: NDArray[Any], variance: Floats | None, coefficients: Coefficients
     ) -> Estimate:
-        """The estimate of an image (H, W) that has no level yet, and of its variance."""
+        """The image of a spectrum, and of the level, with the ``variance`` (H, W) of the former."""
+        image = self.model.field.image(spectrum)
         level = self.operator.level
         if self._level_image is None or level is None or not coefficients.measured[level]:
             return Estimate(image, None if variance is None else np.sqrt(variance))
@@ -121,7 +113,7 @@ class LeastSquaresSolver:
 
 
 def _sides(seen: Floats, rows: int) -> tuple[int, int]:
-    """Sides of the finest grid on which ``rows`` rows are few enough numbers."""
+    """How many of the lowest frequencies of ``rows`` rows are few enough numbers."""
     height, width = seen.shape
     if rows * height * width <= MOST:
         return height, width

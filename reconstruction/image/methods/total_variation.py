@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
+from ..gaussian import GaussianModel
 from ..gradient import divergence, gradient
 from ..method import Estimate
 from .least_squares import METHOD as LEAST_SQUARES
@@ -51,30 +52,32 @@ class TotalVariationSolver:
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image; how far off a pixel is total variation does not tell."""
         measured, noise = self._linear.varying(coefficients)
-        known = np.isfinite(noise)
         start = self._linear.posterior(coefficients)
         if start is None:
             return self._linear.flat(coefficients)
-        near = Near(self._linear.rows[known], measured[known], noise[known])
-        image = self._linear.grid.finer(_least_edges(start.mean, near))
-        return self._linear.with_level(image, None, coefficients)
+        near = Near(self._linear.model, measured, noise)
+        field = self._linear.model.field
+        edges = _least_edges(field.image(start.mean), near)
+        return self._linear.estimate(field.spectrum(edges), None, coefficients)
 
 
 class Near:
-    """Images that agree with coefficients (K,) of orthonormal ``rows`` (K, N) within the noise."""
+    """Images that agree with coefficients (K,) of a model's orthonormal rows within the noise."""
 
-    def __init__(self, rows: Floats, measured: NDArray[Any], noise: Floats) -> None:
-        self._rows, self._measured = rows, measured
-        self._radius = float(np.sqrt((noise**2).sum()))
+    def __init__(self, model: GaussianModel, measured: NDArray[Any], noise: Floats) -> None:
+        known = np.isfinite(noise)
+        self._field, self._rows = model.field, model.rows[known]
+        self._measured = measured[known]
+        self._radius = float(np.linalg.norm(noise[known]))
 
     def nearest(self, image: NDArray[Any]) -> NDArray[Any]:
         """The nearest of them to an image (H, W)."""
-        misfit = self._rows @ image.ravel() - self._measured
+        misfit = self._rows @ self._field.spectrum(image).ravel() - self._measured
         length = float(np.linalg.norm(misfit))
         if length <= self._radius:
             return image
         excess = misfit * (1 - self._radius / length)
-        return image - (excess @ self._rows).reshape(image.shape)
+        return image - self._field.image((excess @ self._rows).reshape(self._field.variance.shape))
 
 
 def _least_edges(image: NDArray[Any], near: Near) -> NDArray[Any]:
