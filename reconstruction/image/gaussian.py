@@ -75,8 +75,9 @@ class Posterior:
         """Of each pixel (H, W)."""
         components = self._components
         weights = self._explained.astype(np.float32)
-        explained = (weights @ components.squared).reshape(components.shape)
-        return np.maximum(self.contrast * components.pixel_variance - explained, 0)
+        prior = components.pixel_variance
+        explained = (weights @ components.squared).reshape(prior.shape)
+        return np.maximum(self.contrast * prior - explained, 0)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
         """The posterior covariance times a spectrum (H, W)."""
@@ -106,7 +107,7 @@ class Components:
     def squared(self) -> NDArray[np.float32]:
         """Squared images (K, N) of the spectra."""
         images = self.field.image(self.spectra.reshape(-1, *self.shape))
-        return np.asarray(images**2, np.float32).reshape(self.spectra.shape)
+        return np.asarray(images**2, np.float32).reshape(len(images), -1)
 
 
 class GaussianModel:
