@@ -39,7 +39,7 @@ class Reconstructor:
         self, setup: Setup, *, image: Names = None, ranging: Names = None, depth: Names = None
     ) -> None:
         self.setup = setup
-        self._imaging = Imaging(setup.plan)
+        self._imaging = Imaging(*setup.plans)
         everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
         self._images = _image_names(image, everything)
         self._rangings = _rangings(ranging, setup)
@@ -92,7 +92,7 @@ class Reconstructor:
     ) -> Result:
         timings: dict[str, float] = {}
         with timed(timings, "decoding"):
-            readings = self._imaging.of(usable)
+            readings = self._imaging.of(usable, frame.first)
             if not readings.decoder.index.size:
                 raise InputError(
                     f"frame {frame.first}: every pattern rests on a saturated reading, so there is "

@@ -18,7 +18,7 @@ from scipy.special import erf
 from reconstruction.arrays import Floats
 from reconstruction.capture import read_capture
 from reconstruction.errors import InputError
-from reconstruction.operators import BASES, Basis, PatternPlan, make_plan
+from reconstruction.operators import BASES, Basis, PatternPlan, interleaved, make_plan
 from spisim.config import Count, NonNegative, Number, Positive, Section
 from spisim.config.files import check_is_there, read_npy
 from spisim.instrument.demodulation import Modulation
@@ -116,20 +116,41 @@ def _light_is_not_negative(polarity: Any) -> Any:
     return polarity
 
 
+#: Frames until patterns repeat; a memory of hundreds of frames is one of a still scene.
+MAX_INTERLEAVED = 256
+
+
 class Plan(Section):
     """Which patterns are shown; see `reconstruction.make_plan`.
 
     A basis that no shape tells, such as "dense", needs `patterns_file`: transmittances from 0 to 1,
     (patterns, rows, columns), as an NPY file beside this one, or a capture that has shown them.
+
+    With `interleave` frames differ: each shows the first patterns of the order, `common` of them as
+    a share, and of the next ones those that are its own, until so many frames have shown all.
     """
 
-    patterns: Count
+    patterns: Count  # of each frame
     order: str
     polarity: Annotated[
         Literal["differential", "single-ended"], BeforeValidator(_light_is_not_negative)
     ]
     basis: str = "hadamard"
     patterns_file: Path | None = None
+    interleave: Annotated[Count, Field(le=MAX_INTERLEAVED)] = 1
+    common: Annotated[Number, Field(ge=0, le=1)] = 0.5
+
+    def cycle(self, shape: tuple[int, int]) -> tuple[PatternPlan, ...]:
+        """The plans of successive frames, over and over; InputError where there are none."""
+        if self.interleave == 1:
+            return (self.of_shape(shape),)
+        shared = max(1, round(self.common * self.patterns))
+        patterns = shared + self.interleave * (self.patterns - shared)
+        try:
+            whole = self.model_copy(update={"patterns": patterns}).of_shape(shape)
+        except InputError as error:
+            raise InputError(f"interleave {self.interleave}: {error}") from None
+        return interleaved(whole, self.interleave, shared)
 
     def of_shape(self, shape: tuple[int, int]) -> PatternPlan:
         """The plan of patterns of this shape; InputError where there is none."""

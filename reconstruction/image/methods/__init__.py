@@ -6,22 +6,25 @@ from typing import Any, cast
 from ...errors import InputError
 from ...registry import Registry
 from ..dictionaries import DICTIONARIES
-from ..method import ImageMethod
+from ..method import CarryingMethod, ImageMethod
 
-IMAGE_METHODS: Registry[ImageMethod] = Registry(
+IMAGE_METHODS: Registry[ImageMethod | CarryingMethod] = Registry(
     "image method", package=__name__, attribute="METHOD", group="reconstruction.images"
 )
 
 
-def image_method(name: str) -> ImageMethod:
+def image_method(name: str) -> ImageMethod | CarryingMethod:
     """Method of this name; ``method:dictionary`` is one with another dictionary than its own.
 
-    Raises InputError for unknown names, and a method that has no dictionary.
+    What stands behind the colon of one that carries is the method that makes its images, as in
+    ``recursive:pursuit``. Raises InputError for unknown names, and a method that has no dictionary.
     """
     name, colon, dictionary = name.partition(":")
     method: Any = IMAGE_METHODS[name]
     if not colon:
         return cast(ImageMethod, method)
+    if hasattr(method, "inner"):
+        return cast(CarryingMethod, replace(method, inner=dictionary))
     if not hasattr(method, "dictionary"):
         raise InputError(f"image method {name!r} uses no dictionary; {dictionary!r} is not needed")
     return cast(ImageMethod, replace(method, dictionary=DICTIONARIES[dictionary]))
