@@ -10,7 +10,14 @@ from .arrays import Floats
 from .capture import Frames, Recording, Setup
 from .depth import DEPTH_METHODS, Context, View, depth_method, lacks, range_over_depth
 from .errors import InputError
-from .image import IMAGE_METHODS, Coefficients, Imaging, UsableReadings, image_method
+from .image import (
+    IMAGE_METHODS,
+    CarryingMethod,
+    Coefficients,
+    Imaging,
+    UsableReadings,
+    image_method,
+)
 from .ranging import RANGING_METHODS, Ranges, RangingSolver, Status, ranging_method, reads
 from .result import Image, Result
 from .timing import timed
@@ -18,11 +25,14 @@ from .timing import timed
 Names = str | Sequence[str] | None
 """Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
 
-Among several, ``usual`` stands for those.
+Among several, ``usual`` stands for those. ``all`` has no image methods that carry something from
+frame to frame: their images depend on which frames were reconstructed before.
 """
 
 USUAL_IMAGES = ("pursuit", "zero-filled")
 USUAL_DEPTHS = ("anchored", "nearest", "dense")
+LEAD = 64
+"""Frames before one from which methods that carry something from frame to frame learn."""
 
 
 class Reconstructor:
@@ -155,15 +165,38 @@ def reconstruct(
 ) -> Result:
     """Reconstruct one frame of a recording; see `Reconstructor`.
 
-    Raises InputError if there is no such frame or nothing usable in it.
+    Methods that carry something from frame to frame begin `LEAD` frames before it. Raises
+    InputError if there is no such frame or nothing usable in it.
     """
-    frames = recording.batch(frame, frame + 1)
-    return Reconstructor(recording.setup, image=image, ranging=ranging, depth=depth)(frames)
+    recording.batch(frame, frame + 1)  # told before any other
+    reconstructor = Reconstructor(recording.setup, image=image, ranging=ranging, depth=depth)
+    for earlier in range(frame - lead(frame, image, ranging), frame):
+        reconstructor(recording.batch(earlier, earlier + 1))
+    return reconstructor(recording.batch(frame, frame + 1))
+
+
+def lead(frame: int, image: Names = None, ranging: Names = None) -> int:
+    """Number of frames before one that methods of these names have to have seen."""
+    carried = any(
+        carries
+        for names, carries_any in ((image, _carries), (ranging, _ranging_carries))
+        for carries in map(carries_any, _listed(names, (), (), bool))
+    )
+    return min(LEAD, frame) if carried else 0
+
+
+def _carries(name: str) -> bool:
+    return isinstance(image_method(name), CarryingMethod)
+
+
+def _ranging_carries(name: str) -> bool:
+    return bool(getattr(RANGING_METHODS[name], "carries", False))
 
 
 def _image_names(names: Names, readings: UsableReadings) -> list[str]:
     def fits(name: str) -> bool:
-        image_method(name)  # one that cannot be loaded is told
+        if _carries(name):  # one that cannot be loaded is told
+            return False
         try:
             readings.solver(name)
         except InputError:

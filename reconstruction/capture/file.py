@@ -1,6 +1,6 @@
 """The capture file (see docs/capture-format.md): written whole, read whole or frame by frame."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
@@ -185,19 +185,11 @@ class CaptureFile:
 
 
 def _write(file: h5py.File, capture: Capture) -> None:
-    provenance, plan = capture.provenance, capture.plan
-    plans = capture.setup.plans
+    provenance = capture.provenance
     hdf5.put_format(file, FORMAT)
     for name in ("source", "software", "created"):
         hdf5.put_attribute(file, name, getattr(provenance, name))
-    hdf5.put(file, "patterns/shape", np.array(plan.shape, np.int32), "1")
-    for name in ("index", "polarity"):
-        shown = np.stack([getattr(each, name) for each in plans])
-        hdf5.put(file, f"patterns/{name}", shown if capture.later_plans else shown[0], "1")
-    for name in ("basis", "order"):
-        hdf5.put(file, f"patterns/{name}", getattr(plan, name), "1")
-    for name in plan.patterns.arrays:
-        hdf5.put(file, f"patterns/{name}", getattr(plan.patterns, name), "1")
+    _write_plans(file, capture.setup.plans)
     for group in PARTS:
         part = getattr(capture, group)
         if part is not None:
@@ -211,6 +203,18 @@ def _write(file: h5py.File, capture: Capture) -> None:
         hdf5.put(file, f"provenance/{name}", getattr(provenance, name), "1")
     if provenance.seed is not None:
         hdf5.put(file, "provenance/seed", np.int64(provenance.seed), "1")
+
+
+def _write_plans(file: h5py.File, plans: Sequence[PatternPlan]) -> None:
+    first = plans[0]
+    hdf5.put(file, "patterns/shape", np.array(first.shape, np.int32), "1")
+    for name in ("index", "polarity"):
+        shown = np.stack([getattr(plan, name) for plan in plans])
+        hdf5.put(file, f"patterns/{name}", shown if len(plans) > 1 else shown[0], "1")
+    for name in ("basis", "order"):
+        hdf5.put(file, f"patterns/{name}", getattr(first, name), "1")
+    for name in first.patterns.arrays:
+        hdf5.put(file, f"patterns/{name}", getattr(first.patterns, name), "1")
 
 
 def _read_plans(file: hdf5.Contents) -> list[PatternPlan]:

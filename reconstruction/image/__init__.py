@@ -4,7 +4,7 @@ from .coefficients import CoefficientDecoder, Coefficients
 from .dictionaries import DICTIONARIES
 from .dictionary import Dictionary
 from .imaging import Imaging, UsableReadings
-from .method import ImageMethod, ImageSolver
+from .method import CarryingMethod, ImageMethod, ImageSolver
 from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp
 from .prior import Prior, fit_variance
@@ -13,6 +13,7 @@ from .shared_errors import without_shared_errors
 __all__ = [
     "DICTIONARIES",
     "IMAGE_METHODS",
+    "CarryingMethod",
     "CoefficientDecoder",
     "Coefficients",
     "Dictionary",

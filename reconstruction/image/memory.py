@@ -31,10 +31,12 @@ from .prior import fit_scale
 
 DISTANCES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)
 """Pixels that the image may shift by from one frame to the next, rms along either axis."""
-CUT = 0.02
-"""Probability that the next frame shows something else."""
-CHANGE = np.exp(-1.5)
-"""Probability of the next larger or smaller distance over that of the same."""
+FARTHER = 0.6
+"""Probability of each distance beforehand, over that of the one before it."""
+CUT = 0.05
+"""Probability beforehand that a frame shows something else than the one before it."""
+CHANGE = 0.2
+"""Probability that the scene moves otherwise than before, as it may beforehand."""
 LEVEL = 100.0
 """Variance of the level over that of the coefficient that varies most."""
 LEAST_NOISE = 1e-4
@@ -50,12 +52,9 @@ class Memory:
     def __init__(self, operator: MeasurementOperator) -> None:
         self.operator = operator
         self._expected, self._left = _expected_and_left(operator)
-        distances = len(self._left)
-        near = CHANGE ** np.abs(np.subtract.outer(np.arange(distances), np.arange(distances)))
-        self._chain = (1 - CUT) * near / near.sum(axis=1, keepdims=True)
-        self._chain[:, -1] += CUT
-        self._chain[-1] = 1 / distances  # after a cut any is as likely
-        self.weights = np.full(distances, 1 / distances)
+        near = FARTHER ** np.arange(len(DISTANCES))
+        self._beforehand = np.append((1 - CUT) * near / near.sum(), CUT)
+        self.weights = self._beforehand
         self._values: NDArray[np.inexact] = np.zeros(operator.shape[0])
         self._precision = np.zeros(operator.shape[0])
 
@@ -104,7 +103,8 @@ class Memory:
         variance = (1 - left**2 * rho[rows]) * prior[rows] + noise
         error = np.abs(values - left * (rho * self._values)[rows]) ** 2
         evidence = -(error / variance + np.log(variance)).sum(axis=1) / 2
-        weights = (self.weights @ self._chain) * np.exp(evidence - evidence.max())
+        expected = (1 - CHANGE) * self.weights + CHANGE * self._beforehand
+        weights = expected * np.exp(evidence - evidence.max())
         self.weights = weights / weights.sum()
         mean = (self.weights @ self._left) * rho * self._values
         rho = (self.weights @ self._left**2) * rho

@@ -26,10 +26,11 @@ class ImageMethod(Protocol):
 
 
 @runtime_checkable
-class CarryingMethod(Protocol):
-    """A method whose images rest on earlier frames too: of frames that are taken in their order."""
+class CarryingMethod(ImageMethod, Protocol):
+    """A method whose images rest on earlier frames too, of frames that are taken in their order.
 
-    title: str
+    What `compile` makes knows of no others.
+    """
 
     def begin(self, operators: Sequence[MeasurementOperator]) -> ImageMethod:
         """The method of one recording, which holds what it carries.

@@ -6,14 +6,14 @@ from typing import Any, cast
 from ...errors import InputError
 from ...registry import Registry
 from ..dictionaries import DICTIONARIES
-from ..method import CarryingMethod, ImageMethod
+from ..method import ImageMethod
 
-IMAGE_METHODS: Registry[ImageMethod | CarryingMethod] = Registry(
+IMAGE_METHODS: Registry[ImageMethod] = Registry(
     "image method", package=__name__, attribute="METHOD", group="reconstruction.images"
 )
 
 
-def image_method(name: str) -> ImageMethod | CarryingMethod:
+def image_method(name: str) -> ImageMethod:
     """Method of this name; ``method:dictionary`` is one with another dictionary than its own.
 
     What stands behind the colon of one that carries is the method that makes its images, as in
@@ -24,7 +24,7 @@ def image_method(name: str) -> ImageMethod | CarryingMethod:
     if not colon:
         return cast(ImageMethod, method)
     if hasattr(method, "inner"):
-        return cast(CarryingMethod, replace(method, inner=dictionary))
+        return cast(ImageMethod, replace(method, inner=dictionary))
     if not hasattr(method, "dictionary"):
         raise InputError(f"image method {name!r} uses no dictionary; {dictionary!r} is not needed")
     return cast(ImageMethod, replace(method, dictionary=DICTIONARIES[dictionary]))

@@ -7,8 +7,10 @@ cut it is that of the single frame. See `reconstruction.image.memory`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...operators import MeasurementOperator, RowOperator
@@ -25,21 +27,29 @@ class Recursive:
     title = "recursive"
     inner: str = "least-squares"
 
+    def compile(self, operator: MeasurementOperator) -> ImageSolver:
+        """The inner method's solver, of frames that have no others before them."""
+        return self._method.compile(operator)
+
     def begin(self, operators: Sequence[MeasurementOperator]) -> ImageMethod:
         """The method of one recording.
 
         Raises InputError where patterns are not of an orthogonal basis, and as the inner method.
         """
-        method = image_method(self.inner)
-        if isinstance(method, CarryingMethod):
-            raise InputError(f"image method 'recursive:{self.inner}': one memory is enough")
         rows = [each for each in operators if isinstance(each, RowOperator)]
         if len(rows) < len(operators):
             raise InputError(
                 "image method 'recursive' needs patterns of an orthogonal basis, such as Hadamard's"
             )
         index = np.unique(np.concatenate([each.index for each in rows]))
-        return _Remembering(method, RowOperator(rows[0].basis, index))
+        return _Remembering(self._method, RowOperator(rows[0].basis, index))
+
+    @property
+    def _method(self) -> ImageMethod:
+        method = image_method(self.inner)
+        if isinstance(method, CarryingMethod):
+            raise InputError(f"image method 'recursive:{self.inner}': one memory is enough")
+        return method
 
 
 class _Remembering:
@@ -57,7 +67,7 @@ class _Remembering:
         assert isinstance(operator, RowOperator)
         rows = np.searchsorted(self._operator.index, operator.index)
 
-        def solve(coefficients: Coefficients) -> np.ndarray:
+        def solve(coefficients: Coefficients) -> NDArray[Any]:
             return self._inner(self._memory.take(rows, coefficients))
 
         return solve
