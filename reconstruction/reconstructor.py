@@ -14,6 +14,7 @@ from .image import (
     IMAGE_METHODS,
     CarryingMethod,
     Coefficients,
+    Estimate,
     Imaging,
     UsableReadings,
     image_method,
@@ -29,7 +30,7 @@ Among several, ``usual`` stands for those. ``all`` has no image methods that car
 frame to frame: their images depend on which frames were reconstructed before.
 """
 
-USUAL_IMAGES = ("pursuit", "zero-filled")
+USUAL_IMAGES = ("edge-preserving", "pursuit", "zero-filled")
 USUAL_DEPTHS = ("anchored", "nearest", "dense")
 LEAD = 64
 """Frames before one from which methods that carry something from frame to frame learn."""
@@ -112,10 +113,13 @@ class Reconstructor:
             coefficients = readings.decode(signal, variance)
         for shared in (coefficients.values, coefficients.noise):
             shared.setflags(write=False)  # by methods, one after the other
-        images = {}
+        images, deviations = {}, {}
         for name in self._images:
             with timed(timings, f"image {name}"):
-                images[name] = self._image(name, readings, coefficients)
+                estimate = self._image(name, readings, coefficients)
+            images[name] = estimate.image
+            if estimate.deviation is not None:
+                deviations[name] = estimate.deviation
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
@@ -125,13 +129,14 @@ class Reconstructor:
         image.setflags(write=False)
         view = View(image, next(iter(rangings.values()), None), frame)
         depths = {}
-        for name, estimate in self._depths.items():
+        for name, solve_depth in self._depths.items():
             with timed(timings, f"depth {name}"):
-                depth_m = estimate(view)
+                depth_m = solve_depth(view)
             if depth_m is not None:
                 depths[name] = _checked(f"depth method {name!r}", depth_m, self._shape)
         return Result(
             images=_single(images),
+            deviations=_single(deviations),
             rangings=rangings,
             depths=_single(depths),
             range_over_depth=self._stretch,
@@ -142,13 +147,21 @@ class Reconstructor:
             patterns=readings.decoder.index.size,
         )
 
-    def _image(self, name: str, readings: UsableReadings, coefficients: Coefficients) -> Floats:
-        image = _checked(f"image method {name!r}", readings.solver(name)(coefficients), self._shape)
-        if not np.isfinite(image).all():
-            raise InputError(f"image method {name!r} gave values that are not finite")
+    def _image(self, name: str, readings: UsableReadings, coefficients: Coefficients) -> Estimate:
+        who = f"image method {name!r}"
+        estimate = readings.solver(name)(coefficients)
+        if not isinstance(estimate, Estimate):
+            raise InputError(f"{who} gave {type(estimate).__name__}, not an Estimate")
+        image = _checked(who, estimate.image, self._shape)
+        deviation = estimate.deviation
+        if deviation is not None:
+            deviation = _checked(f"{who}, of the deviation,", deviation, self._shape)
+        for values in (image, *([] if deviation is None else [deviation])):
+            if not np.isfinite(values).all():
+                raise InputError(f"{who} gave values that are not finite")
         if not readings.decoder.level:  # the darkest pixel is taken to be dark
             image = image - image.min()
-        return image
+        return Estimate(image, deviation)
 
     @property
     def _shape(self) -> tuple[int, int]:

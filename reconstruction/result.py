@@ -17,7 +17,8 @@ class Result:
     """Image, ranges and depth of one frame by one or several methods, the default one first.
 
     ``images``: what each virtual pixel contributes to an exposure, (H, W) in ``unit`` (counts where
-    their scale is unknown), by method. ``rangings``: the four spots, empty without time of flight.
+    their scale is unknown), by method, and ``deviations`` the standard deviation of each pixel, by
+    those methods that can tell. ``rangings``: the four spots, empty without time of flight.
     ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
     method finds any. ``range_over_depth`` (H, W): length of each pixel's ray per unit of depth,
     None where the optics are unknown. ``timings_s``: seconds per stage. ``recording``: the digest
@@ -26,6 +27,7 @@ class Result:
     """
 
     images: Mapping[str, Image]
+    deviations: Mapping[str, Image]
     rangings: Mapping[str, Ranges]
     depths: Mapping[str, Image]
     range_over_depth: Image | None
@@ -39,6 +41,11 @@ class Result:
     def image(self) -> Image:
         """Image by the default method."""
         return next(iter(self.images.values()))
+
+    @property
+    def deviation(self) -> Image | None:
+        """Standard deviation of the image's pixels, None where the default method cannot tell."""
+        return self.deviations.get(next(iter(self.images)))
 
     @property
     def ranges(self) -> Ranges | None:

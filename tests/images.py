@@ -21,7 +21,7 @@ def natural_image(side, seed):
 def image_from(coefficients, index, shape, method="pursuit", noise=0.0):
     """The image that a method makes of coefficients (K,) of Hadamard rows (K,)."""
     solve = image_method(method).compile(RowOperator(Hadamard(shape), index))
-    return solve(Coefficients(coefficients, np.full(coefficients.shape, noise)))
+    return solve(Coefficients(coefficients, np.full(coefficients.shape, noise))).image
 
 
 def correlation(a, b):

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from ..arrays import Floats
 from ..operators import Decoder, RowOperator
+from .noise import variance_by_repetition, variance_by_spectrum
 from .prior import Prior, fit_scale
 from .shared_errors import without_shared_errors
 
@@ -21,8 +24,8 @@ MIN_ERROR = 1e-5
 class Coefficients:
     """``values`` (K,), which may be complex, and the standard deviation ``noise`` (K,) of each.
 
-    That of complex ones is of both parts together. It is 0 where it is not known, and infinite
-    where nothing was measured, as far as can be told; the value is then 0.
+    That of complex ones is of both parts together. It is infinite where nothing was measured, as
+    far as can be told; the value is then 0.
     """
 
     values: NDArray[Any]
@@ -37,47 +40,70 @@ class Coefficients:
 class CoefficientDecoder:
     """Decodes readings (M,), and takes off the errors that many coefficients share.
 
-    ``prior`` makes what is known of the coefficients; of plans without shared readings, such as
-    differential ones of orthogonal patterns, it is not asked.
+    ``prior`` makes what is known of the coefficients; it is not asked where it is not needed.
+    ``redundant`` are the combinations of readings that tell their noise.
     """
 
-    def __init__(self, decoder: Decoder, prior: Callable[[], Prior]) -> None:
+    def __init__(
+        self, decoder: Decoder, prior: Callable[[], Prior], redundant: sparse.csr_array
+    ) -> None:
         self._decoder = decoder
+        self._redundant = redundant
         self._alike = isinstance(decoder.operator, RowOperator)  # all rows are
         self._columns = decoder.shared_columns()
-        self._prior = prior() if self._columns.size or not self._alike else None
+        self._make_prior = prior
+
+    @cached_property
+    def _prior(self) -> Prior:
+        return self._make_prior()
 
     def __call__(self, signal: NDArray[Any], variance: Floats) -> Coefficients:
         """Coefficients of one frame's ``signal`` (M,) with ``variance`` (M,), nan where unknown.
 
-        An unknown variance is taken to be the median of the known ones. Where none is known, every
-        reading is taken at its word.
+        An unknown variance is taken to be the median of the known ones; where none is known it is
+        estimated.
         """
         values = self._decoder.decode(signal)
         known = np.isfinite(variance)
-        if not self._alike:
-            variance = np.fmax(variance, (MIN_ERROR * np.std(signal)) ** 2)
-        elif not known.any():
-            return Coefficients(values, np.zeros(values.size))
-        else:
+        if known.any():
             variance = np.where(known, variance, np.median(variance[known]))
-        left = self._decoder.own_variance(variance)
-        if self._columns.size:
-            assert self._prior is not None
-            values, left = without_shared_errors(
-                self._columns,
-                values,
-                own=left,
-                shared=variance[self._decoder.shared],
-                prior=self._prior.variance(values),
-            )
+        else:
+            variance = np.full(variance.shape, self._estimated(signal, values))
         if self._alike:
+            values, left = self._unshared(values, variance)
             return Coefficients(values, np.sqrt(np.full(left.shape, np.median(left))))
-        return self._without_hidden(values, left)
+        variance = np.fmax(variance, (MIN_ERROR * np.std(signal)) ** 2)
+        return self._without_hidden(*self._unshared(values, variance))
+
+    def _unshared(self, values: NDArray[Any], variance: Floats) -> tuple[NDArray[Any], Floats]:
+        """Coefficients without the errors that they share, and the variance of the rest."""
+        own = self._decoder.own_variance(variance)
+        if not self._columns.size:
+            return values, own
+        shared, prior = variance[self._decoder.shared], self._prior.variance(values)
+        return without_shared_errors(self._columns, values, own=own, shared=shared, prior=prior)
+
+    def _estimated(self, signal: NDArray[Any], values: NDArray[Any]) -> float:
+        """Variance of each reading, where nothing is known of it."""
+        told = variance_by_repetition(self._redundant, signal)
+        if told is not None:
+            return told
+        variance = self._by_spectrum(values)
+        if self._columns.size:  # what all share looks white, too
+            values, _ = self._unshared(values, np.full(signal.shape, variance))
+            variance = self._by_spectrum(values)
+        return variance
+
+    def _by_spectrum(self, values: NDArray[Any]) -> float:
+        varying, expected = self._prior.varying, self._prior.expected
+        readings = self._decoder.matrix.shape[1]
+        of_one = self._decoder.own_variance(np.ones(readings))[varying]
+        length = self._decoder.operator.row_length
+        scaled = values[varying] / np.sqrt(of_one)
+        return variance_by_spectrum(scaled, expected * length**2 / of_one)
 
     def _without_hidden(self, values: NDArray[Any], variance: Floats) -> Coefficients:
         """Coefficients less those that noise hides: it is larger than what images vary by."""
-        assert self._prior is not None
         varying, expected = self._prior.varying, self._prior.expected
         scale = fit_scale(values[varying], expected, variance[varying])
         hidden = np.zeros(values.size, dtype=bool)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..operators import Decoder, PatternPlan, decoder_for
+from ..operators import PatternPlan, decoder_for, redundant_combinations
 from .coefficients import CoefficientDecoder
 from .dictionaries.dct import DICTIONARY
 from .method import CarryingMethod, ImageMethod, ImageSolver
@@ -38,8 +38,7 @@ class Imaging:
         turn = frame % len(self._plans)
         key = turn, np.packbits(usable).tobytes()
         if key not in self._kept:
-            decoder = decoder_for(self._plans[turn], usable)
-            self._kept[key] = UsableReadings(decoder, self._method)
+            self._kept[key] = UsableReadings(self._plans[turn], usable, self._method)
         self._kept.move_to_end(key)
         if len(self._kept) > MAX_KEPT * len(self._plans):
             self._kept.popitem(last=False)
@@ -58,15 +57,24 @@ class Imaging:
 class UsableReadings:
     """Decoding of some of a plan's readings, and solvers of its coefficients by method."""
 
-    def __init__(self, decoder: Decoder, method: Callable[[str], ImageMethod]) -> None:
-        self.decoder = decoder
-        self._method = method
+    def __init__(
+        self,
+        plan: PatternPlan,
+        usable: NDArray[np.bool_],
+        method: Callable[[str], ImageMethod],
+    ) -> None:
+        self._plan, self._usable, self._method = plan, usable, method
+        self.decoder = decoder_for(plan, usable)
         self._solvers: dict[str, ImageSolver] = {}
 
     @cached_property
     def decode(self) -> CoefficientDecoder:
         """From readings to coefficients."""
-        return CoefficientDecoder(self.decoder, lambda: Prior(self.decoder.operator, DICTIONARY))
+        return CoefficientDecoder(
+            self.decoder,
+            lambda: Prior(self.decoder.operator, DICTIONARY),
+            redundant_combinations(self._plan, self._usable),
+        )
 
     def solver(self, method: str) -> ImageSolver:
         """From coefficients to an image by a method; InputError where it cannot be used."""

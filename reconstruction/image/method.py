@@ -1,15 +1,29 @@
 """What a method of making images is."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
+from ..arrays import Floats
 from ..operators import MeasurementOperator
 from .coefficients import Coefficients
 
-ImageSolver = Callable[[Coefficients], NDArray[Any]]
-"""From the coefficients of one frame to the image (H, W), complex where they are."""
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """An ``image`` (H, W), complex where its coefficients are, and how sure of it a method is.
+
+    ``deviation`` (H, W): standard deviation of each pixel, None where the method cannot tell.
+    """
+
+    image: NDArray[Any]
+    deviation: Floats | None = None
+
+
+ImageSolver = Callable[[Coefficients], Estimate]
+"""From the coefficients of one frame to the image and its standard deviation."""
 
 
 class ImageMethod(Protocol):

@@ -50,11 +50,17 @@ def fit_variance(measured: NDArray[Any], expected: Floats) -> tuple[float, float
     return float(variance[best]), float(white[best])
 
 
-def fit_scale(measured: NDArray[Any], expected: Floats, noise: Floats) -> float:
+def fit_scale(measured: NDArray[Any], expected: Floats, noise: Floats | float) -> float:
     """Maximum-likelihood fit of var(measured) = v expected + noise, all variances: returns v."""
     power = np.abs(measured) ** 2
-    largest = float((power / expected).max(initial=0.0)) or 1.0
-    scales = largest * np.logspace(-16, 1, 171)
+    varying = expected > 1e-12 * expected.max(initial=0.0)
+    largest = float((power[varying] / expected[varying]).max(initial=0.0)) or 1.0
+    scales = largest * np.logspace(-12, 1, 40)
+    for finer in (np.logspace(-1 / 3, 1 / 3, 9), np.logspace(-1 / 12, 1 / 12, 7)):
+        scales = _likeliest(scales, power, expected, noise) * finer
+    return float(_likeliest(scales, power, expected, noise))
+
+
+def _likeliest(scales: Floats, power: Floats, expected: Floats, noise: Floats | float) -> Any:
     variance = scales[:, None] * expected + noise
-    cost = (np.log(variance) + power / variance).sum(axis=1)
-    return float(scales[int(np.argmin(cost))])
+    return scales[np.argmin((np.log(variance) + power / variance).sum(axis=1))]

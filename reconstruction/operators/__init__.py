@@ -16,6 +16,7 @@ from .plan import (
     mean_illumination,
     ordered_rows,
 )
+from .redundancy import redundant_combinations
 
 __all__ = [
     "BASES",
@@ -37,5 +38,6 @@ __all__ = [
     "make_plan",
     "mean_illumination",
     "ordered_rows",
+    "redundant_combinations",
     "sequency",
 ]

@@ -16,7 +16,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 1),
+    version=(3, 2),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -51,6 +51,11 @@ def read_result(path: str | Path) -> Result:
         timings = file.names_in("timings_s")
         return Result(
             images={name: _map(file, f"images/{name}", unit, shape) for name in names["images"]},
+            deviations={
+                name: _map(file, f"deviations/{name}", unit, shape)
+                for name in names["images"]
+                if f"deviations/{name}" in file
+            },
             rangings={name: _ranges(file, f"rangings/{name}") for name in names["rangings"]},
             depths={name: _map(file, f"depths/{name}", "m", shape) for name in names["depths"]},
             range_over_depth=_map(file, "range_over_depth", "1", shape) if stretched else None,
@@ -117,10 +122,10 @@ def _write(file: h5py.File, result: Result) -> None:
         hdf5.put(file, name, getattr(result, name), "1")
     for group in GROUPS:
         hdf5.put_attribute(file, group, "\n".join(getattr(result, group)))
-    for name, image in result.images.items():
-        hdf5.put(file, f"images/{name}", image, result.unit)
-    for name, depth_m in result.depths.items():
-        hdf5.put(file, f"depths/{name}", depth_m, "m")
+    maps = {"images": result.unit, "deviations": result.unit, "depths": "m"}
+    for group, units in maps.items():
+        for name, values in getattr(result, group).items():
+            hdf5.put(file, f"{group}/{name}", values, units)
     for name, ranges in result.rangings.items():
         for quantity, units in RANGES.items():
             hdf5.put(file, f"rangings/{name}/{quantity}", getattr(ranges, quantity), units)

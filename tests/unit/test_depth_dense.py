@@ -203,7 +203,8 @@ def test_the_command_writes_map_and_picture_and_says_how_much_it_covers(tmp_path
     write_capture(make_capture(), tmp_path / "capture.h5")
     assert main([str(tmp_path / "capture.h5"), "-o", str(tmp_path / "out")]) == 0
     assert "75.0 % of all pixels" in capsys.readouterr().out
-    names = {"image.png", "image_zero_filled.png", "depth.png", "cloud.ply", "result.h5"}
+    images = {"image.png", "image_pursuit.png", "image_zero_filled.png"}
+    names = images | {"depth.png", "cloud.ply", "result.h5"}
     assert {file.name for file in (tmp_path / "out").iterdir()} == names
     copy, result = read_result(tmp_path / "out" / "result.h5"), run(make_capture())
     np.testing.assert_array_equal(copy.depths["dense"], result.depths["dense"])

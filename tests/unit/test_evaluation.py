@@ -62,6 +62,7 @@ def make_result(**changes):
     )
     values = {
         "images": {"pursuit": IMAGE, "zero-filled": IMAGE + 1},
+        "deviations": {},
         "rangings": {"cw": ranges},
         "depths": {"anchored": IMAGE * 1.1, "nearest": IMAGE * 1.5},
         "range_over_depth": None,

@@ -153,8 +153,8 @@ def test_fewer_patterns_is_what_fewer_patterns_would_have_given(capture, polarit
 
 def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, capsys):
     assert main([str(path), "-o", str(tmp_path / "out")]) == 0
-    pictures = {"image.png", "image_zero_filled.png", "depth.png", "depth_nearest.png"}
-    names = pictures | {"cloud.ply", "result.h5"}
+    pictures = {"image.png", "image_pursuit.png", "image_zero_filled.png"}
+    names = pictures | {"depth.png", "depth_nearest.png", "cloud.ply", "result.h5"}
     assert {file.name for file in (tmp_path / "out").iterdir()} == names
     for name in ("image.png", "depth.png"):
         assert matplotlib.image.imread(tmp_path / "out" / name).std() > 0.05
@@ -221,15 +221,15 @@ def test_without_time_of_flight_there_is_an_image_only_and_it_says_so(tmp_path, 
     out = tmp_path / "out"
     out.mkdir()
     (out / "depth.png").write_bytes(mark("depth").encode())
-    (out / "image_pursuit.png").write_bytes(b"of someone else")
+    (out / "image_edge_preserving.png").write_bytes(b"of someone else")
     assert main(imported) == 0
     assert main([str(tmp_path / "car.h5"), "-o", str(out)]) == 2
-    assert "image_pursuit.png exists and is not an earlier image" in capsys.readouterr().err
+    assert "image_edge_preserving.png exists and is not an earlier image" in capsys.readouterr().err
     assert main([str(tmp_path / "car.h5"), "-o", str(out), "--overwrite"]) == 0
     assert "no time of flight" in capsys.readouterr().out
     assert not (out / "depth.png").exists()
     assert (out / "image.png").exists()
-    assert (out / "image_pursuit.png").read_bytes() == b"of someone else"
+    assert (out / "image_edge_preserving.png").read_bytes() == b"of someone else"
 
 
 def test_import_with_a_named_plan_is_the_same_as_with_the_patterns(tmp_path):
@@ -453,7 +453,7 @@ def test_pictures_of_unscaled_counts_do_not_speak_of_electrons(capture, tmp_path
     )
     unscaled = replace(capture, buckets=replace(capture.buckets, electrons_per_count=np.nan))
     write_outputs(reconstruct(unscaled), unscaled, tmp_path)
-    assert labels.count("counts per exposure") == 2
+    assert labels.count("counts per exposure") == 3
     with h5py.File(tmp_path / "result.h5") as file:
         assert file["images/pursuit"].attrs["units"] == b"count"
 

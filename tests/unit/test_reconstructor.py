@@ -16,7 +16,7 @@ from reconstruction import (
     reconstruct,
 )
 from reconstruction.depth import DEPTH_METHODS
-from reconstruction.image import IMAGE_METHODS, Imaging
+from reconstruction.image import IMAGE_METHODS, Estimate, Imaging
 from reconstruction.operators import expose
 from reconstruction.ranging import RANGING_METHODS, Ranges, ranging_method
 
@@ -130,10 +130,10 @@ def test_what_saturation_takes_is_compiled_once_for_each_set_and_not_kept_for_ev
 
 def test_the_usual_methods_are_those_that_fit(capture):
     result = reconstruct(capture)
-    assert list(result.images) == ["pursuit", "zero-filled"]
+    assert list(result.images) == ["edge-preserving", "pursuit", "zero-filled"]
     assert list(result.rangings) == ["cw"]
     assert list(result.depths) == ["anchored", "nearest"]
-    assert result.image is result.images["pursuit"]
+    assert result.image is result.images["edge-preserving"]
     assert result.depth_m is result.depths["anchored"]
     bare = reconstruct(replace(capture, spots=None, optics=None, truth=None))
     assert bare.rangings == bare.depths == {}
@@ -160,7 +160,7 @@ def test_image_methods_are_chosen_by_name_the_first_is_the_default(capture, imag
 
 def test_all_are_all_that_there_are_the_usual_first(capture):
     result = reconstruct(capture, image="all", ranging="all", depth="all")
-    assert list(result.images)[:2] == ["pursuit", "zero-filled"]
+    assert list(result.images)[:3] == ["edge-preserving", "pursuit", "zero-filled"]
     assert set(result.images) == set(IMAGE_METHODS) - {"recursive"}  # which needs earlier frames
     assert next(iter(result.rangings)) == "cw"
     assert list(result.depths)[:2] == ["anchored", "nearest"]
@@ -254,8 +254,11 @@ def register(monkeypatch, registry, **methods):
         monkeypatch.setitem(registry._loaded, name, method)
 
 
+GREY = np.full((16, 16), 3, dtype=np.int16)
+
+
 def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
-    register(monkeypatch, IMAGE_METHODS, grey=Giving(np.full((16, 16), 3, dtype=np.int16)))
+    register(monkeypatch, IMAGE_METHODS, grey=Giving(Estimate(GREY)))
     nowhere = np.full((16, 16), np.nan)
     register(monkeypatch, DEPTH_METHODS, nowhere=Giving(nowhere), never=Giving(None))
     result = reconstruct(capture, image=["grey", "pursuit"], depth=["nowhere", "never", "anchored"])
@@ -280,9 +283,23 @@ def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
     ],
 )
 def test_an_image_method_that_gives_no_image_is_named(capture, monkeypatch, value, message):
-    register(monkeypatch, IMAGE_METHODS, odd=Giving(value))
+    register(monkeypatch, IMAGE_METHODS, odd=Giving(Estimate(value)))
     with pytest.raises(InputError, match=f"image method 'odd' {message}"):
         reconstruct(capture, image=["pursuit", "odd"])
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (np.ones((16, 16)), "gave ndarray, not an Estimate"),
+        (Estimate(np.ones((16, 16)), np.ones(16)), r"of the deviation, gave .* shape \(16,\)"),
+        (Estimate(np.ones((16, 16)), np.full((16, 16), np.inf)), "not finite"),
+    ],
+)
+def test_an_image_method_that_gives_no_estimate_is_named(capture, monkeypatch, value, message):
+    register(monkeypatch, IMAGE_METHODS, odd=Giving(value))
+    with pytest.raises(InputError, match=f"image method 'odd'.* {message}"):
+        reconstruct(capture, image="odd")
 
 
 @pytest.mark.parametrize(
@@ -376,7 +393,7 @@ def test_one_unknown_variance_does_not_switch_off_the_denoising(polarity):
     usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
 
     def error(variance):
-        found = usable.solver("pursuit")(usable.decode(readings, variance))
+        found = usable.solver("pursuit")(usable.decode(readings, variance)).image
         return np.sqrt(np.mean((found - image) ** 2))
 
     one_unknown = variance.copy()
@@ -384,18 +401,18 @@ def test_one_unknown_variance_does_not_switch_off_the_denoising(polarity):
     known, unknown = usable.decode(readings, variance), usable.decode(readings, one_unknown)
     np.testing.assert_allclose(unknown.noise, known.noise, rtol=1e-9)
     np.testing.assert_allclose(unknown.values, known.values, rtol=1e-9)
-    nothing_known = error(np.full(plan.exposures, np.nan))
-    assert error(variance) < 0.8 * nothing_known
+    assert error(variance) < 0.8 * error(np.zeros(plan.exposures))
     assert error(one_unknown) == pytest.approx(error(variance))
 
 
-def test_where_no_variance_is_known_every_reading_is_taken_at_its_word():
-    plan = make_plan((32, 32), 200, polarity="single-ended")
-    _, readings, variance = noisy(plan, 2e3)
+@pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
+def test_noise_of_which_nothing_is_known_is_estimated(polarity):
+    plan = make_plan((32, 32), polarity=polarity)
+    _, readings, variance = noisy(plan, 8e3)
     usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
+    known = usable.decode(readings, variance)
     found = usable.decode(readings, np.full_like(variance, np.nan))
-    assert not found.noise.any()
-    np.testing.assert_array_equal(found.values, usable.decoder.decode(readings))
+    assert np.median(found.noise / known.noise) == pytest.approx(1, abs=0.15)
 
 
 def test_an_unknown_variance_is_the_median_of_the_others():
@@ -433,7 +450,7 @@ def test_images_that_are_none_are_refused_by_the_method_s_name(monkeypatch, imag
         title = "odd"
 
         def compile(self, operator):
-            return lambda coefficients: image
+            return lambda coefficients: Estimate(image)
 
     monkeypatch.setitem(IMAGE_METHODS._loaded, "zero-filled", Odd())
     with pytest.raises(InputError, match=f"'zero-filled' gave .*{message}"):
@@ -458,8 +475,9 @@ def test_a_method_cannot_change_what_the_next_one_gets(monkeypatch):
 
 def test_all_may_stand_among_names_and_what_is_no_name_is_told():
     capture = full_capture()
-    assert list(reconstruct(capture, image=["zero-filled", "all"]).images) == [
+    assert list(reconstruct(capture, image=["zero-filled", "all"]).images)[:3] == [
         "zero-filled",
+        "edge-preserving",
         "pursuit",
     ]
     with pytest.raises(InputError, match="by their names, not by 3"):

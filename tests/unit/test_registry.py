@@ -159,10 +159,12 @@ def test_what_files_name_is_named_as_its_file(registry: Registry[Any]) -> None:
 METHODS = """
 import numpy as np
 
+from reconstruction.image import Estimate
+
 class Grey:
     title = "all grey"
     def compile(self, operator):
-        return lambda coefficients: np.full(operator.image_shape, 3.0)
+        return lambda coefficients: Estimate(np.full(operator.image_shape, 3.0))
 
 GREY = Grey()
 

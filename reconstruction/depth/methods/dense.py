@@ -91,7 +91,7 @@ def phasor_image(
     error; where all is edges and texture it may be too small by 3.
     """
     operator = usable.decoder.operator
-    image = usable.solver("pursuit")(coefficients)
+    image = usable.solver("pursuit")(coefficients).image
     guessed = np.abs(image - operator.least_energy(coefficients.values)) ** 2
     noise = coefficients.noise[coefficients.measured]
     measured = (noise**2).sum() / (operator.row_length**2 * image.size)

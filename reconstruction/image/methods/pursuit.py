@@ -8,16 +8,15 @@ noise keeps the weak ones small.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
 from ..dictionary import Dictionary
+from ..method import Estimate
 from ..omp import batch_omp
 from ..prior import Prior, fit_variance
 
@@ -55,7 +54,7 @@ class PursuitSolver:
         self.columns: Floats = prior.atoms.of(self.atoms) * self.deviation
         self.gram: Floats = self.columns.T @ self.columns
 
-    def __call__(self, coefficients: Coefficients) -> NDArray[Any]:
+    def __call__(self, coefficients: Coefficients) -> Estimate:
         """Image (H, W) from coefficients (K,).
 
         What the pursuit cannot explain is added back by the inverse transform, each coefficient
@@ -67,7 +66,7 @@ class PursuitSolver:
         seen = self.varying & coefficients.measured
         measured = coefficients.values[seen] / length
         if not measured.any():
-            return self.operator.least_energy(coefficients.values)
+            return Estimate(self.operator.least_energy(coefficients.values))
         columns, gram, expected = self.columns, self.gram, self.expected_variance
         if measured.size < len(columns):
             rows = coefficients.measured[self.varying]
@@ -89,7 +88,7 @@ class PursuitSolver:
         noise = coefficients.noise[seen] / length
         left = coefficients.values.copy()
         left[seen] = unexplained * np.clip(1 - noise**2 / total, 0, 1) * length
-        return self.dictionary.synthesise(spectrum) + self.operator.least_energy(left)
+        return Estimate(self.dictionary.synthesise(spectrum) + self.operator.least_energy(left))
 
 
 METHOD = Pursuit()

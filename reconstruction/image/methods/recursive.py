@@ -7,16 +7,14 @@ cut it is that of the single frame. See `reconstruction.image.memory`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...operators import MeasurementOperator, RowOperator
 from ..coefficients import Coefficients
 from ..memory import Memory
-from ..method import CarryingMethod, ImageMethod, ImageSolver
+from ..method import CarryingMethod, Estimate, ImageMethod, ImageSolver
 from . import image_method
 
 
@@ -60,15 +58,21 @@ class _Remembering:
     def __init__(self, inner: ImageMethod, operator: RowOperator) -> None:
         self._operator = operator
         self._memory = Memory(operator)
-        self._inner = inner.compile(operator)
+        self._inner, self._solve = inner, inner.compile(operator)
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
         """Solver of frames of which this operator's coefficients are measured."""
         assert isinstance(operator, RowOperator)
         rows = np.searchsorted(self._operator.index, operator.index)
+        others = np.ones(self._operator.shape[0], dtype=bool)
+        others[rows] = False
+        alone = self._inner.compile(operator)
 
-        def solve(coefficients: Coefficients) -> NDArray[Any]:
-            return self._inner(self._memory.take(rows, coefficients))
+        def solve(coefficients: Coefficients) -> Estimate:
+            known = self._memory.take(rows, coefficients)
+            if (known.measured & others).any():
+                return self._solve(known)
+            return alone(Coefficients(known.values[rows], known.noise[rows]))
 
         return solve
 

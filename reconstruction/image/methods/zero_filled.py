@@ -1,15 +1,12 @@
 """The linear baseline: the inverse transform with zeros for what was not measured.
 
-Of all images that fit the coefficients this has the least energy; with all N it is exact.
+Of all images that fit the coefficients this has the least energy; with all N it is exact. It knows
+nothing of what was not measured, and so not how far off a pixel is.
 """
-
-from typing import Any
-
-from numpy.typing import NDArray
 
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
-from ..method import ImageSolver
+from ..method import Estimate, ImageSolver
 
 
 class ZeroFilled:
@@ -20,8 +17,8 @@ class ZeroFilled:
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
         """Solver of one operator's coefficients."""
 
-        def solve(coefficients: Coefficients) -> NDArray[Any]:
-            return operator.least_energy(coefficients.values)
+        def solve(coefficients: Coefficients) -> Estimate:
+            return Estimate(operator.least_energy(coefficients.values))
 
         return solve
 

@@ -2,12 +2,17 @@
 
 from scipy.ndimage import gaussian_filter
 
+from reconstruction.image import Estimate
+
 
 class Smoothed:
     title = "smoothed inverse"
 
     def compile(self, operator):
-        return lambda coefficients: gaussian_filter(operator.least_energy(coefficients.values), 1)
+        def solve(coefficients):
+            return Estimate(gaussian_filter(operator.least_energy(coefficients.values), 1))
+
+        return solve
 
 
 METHOD = Smoothed()

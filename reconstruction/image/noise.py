@@ -1,0 +1,69 @@
+"""Noise that a recording does not tell, from its readings.
+
+What is shown twice tells it by itself (`redundant_combinations`). Otherwise it is the white part of
+the coefficients' power, as far as it cannot be the image: coefficients of images vary as the prior
+expects, times factors of their own with an inverse gamma distribution, so that they are of
+Student's t distribution, with many small values among few large ones; noise is Gaussian. Of all
+variances that explain the coefficients nearly as well as the likeliest the least is taken: taking
+texture for noise blurs it, and noise that is overlooked costs little until it is strong.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.special import gammaincc
+
+from ..arrays import Floats
+
+FEWEST = 8
+"""Combinations that tell the noise by themselves."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of the magnitude of a normal variable of variance 1."""
+FREEDOM = 3.0
+"""Degrees of freedom of the t distribution."""
+FACTORS = 4.0 ** np.arange(-2, 3)
+"""Factors of the variance."""
+LESS_LIKELY = 3.0
+"""Log likelihood that is given up for less noise."""
+CONTRASTS = 4.0 ** np.arange(-7, 1.5, 0.5)
+VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 28))
+"""Of signal and noise, over the power of the coefficients."""
+
+
+def variance_by_repetition(combinations: sparse.csr_array, signal: NDArray[Any]) -> float | None:
+    """Variance of a reading, from combinations (D, M) that are noise alone; None if too few.
+
+    By the median, so that a lamp that flickers once is not all there is.
+    """
+    if combinations.shape[0] < FEWEST:
+        return None
+    return float(np.median(np.abs(combinations @ signal)) / MEDIAN_OF_NORMAL) ** 2
+
+
+def variance_by_spectrum(measured: NDArray[Any], expected: Floats) -> float:
+    """Variance of the noise of coefficients (K,) that images vary by ``expected`` (K,) in."""
+    power = np.abs(measured) ** 2
+    mean = float(power.mean()) if power.size else 0.0
+    if mean == 0:
+        return 0.0
+    likelihood = _log_likelihood(power / mean, expected / expected.mean())
+    return mean * float(VARIANCES[np.argmax(likelihood >= likelihood.max() - LESS_LIKELY)])
+
+
+def _log_likelihood(power: Floats, expected: Floats) -> Floats:
+    """Of each of `VARIANCES`, with the contrast that explains most."""
+    weights = np.diff(gammaincc(FREEDOM / 2, FREEDOM / 2 / _edges()))
+    scales = np.unique(np.outer(CONTRASTS, FACTORS).round(12))
+    variance = scales[:, None, None] * expected + np.maximum(VARIANCES, 1e-9)[:, None]
+    density = np.exp(-power / (2 * variance)) / np.sqrt(variance)
+    places = np.searchsorted(scales, np.outer(CONTRASTS, FACTORS).round(12))
+    mixed = np.einsum("f,cfvk->cvk", weights, density[places])
+    return np.asarray(np.log(np.maximum(mixed, 1e-300)).sum(axis=-1).max(axis=0))
+
+
+def _edges() -> Floats:
+    """Between the factors, from 0 to infinity."""
+    between = np.sqrt(FACTORS[1:] * FACTORS[:-1])
+    return np.concatenate([[1e-300], between, [np.inf]])
