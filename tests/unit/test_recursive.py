@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from images import natural_image
-from reconstruction import InputError, Reconstructor, make_plan, reconstruct
+from reconstruction import (
+    InputError,
+    Reconstructor,
+    make_plan,
+    read_result,
+    reconstruct,
+    write_capture,
+)
+from reconstruction.cli import main
 from reconstruction.image import Coefficients
 from reconstruction.image.memory import SPEEDS, Memory
 from reconstruction.operators import decoder_for
@@ -164,6 +172,19 @@ def test_one_frame_is_led_in_by_those_before_it():
     np.testing.assert_array_equal(reconstruct(recording, 5, image=METHODS[1]).image, turn[5].image)
     alone = reconstruct(recording, 5, image=METHODS[0])
     assert np.abs(alone.image - turn[5].image).max() > 1e-3
+
+
+def test_the_command_leads_a_frame_in_too(tmp_path):
+    recording = video(pan(5, 0.1, 9, side=16), cycle_of(SHAPE, 20, 3), 1.0)
+    write_capture(recording, tmp_path / "capture.h5")
+    command = ["reconstruct", str(tmp_path / "capture.h5"), "--frame", "4", "--image", METHODS[1]]
+    assert main([*command, "-o", str(tmp_path / "result")]) == 0
+    found, expected = (
+        read_result(tmp_path / "result" / "result.h5"),
+        reconstruct(recording, 4, image=METHODS[1]),
+    )
+    np.testing.assert_array_equal(found.image, expected.image)
+    assert (found.frame, found.recording) == (4, expected.recording)
 
 
 def test_every_recording_has_a_memory_of_its_own():
