@@ -42,6 +42,8 @@ FORMAT = hdf5.Format(
 )
 KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
 """What files are marked as, by the source of what they hold."""
+MAX_PLANS = 4096
+"""Frames until patterns repeat."""
 TEXTS = ("instrument", "scene", "settings")
 
 Part = TypeVar("Part")
@@ -227,11 +229,19 @@ def _read_plans(file: hdf5.Contents) -> list[PatternPlan]:
     arrays = {name: file.get(f"patterns/{name}", "1") for name in basis.arrays}
     patterns, order = basis.restored((height, width), arrays), file.text("patterns/order")
     index, polarity = (file.numbers(f"patterns/{name}") for name in ("index", "polarity"))
-    if index.ndim == 2 and index.shape == polarity.shape and len(index):
-        shown = list(zip(index, polarity, strict=True))
-    else:
-        shown = [(index, polarity)]
-    return [PatternPlan((height, width), *each, order, patterns) for each in shown]
+    if index.ndim != 2:
+        return [PatternPlan((height, width), index, polarity, order, patterns)]
+    if polarity.shape != index.shape:
+        raise InputError(
+            f"patterns/polarity has shape {polarity.shape}, expected {index.shape} as of "
+            "patterns/index"
+        )
+    if not 1 <= len(index) <= MAX_PLANS:
+        raise InputError(f"patterns/index has {len(index)} rows; 1..{MAX_PLANS} are allowed")
+    return [
+        PatternPlan((height, width), *each, order, patterns)
+        for each in zip(index, polarity, strict=True)
+    ]
 
 
 def _read_provenance(file: hdf5.Contents) -> Provenance:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from captures import full_capture
+from hdf5files import changed
 from images import natural_image
 from reconstruction import (
     InputError,
@@ -80,6 +81,42 @@ def test_a_file_tells_the_plan_of_every_frame(recording, tmp_path):
             result, expected = reconstruct(cut), reconstruct(recording, frame)
             assert result.recording == expected.recording
             np.testing.assert_array_equal(result.image, expected.image)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "told"),
+    [
+        (
+            "polarity",
+            lambda polarity: polarity[0],
+            r"has shape \(21,\), expected \(3, 21\)",
+        ),
+        ("index", lambda index: index[0], "index.*1-D|polarity"),
+        ("index", lambda index: index[:, :, None], "non-empty 1-D"),
+        ("index", lambda index: index + 500, "outside 0..255"),
+    ],
+)
+def test_plans_that_do_not_fit_together_are_refused(recording, tmp_path, name, change, told):
+    write_capture(recording, tmp_path / "capture.h5")
+    with changed(tmp_path / "capture.h5") as file:
+        values = file[f"patterns/{name}"][()]
+        del file[f"patterns/{name}"]
+        file[f"patterns/{name}"] = change(values)
+        file[f"patterns/{name}"].attrs["units"] = "1"
+    with pytest.raises(InputError, match=told):
+        read_capture(tmp_path / "capture.h5")
+
+
+def test_more_plans_than_a_cycle_has_are_refused(recording, tmp_path):
+    write_capture(recording, tmp_path / "capture.h5")
+    with changed(tmp_path / "capture.h5") as file:
+        for name in ("index", "polarity"):
+            values = np.repeat(file[f"patterns/{name}"][:1], 5000, axis=0)
+            del file[f"patterns/{name}"]
+            file[f"patterns/{name}"] = values
+            file[f"patterns/{name}"].attrs["units"] = "1"
+    with pytest.raises(InputError, match=r"5000 rows; 1\.\.4096 are allowed"):
+        read_capture(tmp_path / "capture.h5")
 
 
 def test_frames_are_decoded_by_their_own_plan(recording):
