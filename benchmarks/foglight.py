@@ -10,7 +10,6 @@ import numpy as np
 import trimesh
 
 from reconstruction.arrays import Floats
-from reconstruction.operators import mean_illumination
 from spisim.atmosphere import CLEAR, Atmosphere, GammaSizes, LogNormalSizes, Particles, fog
 from spisim.atmosphere.structure import Structure
 from spisim.instrument import Instrument, SpotLight
@@ -203,7 +202,7 @@ def _traced(
     patterns_w = projector_power(
         world,
         placed.projector,
-        instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan),
+        instrument.mean_powers_w,
         placed.tof,
         paths=STEADY_PATHS,
         seed=streams[2],

@@ -141,7 +141,7 @@ def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:
     warnings += _wrapped_pixels(capture, frame)
     if capture.optics is None:
         warnings.append("the optics are not known: there are no dense ranges")
-    elif not decoder_for(capture.plan, ~saturated).level:
+    elif not decoder_for(capture.setup.plan_of(frame), ~saturated).level:
         warnings.append(
             "pattern 0, the level of all light, is not shown or saturated: there are no dense "
             "ranges"

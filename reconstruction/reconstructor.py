@@ -10,7 +10,15 @@ from .arrays import Floats
 from .capture import Frames, Recording, Setup
 from .depth import DEPTH_METHODS, Context, View, depth_method, lacks, range_over_depth
 from .errors import InputError
-from .image import IMAGE_METHODS, Coefficients, Estimate, Imaging, UsableReadings, image_method
+from .image import (
+    IMAGE_METHODS,
+    CarryingMethod,
+    Coefficients,
+    Estimate,
+    Imaging,
+    UsableReadings,
+    image_method,
+)
 from .ranging import RANGING_METHODS, Ranges, RangingSolver, Status, ranging_method, reads
 from .result import BASELINE, Image, Result
 from .timing import timed
@@ -18,11 +26,14 @@ from .timing import timed
 Names = str | Sequence[str] | None
 """Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
 
-Among several, ``usual`` stands for those.
+Among several, ``usual`` stands for those. ``all`` has no image methods that carry something from
+frame to frame: their images depend on which frames were reconstructed before.
 """
 
 USUAL_IMAGES = ("edge-preserving", "pursuit", BASELINE)
 USUAL_DEPTHS = ("anchored", "nearest", "dense")
+LEAD = 64
+"""Frames before one from which methods that carry something from frame to frame learn."""
 
 
 class Reconstructor:
@@ -40,7 +51,7 @@ class Reconstructor:
         self, setup: Setup, *, image: Names = None, ranging: Names = None, depth: Names = None
     ) -> None:
         self.setup = setup
-        self._imaging = Imaging(setup.plan)
+        self._imaging = Imaging(*setup.plans)
         everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
         self._images = _image_names(image, everything)
         self._rangings = _rangings(ranging, setup)
@@ -93,7 +104,7 @@ class Reconstructor:
     ) -> Result:
         timings: dict[str, float] = {}
         with timed(timings, "decoding"):
-            readings = self._imaging.of(usable)
+            readings = self._imaging.of(usable, frame.first)
             if not readings.decoder.index.size:
                 raise InputError(
                     f"frame {frame.first}: every pattern rests on a saturated reading, so there is "
@@ -168,15 +179,38 @@ def reconstruct(
 ) -> Result:
     """Reconstruct one frame of a recording; see `Reconstructor`.
 
-    Raises InputError if there is no such frame or nothing usable in it.
+    Methods that carry something from frame to frame begin `LEAD` frames before it. Raises
+    InputError if there is no such frame or nothing usable in it.
     """
-    frames = recording.batch(frame, frame + 1)
-    return Reconstructor(recording.setup, image=image, ranging=ranging, depth=depth)(frames)
+    recording.batch(frame, frame + 1)  # told before any other
+    reconstructor = Reconstructor(recording.setup, image=image, ranging=ranging, depth=depth)
+    for earlier in range(frame - lead(frame, image, ranging), frame):
+        reconstructor(recording.batch(earlier, earlier + 1))
+    return reconstructor(recording.batch(frame, frame + 1))
+
+
+def lead(frame: int, image: Names = None, ranging: Names = None) -> int:
+    """Number of frames before one that methods of these names have to have seen."""
+    carried = any(
+        carries
+        for names, carries_any in ((image, _carries), (ranging, _ranging_carries))
+        for carries in map(carries_any, _listed(names, (), (), bool))
+    )
+    return min(LEAD, frame) if carried else 0
+
+
+def _carries(name: str) -> bool:
+    return isinstance(image_method(name), CarryingMethod)
+
+
+def _ranging_carries(name: str) -> bool:
+    return bool(getattr(RANGING_METHODS[name], "carries", False))
 
 
 def _image_names(names: Names, readings: UsableReadings) -> list[str]:
     def fits(name: str) -> bool:
-        image_method(name)  # one that cannot be loaded is told
+        if _carries(name):  # one that cannot be loaded is told
+            return False
         try:
             readings.solver(name)
         except InputError:

@@ -3,7 +3,18 @@
 from .buckets import Buckets, Unit
 from .charge import Charge, check_taps
 from .file import CaptureFile, open_capture, read_capture, write_capture
-from .model import PARTS, Capture, Frames, FrameTruth, Optics, Provenance, Recording, Setup, Truth
+from .model import (
+    PARTS,
+    Capture,
+    Frames,
+    FrameTruth,
+    Optics,
+    Provenance,
+    Recording,
+    Setup,
+    Truth,
+    check_frames,
+)
 from .pattern_taps import PatternTaps
 from .readings import READINGS
 from .selection import first_patterns
@@ -26,6 +37,7 @@ __all__ = [
     "Spots",
     "Truth",
     "Unit",
+    "check_frames",
     "check_taps",
     "first_patterns",
     "open_capture",

@@ -1,6 +1,6 @@
 """The capture file (see docs/capture-format.md): written whole, read whole or frame by frame."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
@@ -37,11 +37,13 @@ FORMAT = hdf5.Format(
     name="spisim-capture",
     kind="capture",
     oldest=(2, 0),
-    version=(3, 1),
+    version=(3, 2),
     remedy="record, simulate or import it again",
 )
 KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
 """What files are marked as, by the source of what they hold."""
+MAX_PLANS = 4096
+"""Frames until patterns repeat."""
 TEXTS = ("instrument", "scene", "settings")
 
 Part = TypeVar("Part")
@@ -88,7 +90,7 @@ class CaptureFile:
     def __init__(self, file: hdf5.Contents) -> None:
         self._file = file
         self.provenance = _read_provenance(file)
-        plan = _read_plan(file)
+        plan, *later_plans = _read_plans(file)
         sizes = axis_sizes(plan)
         kinds: dict[str, type | None] = {
             "buckets": Buckets,
@@ -106,7 +108,7 @@ class CaptureFile:
             group: None if part is None else _read(file, group, part, slice(0, 0))
             for group, part in kinds.items()
         }
-        self.setup = Setup(plan=plan, **parts)
+        self.setup = Setup(plan=plan, later_plans=tuple(later_plans), **parts)
         check_parts(self.setup)
         self._by_frame = {
             group: {
@@ -132,8 +134,13 @@ class CaptureFile:
     def capture(self, start: int, stop: int) -> Capture:
         """A capture of frames ``start`` to ``stop`` in memory, with the truth of them alone."""
         readings = self.batch(start, stop)
+        plan, *later_plans = (
+            self.setup.plan_of(frame)
+            for frame in range(start, min(start + len(self.setup.plans), stop))
+        )
         return Capture(
-            plan=self.setup.plan,
+            plan=plan,
+            later_plans=tuple(later_plans),
             optics=self.setup.optics,
             buckets=readings.buckets,
             spots=readings.spots,
@@ -180,15 +187,11 @@ class CaptureFile:
 
 
 def _write(file: h5py.File, capture: Capture) -> None:
-    provenance, plan = capture.provenance, capture.plan
+    provenance = capture.provenance
     hdf5.put_format(file, FORMAT)
     for name in ("source", "software", "created"):
         hdf5.put_attribute(file, name, getattr(provenance, name))
-    hdf5.put(file, "patterns/shape", np.array(plan.shape, np.int32), "1")
-    for name in ("index", "polarity", "basis", "order"):
-        hdf5.put(file, f"patterns/{name}", getattr(plan, name), "1")
-    for name in plan.patterns.arrays:
-        hdf5.put(file, f"patterns/{name}", getattr(plan.patterns, name), "1")
+    _write_plans(file, capture.setup.plans)
     for group in PARTS:
         part = getattr(capture, group)
         if part is not None:
@@ -204,20 +207,41 @@ def _write(file: h5py.File, capture: Capture) -> None:
         hdf5.put(file, "provenance/seed", np.int64(provenance.seed), "1")
 
 
-def _read_plan(file: hdf5.Contents) -> PatternPlan:
+def _write_plans(file: h5py.File, plans: Sequence[PatternPlan]) -> None:
+    first = plans[0]
+    hdf5.put(file, "patterns/shape", np.array(first.shape, np.int32), "1")
+    for name in ("index", "polarity"):
+        shown = np.stack([getattr(plan, name) for plan in plans])
+        hdf5.put(file, f"patterns/{name}", shown if len(plans) > 1 else shown[0], "1")
+    for name in ("basis", "order"):
+        hdf5.put(file, f"patterns/{name}", getattr(first, name), "1")
+    for name in first.patterns.arrays:
+        hdf5.put(file, f"patterns/{name}", getattr(first.patterns, name), "1")
+
+
+def _read_plans(file: hdf5.Contents) -> list[PatternPlan]:
+    """Of successive frames: one of all, or as many as there are rows of indices."""
     basis = BASES[file.text("patterns/basis")]
     shape = file.numbers("patterns/shape")
     if shape.shape != (2,) or not (np.isfinite(shape) & (shape == np.floor(shape))).all():
         raise InputError(f"patterns/shape is {shape.tolist()}, expected 2 integers")
     height, width = (int(side) for side in shape)
     arrays = {name: file.get(f"patterns/{name}", "1") for name in basis.arrays}
-    return PatternPlan(
-        shape=(height, width),
-        index=file.numbers("patterns/index"),
-        polarity=file.numbers("patterns/polarity"),
-        order=file.text("patterns/order"),
-        patterns=basis.restored((height, width), arrays),
-    )
+    patterns, order = basis.restored((height, width), arrays), file.text("patterns/order")
+    index, polarity = (file.numbers(f"patterns/{name}") for name in ("index", "polarity"))
+    if index.ndim != 2:
+        return [PatternPlan((height, width), index, polarity, order, patterns)]
+    if polarity.shape != index.shape:
+        raise InputError(
+            f"patterns/polarity has shape {polarity.shape}, expected {index.shape} as of "
+            "patterns/index"
+        )
+    if not 1 <= len(index) <= MAX_PLANS:
+        raise InputError(f"patterns/index has {len(index)} rows; 1..{MAX_PLANS} are allowed")
+    return [
+        PatternPlan((height, width), *each, order, patterns)
+        for each in zip(index, polarity, strict=True)
+    ]
 
 
 def _read_provenance(file: hdf5.Contents) -> Provenance:

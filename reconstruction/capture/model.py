@@ -113,22 +113,40 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What all frames of a recording have in common. Its parts hold no readings."""
+    """What all frames of a recording have in common. Its parts hold no readings.
+
+    ``plan`` is that of the first frame; ``later_plans`` as in `Capture`.
+    """
 
     plan: PatternPlan
     optics: Optics | None
     buckets: Buckets
     spots: Spots | None
     pattern_taps: PatternTaps | None
+    later_plans: tuple[PatternPlan, ...] = ()
+
+    @property
+    def plans(self) -> tuple[PatternPlan, ...]:
+        """Of successive frames, over and over."""
+        return (self.plan, *self.later_plans)
+
+    def plan_of(self, frame: int) -> PatternPlan:
+        """What a frame shows."""
+        return self.plans[frame % len(self.plans)]
+
+    def digest(self, frame: int) -> bytes:
+        """SHA-256 over the pattern plan of a frame."""
+        return self._digests[frame % len(self.plans)]
 
     @cached_property
-    def digest(self) -> bytes:
-        """SHA-256 over the pattern plan."""
-        plan = self.plan
-        arrays = [getattr(plan.patterns, name) for name in plan.patterns.arrays]
-        digest = _digest(np.array(plan.shape), plan.index, plan.polarity, *arrays)
-        digest.update(plan.basis.encode())
-        return bytes(digest.digest())
+    def _digests(self) -> list[bytes]:
+        digests = []
+        for plan in self.plans:
+            arrays = [getattr(plan.patterns, name) for name in plan.patterns.arrays]
+            digest = _digest(np.array(plan.shape), plan.index, plan.polarity, *arrays)
+            digest.update(plan.basis.encode())
+            digests.append(bytes(digest.digest()))
+        return digests
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +176,7 @@ class Frames:
         if self.pattern_taps is not None:
             readings.append(self.pattern_taps.taps)
         digest = _digest(*readings)
-        digest.update(setup.digest)
+        digest.update(setup.digest(self.first))
         return digest.hexdigest()
 
 
@@ -181,7 +199,9 @@ class Recording(Protocol):
 class Capture:
     """One recording in memory. Raises InputError if its parts do not fit together.
 
-    Where there are ``pattern_taps``, the buckets hold their sums over the taps.
+    Where there are ``pattern_taps``, the buckets hold their sums over the taps. Where frames show
+    different patterns, ``plan`` is that of the first and ``later_plans`` are those of the next
+    ones: frame t shows that of t mod C, with C of them altogether.
     """
 
     plan: PatternPlan
@@ -191,6 +211,7 @@ class Capture:
     provenance: Provenance
     truth: Truth | None = None
     pattern_taps: PatternTaps | None = None
+    later_plans: tuple[PatternPlan, ...] = ()
 
     def __post_init__(self) -> None:
         check(self)
@@ -204,7 +225,9 @@ class Capture:
     def setup(self) -> Setup:
         """What its frames have in common."""
         none = self._all.between(0, 0)
-        return Setup(self.plan, self.optics, none.buckets, none.spots, none.pattern_taps)
+        return Setup(
+            self.plan, self.optics, none.buckets, none.spots, none.pattern_taps, self.later_plans
+        )
 
     def frame(self, frame: int = 0) -> Frames:
         """Readings of one frame; InputError if there is no such frame."""
@@ -228,6 +251,7 @@ def check(capture: Capture) -> None:
     """Raise InputError unless the parts fit together and their numbers make sense."""
     if capture.provenance.source not in SOURCES:
         raise InputError(f"source is {capture.provenance.source!r}; allowed: {', '.join(SOURCES)}")
+    check_plans((capture.plan, *capture.later_plans))
     sizes = axis_sizes(capture.plan)
     for group in PARTS:
         part = getattr(capture, group)
@@ -236,6 +260,22 @@ def check(capture: Capture) -> None:
     if sizes[FRAMES] < 1:
         raise InputError("buckets/counts holds no frame")
     check_parts(capture)
+
+
+def check_plans(plans: Sequence[PatternPlan]) -> None:
+    """Raise InputError unless frames with these plans can be of one recording."""
+    first, *others = plans
+    for frame, plan in enumerate(others, 1):
+        for what, found, expected in (
+            ("shape", plan.shape, first.shape),
+            ("basis", plan.basis, first.basis),
+            ("exposures", plan.exposures, first.exposures),
+        ):
+            if found != expected:
+                raise InputError(
+                    f"the patterns of frame {frame} have {what} {found}, those of the first "
+                    f"{expected}"
+                )
 
 
 def check_part(group: str, part: object, sizes: dict[str, int]) -> None:
@@ -248,9 +288,9 @@ def check_part(group: str, part: object, sizes: dict[str, int]) -> None:
 
 def check_parts(capture: "Capture | Frames | Setup") -> None:
     """Raise InputError unless the values of each part fit together."""
-    plan = getattr(capture, "plan", None)
-    if plan is not None and capture.buckets.dead_time_s > 0:
-        _check_dead_time(capture.buckets, plan)
+    if not isinstance(capture, Frames) and capture.buckets.dead_time_s > 0:
+        for plan in (capture.plan, *capture.later_plans):
+            _check_dead_time(capture.buckets, plan)
     for readings in (capture.spots, capture.pattern_taps):
         if readings is not None:
             readings.check()

@@ -4,10 +4,11 @@ from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Mask
 from ..errors import InputError
-from ..operators import ordered_rows
+from ..operators import PatternPlan, ordered_rows
 from .buckets import Buckets
 from .model import Capture
 from .pattern_taps import PatternTaps
@@ -16,29 +17,42 @@ Part = TypeVar("Part", Buckets, PatternTaps)
 
 
 def first_patterns(capture: Capture, patterns: int, order: str | None = None) -> Capture:
-    """Keep the exposures of the first ``patterns`` of the plan's indices in a named order.
+    """Keep the exposures of the first ``patterns`` indices of each frame in a named order.
 
     Without a name, in the usual order of the patterns' basis.
 
     Raises InputError if the capture has fewer indices or the order is unknown.
     """
-    plan = capture.plan
-    if not 1 <= patterns <= plan.sampled:
+    plans = capture.setup.plans
+    fewest = min(plan.sampled for plan in plans)
+    if not 1 <= patterns <= fewest:
+        raise InputError(f"patterns = {patterns}: this capture has 1..{fewest} to choose from")
+    ordered = ordered_rows(capture.plan.patterns, order)
+    shown = [_first(plan, ordered, patterns) for plan in plans]
+    if len({exposures.sum() for exposures in shown}) > 1:
         raise InputError(
-            f"patterns = {patterns}: this capture has 1..{plan.sampled} to choose from"
+            f"patterns = {patterns}: frames show these with different numbers of exposures"
         )
-    ordered = ordered_rows(plan.patterns, order)
-    kept = ordered[np.isin(ordered, plan.index)][:patterns]
-    exposures = np.isin(plan.index, kept)
+    places = [np.flatnonzero(exposures) for exposures in shown]
+    kept = np.array([places[frame % len(plans)] for frame in range(capture.frames)])
     taps = capture.pattern_taps
+    plan, *later_plans = (each.only(some) for each, some in zip(plans, shown, strict=True))
     return replace(
         capture,
-        pattern_taps=None if taps is None else _some(taps, exposures, "taps"),
-        plan=plan.only(exposures),
-        buckets=_some(capture.buckets, exposures, "counts"),
+        pattern_taps=None if taps is None else _some(taps, kept, "taps"),
+        plan=plan,
+        later_plans=tuple(later_plans),
+        buckets=_some(capture.buckets, kept, "counts"),
     )
 
 
-def _some(part: Part, exposures: Mask, readings: str) -> Part:
+def _first(plan: PatternPlan, ordered: NDArray[np.int64], patterns: int) -> Mask:
+    """Exposures (M,) of the first patterns of a plan."""
+    return np.isin(plan.index, ordered[np.isin(ordered, plan.index)][:patterns])
+
+
+def _some(part: Part, kept: NDArray[np.intp], readings: str) -> Part:
+    """A part with some readings (F, K) of each frame."""
+    frames = np.arange(len(kept))[:, None]
     names = (readings, "saturated")
-    return replace(part, **{name: getattr(part, name)[:, exposures] for name in names})
+    return replace(part, **{name: getattr(part, name)[frames, kept] for name in names})

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capture import Capture, first_patterns, open_capture
+from ..capture import Capture, check_frames, first_patterns, open_capture
 from ..depth import DEPTH_METHODS
 from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
@@ -19,7 +19,7 @@ from ..image import IMAGE_METHODS
 from ..operators import ORDERS
 from ..outputs import outputs_in, write_outputs
 from ..ranging import RANGING_METHODS, Ranges
-from ..reconstructor import Reconstructor
+from ..reconstructor import lead, reconstruct
 from ..result import Result
 from ..text import json_line, printable
 
@@ -56,19 +56,20 @@ def run(options: argparse.Namespace) -> None:
     require_outputs(outputs_in(options.output), [options.capture], overwrite=options.overwrite)
     if options.order is not None and options.patterns is None:
         raise InputError("--order goes with --patterns")
+    methods = {name: names(getattr(options, name)) for name in STATIONS}
+    before = lead(options.frame, methods["image"], methods["ranging"])
     with open_capture(options.capture) as file:
-        recording = capture = file.capture(options.frame, options.frame + 1)
+        check_frames(options.frame, options.frame + 1, file.frames)
+        recording = capture = file.capture(options.frame - before, options.frame + 1)
     with naming(options.capture):
         if options.patterns is not None:
             capture = first_patterns(recording, options.patterns, options.order)
-        methods = {name: names(getattr(options, name)) for name in STATIONS}
-        result = Reconstructor(capture.setup, **methods)(
-            replace(capture.frame(), first=options.frame)
-        )
+        result = reconstruct(capture, before, **methods)
     # However many of its patterns are used, it is a result of this recording.
-    result = replace(result, recording=recording.frame().digest(recording.setup))
+    digest = recording.frame(before).digest(recording.setup)
+    result = replace(result, frame=options.frame, recording=digest)
     files = write_outputs(result, capture, options.output)
-    warnings = capture_warnings(capture)
+    warnings = capture_warnings(capture, before)
     for warning in warnings:
         print(printable(f"warning: {warning}"), file=sys.stderr)
     if options.json:

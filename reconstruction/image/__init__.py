@@ -4,7 +4,7 @@ from .coefficients import CoefficientDecoder, Coefficients
 from .dictionaries import DICTIONARIES
 from .dictionary import Dictionary
 from .imaging import Imaging, UsableReadings
-from .method import Estimate, ImageMethod, ImageSolver
+from .method import CarryingMethod, Estimate, ImageMethod, ImageSolver
 from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp
 from .prior import Prior, fit_variance
@@ -24,6 +24,7 @@ __all__ = [
     "IMAGE_METHODS",
     "UNLIT",
     "Candidate",
+    "CarryingMethod",
     "CoefficientDecoder",
     "Coefficients",
     "Dictionary",

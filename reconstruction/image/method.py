@@ -1,8 +1,8 @@
 """What a method of making images is."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -36,4 +36,19 @@ class ImageMethod(Protocol):
         """Solver of this operator's coefficients.
 
         Raises InputError where the method cannot use the operator.
+        """
+
+
+@runtime_checkable
+class CarryingMethod(ImageMethod, Protocol):
+    """A method whose images rest on earlier frames too, of frames that are taken in their order.
+
+    What `compile` makes knows of no others.
+    """
+
+    def begin(self, operators: Sequence[MeasurementOperator]) -> ImageMethod:
+        """The method of one recording, which holds what it carries.
+
+        ``operators`` are those of its successive frames, over and over, where all readings are
+        usable. Raises InputError where the method cannot use them.
         """

@@ -4,6 +4,7 @@ from .bases import BASES, basis_of
 from .basis import Basis, checked_shape
 from .decoder import Decoder, decoder_for
 from .hadamard import fwht, sequency
+from .interleaving import interleaved
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS, pattern_order
 from .plan import (
@@ -38,6 +39,7 @@ __all__ = [
     "expose",
     "fwht",
     "illumination",
+    "interleaved",
     "make_plan",
     "mean_illumination",
     "ordered_rows",

@@ -24,7 +24,6 @@ import numpy as np
 from reconstruction.arrays import Floats
 from reconstruction.capture import Optics
 from reconstruction.depth import pixel_rays
-from reconstruction.operators import mean_illumination
 from spisim.instrument import Detector, Instrument
 
 #: Directions at which the field of a ranging detector is probed for the projector's light. Pixels
@@ -200,7 +199,7 @@ def _pattern_irradiance(instrument: Instrument, points: Floats) -> Floats:
     """
     projector = instrument.projector
     height, width = projector.shape
-    powers = instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan)
+    powers = instrument.mean_powers_w
     x, y = (points[..., k] / points[..., 2] for k in (0, 1))
     column = np.floor((x / projector.tan_half_width + 1) / 2 * width).astype(int)
     row = np.floor((y / projector.tan_half_height + 1) / 2 * height).astype(int)

@@ -87,6 +87,7 @@ def instrument_with(
     patterns: int | None = None,
     order: str | None = None,
     polarity: str | None = None,
+    interleave: int | None = None,
 ) -> Instrument:
     """Load an instrument; move it and change its pattern plan where the command line says so."""
     from spisim.config import parse_model
@@ -95,7 +96,12 @@ def instrument_with(
     instrument = load_instrument(name)
     if wavelength_nm is not None:
         instrument = instrument.at_wavelength(wavelength_nm)
-    plan = {"patterns": patterns, "order": order, "polarity": polarity}
+    plan = {
+        "patterns": patterns,
+        "order": order,
+        "polarity": polarity,
+        "interleave": interleave,
+    }
     changes = {key: value for key, value in plan.items() if value is not None}
     if not changes:
         return instrument

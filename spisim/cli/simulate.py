@@ -34,6 +34,9 @@ def command(
     patterns: Annotated[int | None, opt.number_option(1, 2**31, "Patterns per frame.")] = None,
     order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None,
     polarity: Annotated[str | None, typer.Option(help="differential or single-ended.")] = None,
+    interleave: Annotated[
+        int | None, opt.number_option(1, 256, "Frames that patterns are dealt out to.")
+    ] = None,
     seed: opt.Seed = 0,
     spp: opt.Spp = 256,
     transport_error: opt.TransportError = None,
@@ -59,7 +62,7 @@ def command(
     files = [named(output, "simulated capture", frames * BYTES_PER_FRAME)]
     files += [beside(output, "capture report")] if report else []
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
-    carried = instrument_with(instrument, wavelength, patterns, order, polarity)
+    carried = instrument_with(instrument, wavelength, patterns, order, polarity, interleave)
     place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from reconstruction.arrays import Floats
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
-from reconstruction.operators import PatternPlan
+from reconstruction.operators import PatternPlan, mean_illumination
 from spisim.config import Number, Positive, Section, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
@@ -98,8 +98,13 @@ class Instrument(Section):
 
     @property
     def pattern_plan(self) -> PatternPlan:
-        """The patterns of one frame."""
-        return self.plan.of_shape(self.projector.shape)
+        """The patterns of the first frame."""
+        return self.pattern_plans[0]
+
+    @property
+    def pattern_plans(self) -> tuple[PatternPlan, ...]:
+        """The patterns of successive frames, over and over: one plan where all show the same."""
+        return self.plan.cycle(self.projector.shape)
 
     @property
     def pattern_period_s(self) -> float:
@@ -130,6 +135,12 @@ class Instrument(Section):
     def pixel_powers_w(self) -> Floats:
         """In-band power (H, W) of each virtual pixel, fully on, in front of the filter."""
         return self.projector.power_w * self.in_band_fraction * self.projector.pixel_shares
+
+    @property
+    def mean_powers_w(self) -> Floats:
+        """The same (H, W) on average over all that is displayed."""
+        shares = [mean_illumination(plan) for plan in self.pattern_plans]
+        return np.asarray(self.pixel_powers_w * np.mean(shares, axis=0))
 
     @property
     def in_band_fraction(self) -> float:

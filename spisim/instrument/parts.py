@@ -24,6 +24,7 @@ from reconstruction.operators import (
     Basis,
     PatternPlan,
     basis_of,
+    interleaved,
     make_plan,
     plan_of_rows,
 )
@@ -136,6 +137,10 @@ Polarity = Literal["differential", "single-ended"]
 RowNumber = Annotated[int, BeforeValidator(not_a_truth_value), Field(ge=0)]
 
 
+#: Frames until patterns repeat; a memory of hundreds of frames is one of a still scene.
+MAX_INTERLEAVED = 256
+
+
 class Plan(Section):
     """Which patterns are shown: the first of an order, or those of an `index`, one by one.
 
@@ -143,6 +148,9 @@ class Plan(Section):
     the basis's own or an order; with a polarity for each they are the exposures. A basis that no
     shape tells, such as "dense", needs `patterns_file`: transmittances from 0 to 1,
     (patterns, rows, columns), as an NPY file beside this one, or a capture that has shown them.
+
+    With `interleave` frames differ: each shows the first patterns of the order, `common` of them as
+    a share, and of the next ones those that are its own, until so many frames have shown all.
     """
 
     patterns: Count | None = None
@@ -152,6 +160,24 @@ class Plan(Section):
     layout: str | None = None
     basis: str = "hadamard"
     patterns_file: Path | None = None
+    interleave: Annotated[Count, Field(le=MAX_INTERLEAVED)] = 1
+    common: Annotated[Number, Field(ge=0, le=1)] = 0.5
+
+    def cycle(self, shape: tuple[int, int]) -> tuple[PatternPlan, ...]:
+        """The plans of successive frames, over and over; InputError where there are none."""
+        if self.interleave == 1:
+            return (self.of_shape(shape),)
+        if self.patterns is None:
+            raise InputError(
+                "interleave deals out the patterns of an order; an index tells them all"
+            )
+        shared = max(1, round(self.common * self.patterns))
+        patterns = shared + self.interleave * (self.patterns - shared)
+        try:
+            whole = self.model_copy(update={"patterns": patterns}).of_shape(shape)
+        except InputError as error:
+            raise InputError(f"interleave {self.interleave}: {error}") from None
+        return interleaved(whole, self.interleave, shared)
 
     def of_shape(self, shape: tuple[int, int]) -> PatternPlan:
         """The plan of patterns of this shape; InputError where there is none."""

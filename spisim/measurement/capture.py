@@ -42,8 +42,10 @@ def record(
     drops = falling_drops(scene, instrument, truths, frames, for_drops)
     mean = bucket_light(instrument, light, frames, drops)
     buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
+    plan, *later_plans = instrument.pattern_plans[:frames]
     return Capture(
-        plan=instrument.pattern_plan,
+        plan=plan,
+        later_plans=tuple(later_plans),
         buckets=buckets,
         spots=instrument.tof.record(
             spot_light(instrument, light, frames, drops),

@@ -130,10 +130,13 @@ def _readings(
     """Exposures (frames, M) of images (keys, H, W), steady light (keys,) and a change of them."""
     dark = instrument.projector.dark_level
     total = images.sum(axis=(1, 2))[:, None]
-    shown = (1 - dark) * expose(instrument.pattern_plan, images) + dark * total
-    light = shown + steady[:, None]  # (keys, M)
-    nearby = light[between.keys, np.arange(light.shape[1])[:, None]]
-    readings = (between.shares * nearby).sum(axis=-1) + change
+    readings = change.copy()
+    plans = instrument.pattern_plans
+    for turn, plan in enumerate(plans[: len(readings)]):
+        light = (1 - dark) * expose(plan, images) + dark * total + steady[:, None]  # (keys, M)
+        frames = slice(turn, None, len(plans))
+        nearby = light[between.keys[frames], np.arange(plan.exposures)[:, None]]
+        readings[frames] += (between.shares[frames] * nearby).sum(axis=-1)
     amplifier = instrument.detector.amplifier
     pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
     share = carried_over(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reconstruction import Capture, Result, capture_warnings
 from reconstruction.arrays import Floats
-from reconstruction.capture import Spots
+from reconstruction.capture import Setup, Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.errors import InputError
 from reconstruction.evaluation import method_title
@@ -179,6 +179,7 @@ def _facts(capture: Capture) -> dict[str, str]:
         "virtual pixels": f"{width} × {height}",
         "patterns": f"{plan.sampled} of {plan.pixels}, {plan.basis}, {plan.order}",
         "exposures": str(plan.exposures),
+        **_of_several_frames(capture.setup),
         "exposure time": duration(buckets.exposure_time_s),
         "duration": duration(plan.exposures * buckets.pattern_period_s),
         "electronics noise": (
@@ -191,6 +192,14 @@ def _facts(capture: Capture) -> dict[str, str]:
     if capture.pattern_taps is not None:
         facts["of every pattern"] = capture.pattern_taps.summary
     return facts
+
+
+def _of_several_frames(setup: Setup) -> dict[str, str]:
+    """What frames that show different patterns show together."""
+    if not setup.later_plans:
+        return {}
+    shown = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
+    return {"of several frames": f"{shown} patterns, which {len(setup.plans)} frames deal out"}
 
 
 def _path_lengths(spots: Spots, range_m: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
-from reconstruction.operators import expose, mean_illumination
+from reconstruction.operators import expose
 from reconstruction.ranging import MAX_PATH_M
 from spisim.instrument import Instrument
 from spisim.scene import Scene
@@ -152,7 +152,7 @@ def _steady_light(
     crosstalk = projector_power(
         world,
         placed.projector,
-        instrument.pixel_powers_w * mean_illumination(instrument.pattern_plan),
+        instrument.mean_powers_w,
         placed.tof,
         paths=paths,
         seed=streams[2],
@@ -167,10 +167,13 @@ def _steady_light(
 def _budget(instrument: Instrument, spp: int, transport_error: float | None) -> SamplingBudget:
     if transport_error is None:
         return Paths(spp)
-    plan, power_w = instrument.pattern_plan, instrument.pixel_powers_w
-    return TargetError(
-        transport_error, lambda sums: expose(plan, sums["image"].reshape(power_w.shape) * power_w)
-    )
+    plans, power_w = instrument.pattern_plans, instrument.pixel_powers_w
+
+    def buckets(sums: Mapping[str, Floats]) -> Floats:
+        image = sums["image"].reshape(power_w.shape) * power_w
+        return np.concatenate([expose(plan, image) for plan in plans], axis=-1)
+
+    return TargetError(transport_error, buckets)
 
 
 def _extra(

@@ -12,6 +12,7 @@ import spisim
 import worlds
 from instruments import changed
 from reconstruction.errors import InputError
+from reconstruction.operators import decoder_for
 from spisim.measurement import bucket_light, spot_light
 from spisim.scene import Scene
 from spisim.transport import LightSequence, trace
@@ -135,3 +136,15 @@ def test_an_object_that_flies_through_the_instrument_is_refused(paper):
     fast = replace(ball, velocity_m_s=(0.0, 0.0, -100.0))
     with pytest.raises(InputError, match="ball"):
         sequence(worlds.scene(worlds.plane(4.0), fast), paper)
+
+
+def test_frames_of_an_interleaved_plan_are_read_by_their_own_patterns():
+    """Noise-free coefficients of each frame are those of the still image, by its own rows."""
+    dealt = changed("paper", plan__interleave=3, plan__patterns=40)
+    capture = spisim.simulate(wall(), dealt, spp=16, noise=False, frames=4).capture
+    assert len(capture.setup.plans) == 3
+    for frame in range(4):
+        decoder = decoder_for(capture.setup.plan_of(frame))
+        decoded = decoder.decode(capture.buckets.signal[frame])
+        expected = decoder.operator.forward(capture.truth.at(frame).image)
+        np.testing.assert_allclose(decoded, expected, rtol=1e-6, atol=1e-6 * expected.max())

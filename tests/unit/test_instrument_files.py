@@ -37,6 +37,12 @@ def test_exposure_defaults_to_the_pattern_period_and_may_be_shorter(tmp_path: Pa
         (("shape: [64, 64]", "shape: [64]"), ["projector.shape[1]", "missing"]),
         (("patterns: 127", "patterns: 5000"), ["plan", "5000"]),
         (("patterns: 127", "patterns: 0"), ["plan.patterns", "greater than 0"]),
+        (("patterns: 127", "patterns: 1000\n  interleave: 9"), ["plan: interleave 9", "1..4096"]),
+        (
+            ("patterns: 127", "patterns: 127\n  interleave: 0"),
+            ["plan.interleave", "greater than 0"],
+        ),
+        (("patterns: 127", "patterns: 127\n  common: 1.5"), ["plan.common", "1.5"]),
         (("order: sequency-2d", "order: sequency2d"), ["plan", "sequency-2d"]),
         (("plan:", "plan:\n  basis: hadamart"), ["plan", "did you mean 'hadamard'"]),
         (("plan:", "plan:\n  basis: dense"), ["plan", "basis dense needs patterns_file"]),
@@ -176,3 +182,18 @@ def test_a_plan_may_tell_its_rows_one_by_one(
     assert (shown.index.tolist(), shown.polarity.tolist()) == (index, signs)
     again = load_text(tmp_path, instrument.text).pattern_plan  # as a capture holds it
     assert (again.index.tolist(), again.polarity.tolist()) == (index, signs)
+
+
+def test_patterns_are_dealt_out_to_frames(paper: Instrument, tmp_path: Path) -> None:
+    assert len(paper.pattern_plans) == 1
+    text = PAPER.replace("patterns: 127", "patterns: 127\n  interleave: 8")
+    dealt = load_text(tmp_path, text)
+    plans = dealt.pattern_plans
+    assert len(plans) == 8
+    assert {plan.sampled for plan in plans} == {127}
+    assert dealt.frame_time_s == paper.frame_time_s
+    shown = [set(plan.distinct.tolist()) for plan in plans]
+    assert len(set.intersection(*shown)) == 64
+    assert len(set.union(*shown)) == 64 + 8 * 63
+    few = load_text(tmp_path, text.replace("interleave: 8", "interleave: 8\n  common: 0"))
+    assert len(set.union(*(set(plan.index.tolist()) for plan in few.pattern_plans))) == 1009

@@ -163,7 +163,7 @@ def test_image_methods_are_chosen_by_name_the_first_is_the_default_the_plain_one
 def test_all_are_all_that_there_are_the_usual_first(capture):
     result = reconstruct(capture, image="all", ranging="all", depth="all")
     assert list(result.images)[:3] == ["edge-preserving", "pursuit", "zero-filled"]
-    assert set(result.images) == set(IMAGE_METHODS)
+    assert set(result.images) == set(IMAGE_METHODS) - {"recursive"}  # which needs earlier frames
     assert next(iter(result.rangings)) == "cw"
     assert list(result.depths)[:2] == ["anchored", "nearest"]
     assert "dense" not in result.depths  # there are no taps of every pattern

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Floats
-from ...capture import PatternTaps
+from ...capture import Frames, PatternTaps
 from ...image import Coefficients, Imaging, UsableReadings
 from ...ranging import MIN_SIGNAL, path_from_phases, range_from_path
 from ...ranging.methods.cw import quadrature_weights
@@ -42,9 +42,7 @@ class Dense:
         stretch = np.linalg.norm(rays, axis=-1, keepdims=True)
 
         def solve(view: View) -> Floats | None:
-            taps = view.frame.pattern_taps
-            assert taps is not None
-            found = _phasor_images(imaging, taps, frequencies)
+            found = _phasor_images(imaging, view.frame, frequencies)
             if found is None:
                 return None
             phases, sigmas = found
@@ -58,13 +56,15 @@ class Dense:
 
 
 def _phasor_images(
-    imaging: Imaging, taps: PatternTaps, frequencies: Floats
+    imaging: Imaging, frame: Frames, frequencies: Floats
 ) -> tuple[Floats, Floats] | None:
     """Phases and their standard deviations, each (J, H, W), of the first frame.
 
     None if the level of the light is not known.
     """
-    usable = imaging.of(~taps.saturated[0].any(axis=-1))
+    taps = frame.pattern_taps
+    assert taps is not None
+    usable = imaging.of(~taps.saturated[0].any(axis=-1), frame.first)
     if not usable.decoder.level:
         return None
     images: list[NDArray[np.complex128]] = []

@@ -16,12 +16,15 @@ IMAGE_METHODS: Registry[ImageMethod] = Registry(
 def image_method(name: str) -> ImageMethod:
     """Method of this name; ``method:dictionary`` is one with another dictionary than its own.
 
-    Raises InputError for unknown names, and a method that has no dictionary.
+    What stands behind the colon of one that carries is the method that makes its images, as in
+    ``recursive:pursuit``. Raises InputError for unknown names, and a method that has no dictionary.
     """
     name, colon, dictionary = name.partition(":")
     method: Any = IMAGE_METHODS[name]
     if not colon:
         return cast(ImageMethod, method)
+    if hasattr(method, "inner"):
+        return cast(ImageMethod, replace(method, inner=dictionary))
     if not hasattr(method, "dictionary"):
         raise InputError(f"image method {name!r} uses no dictionary; {dictionary!r} is not needed")
     return cast(ImageMethod, replace(method, dictionary=DICTIONARIES[dictionary]))

@@ -18,6 +18,7 @@ class FogCarried(Fog):
     """The joint likelihood of `Fog`, with the fog of the frame before in place of any fog."""
 
     title = "fog of the last frame and target"
+    carries = True
 
     def compile(self, spots: Spots) -> RangingSolver:
         """Solver that remembers the fog of the frame that it solved last; InputError as `Fog`."""

@@ -49,8 +49,9 @@ def on_buckets(
     if not drops:
         return changes
     instrument, times_s = drops[0].instrument, drops[0].times_s
-    plan, dark = instrument.pattern_plan, instrument.projector.dark_level
+    plans, dark = instrument.pattern_plans, instrument.projector.dark_level
     for frame in range(len(between.keys)):
+        plan = plans[frame % len(plans)]
         fields = [_in_sight(one, frame) for one in drops]
         for exposure, time_s in enumerate(times_s[frame]):
             lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)

@@ -1,0 +1,72 @@
+"""Gaussian images, given coefficients that have noise of different sizes."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from ..arrays import Floats
+from .posterior import Field, Posterior
+from .prior import fit_scale
+
+BLOCK = 4
+"""Side of the blocks of pixels of which one stands for all."""
+
+
+class Factorised(Posterior):
+    """The posterior of one frame, by a Cholesky factorisation; see `gaussian`.
+
+    ``rows`` (K, N) are spectra R, ``gram`` (K, K) is R C R^T and ``seen`` (K, N) the images of R C.
+    Coefficients of infinite noise are left out.
+    """
+
+    def __init__(
+        self,
+        measured: NDArray[Any],
+        noise: Floats,
+        rows: Floats,
+        gram: Floats,
+        seen: Floats,
+        field: Field,
+    ) -> None:
+        known = np.isfinite(noise)
+        gram = gram[np.ix_(known, known)]
+        variance = noise[known] ** 2
+        self.noise = noise
+        self.contrast = fit_scale(measured[known], np.diag(gram), variance)
+        matrix = self.contrast * gram
+        matrix[np.diag_indices_from(matrix)] += variance
+        self._factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+        self._known, self._seen, self._field = known, seen, field
+        self._rows = rows[known]
+        self._prior = self.contrast * field.variance
+        self.mean = self._prior * self._spread(self._solved(measured[known]))
+
+    def _solved(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(cho_solve(self._factor, coefficients, check_finite=False))
+
+    def _spread(self, weights: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray((weights @ self._rows).reshape(self._prior.shape))
+
+    @property
+    def variance(self) -> Floats:
+        """Of each pixel (H, W), by one of every few: a scattered one, as patterns are regular."""
+        prior = self._field.pixel_variance
+        height, width = prior.shape
+        down, across = (np.arange(0, side, BLOCK) for side in (height, width))
+        offset = np.add.outer(7 * np.arange(down.size), 3 * np.arange(across.size)) % BLOCK**2
+        row = np.minimum(down[:, None] + offset // BLOCK, height - 1)
+        column = np.minimum(across + offset % BLOCK, width - 1)
+        lower, _ = self._factor
+        seen = self._seen[:, (row * width + column).ravel()][self._known]
+        told = solve_triangular(lower, seen, lower=True, check_finite=False)
+        explained = self.contrast**2 * (told**2).sum(axis=0).reshape(row.shape)
+        left = self.contrast * prior[row, column] - explained
+        blocks = np.repeat(np.repeat(left, BLOCK, axis=0), BLOCK, axis=1)
+        return np.maximum(blocks[:height, :width], 0)
+
+    def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """The posterior covariance times a spectrum (H, W)."""
+        weighed = self._prior * spectrum
+        return weighed - self._prior * self._spread(self._solved(self._rows @ weighed.ravel()))

@@ -1,0 +1,92 @@
+"""Gaussian fields, and what coefficients tell of one; see `gaussian`."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from .prior import fit_scale
+
+
+class Field:
+    """Images (H, W) with independent coefficients of ``variance`` (H, W) in separable atoms.
+
+    ``vertical`` (H, H) and ``horizontal`` (W, W) have orthonormal atoms in their columns.
+    """
+
+    def __init__(self, vertical: Floats, horizontal: Floats, variance: Floats) -> None:
+        self.vertical, self.horizontal, self.variance = vertical, horizontal, variance
+        height, width = variance.shape
+        self.shape = height, width
+
+    def image(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """The sum of atoms (..., H, W) with these coefficients."""
+        return np.asarray(self.vertical @ spectrum @ self.horizontal.T)
+
+    def spectrum(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Coefficients (..., H, W) of an image."""
+        return np.asarray(self.vertical.T @ image @ self.horizontal)
+
+    @property
+    def pixel_variance(self) -> Floats:
+        """Variance of each pixel, (H, W)."""
+        return np.asarray(self.vertical**2 @ self.variance @ self.horizontal.T**2)
+
+
+class Posterior:
+    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are; ``contrast`` v.
+
+    ``noise`` (K,) is that of the coefficients, nowhere too small to divide by.
+    """
+
+    def __init__(
+        self, measured: NDArray[Any], noise: Floats, rms: float, components: "Components"
+    ) -> None:
+        turned = components.turn @ measured
+        self.noise = noise
+        self.contrast = fit_scale(turned, components.spread, rms**2)
+        shrinking = self.contrast / (self.contrast * components.spread + rms**2)
+        self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
+        self._explained = self.contrast * shrinking
+        self._components = components
+
+    @property
+    def variance(self) -> Floats:
+        """Of each pixel (H, W)."""
+        components = self._components
+        weights = self._explained.astype(np.float32)
+        prior = components.pixel_variance
+        explained = (weights @ components.squared).reshape(prior.shape)
+        return np.maximum(self.contrast * prior - explained, 0)
+
+    def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """The posterior covariance times a spectrum (H, W)."""
+        components = self._components
+        explained = (self._explained * (components.spectra @ spectrum.ravel())) @ components.spectra
+        prior = self.contrast * components.field.variance * spectrum
+        return np.asarray(prior - explained.reshape(spectrum.shape))
+
+
+class Components:
+    """What varies independently in coefficients of which the noise has ``relative`` size (K,).
+
+    ``spread`` (K,): the l above; ``turn`` (K, K): U^T T^-1; ``spectra`` (K, N): U^T T^-1 R C.
+    """
+
+    def __init__(self, field: Field, rows: Floats, relative: Floats) -> None:
+        self.field = field
+        self.shape = field.shape
+        seen = rows * field.variance.ravel()
+        spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
+        self.spread: Floats = np.maximum(spread, 0)
+        self.turn: Floats = turn.T / relative
+        self.spectra: Floats = self.turn @ seen
+        self.pixel_variance = field.pixel_variance
+
+    @cached_property
+    def squared(self) -> NDArray[np.float32]:
+        """Squared images (K, N) of the spectra."""
+        images = self.field.image(self.spectra.reshape(-1, *self.shape))
+        return np.asarray(images**2, np.float32).reshape(len(images), -1)
