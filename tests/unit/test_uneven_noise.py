@@ -11,6 +11,7 @@ from reconstruction.operators import decoder_for
 
 OPERATOR = decoder_for(make_plan((16, 16), 90, polarity="signed")).operator
 SOLVER = LeastSquaresSolver(OPERATOR, DICTIONARY)
+FIELD = SOLVER.model.field
 
 
 def posterior(noise):
@@ -21,10 +22,10 @@ def posterior(noise):
 
 
 def closed_form(contrast, measured, noise):
-    """Mean (N,) and covariance (N, N) of the posterior."""
+    """Mean (N,) and covariance (N, N) of the posterior's spectrum."""
     known = np.isfinite(noise)
-    rows = SOLVER.rows[known]
-    prior = contrast * SOLVER.field(np.eye(256).reshape(256, 16, 16)).reshape(256, 256)
+    rows = SOLVER.model.rows[known]
+    prior = contrast * np.diag(FIELD.variance.ravel())
     gain = prior @ rows.T @ np.linalg.inv(rows @ prior @ rows.T + np.diag(noise[known] ** 2))
     return gain @ measured[known], prior - gain @ rows @ prior
 
@@ -50,7 +51,8 @@ def test_the_mean_and_the_covariance_are_those_of_the_closed_form():
 def test_variance_is_that_of_pixels_nearby():
     found, measured, length_1 = posterior(sizes())
     _, covariance = closed_form(found.contrast, measured, length_1)
-    exact = np.diag(covariance).reshape(16, 16)
+    atoms = FIELD.image(np.eye(256).reshape(256, 16, 16)).reshape(256, 256)
+    exact = np.diag(atoms.T @ covariance @ atoms).reshape(16, 16)
     ratio = np.sqrt(found.variance / exact)
     assert abs(ratio.mean() - 1) < 0.05
     assert ratio.std() < 0.15
@@ -63,5 +65,5 @@ def test_noise_that_is_hardly_uneven_makes_hardly_a_difference():
     assert type(even) is not type(uneven)
     assert abs(np.log(uneven.contrast / even.contrast)) < 0.3
     true = natural_image(16, 3) - natural_image(16, 3).mean()
-    errors = [np.mean((each.mean - true) ** 2) for each in (uneven, even)]
+    errors = [np.mean((FIELD.image(each.mean) - true) ** 2) for each in (uneven, even)]
     assert abs(10 * np.log10(errors[0] / errors[1])) < 0.1
