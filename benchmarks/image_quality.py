@@ -169,8 +169,10 @@ def metrics(image: Image, truth: Image, least: float) -> Metrics:
     """Of one image; ``least`` is the squared error of the better of zero-filled and flat."""
     error = squared_error(image, truth)
     span = float(np.ptp(truth))
+    spread = image.std() * truth.std()
+    covariance = np.mean((image - image.mean()) * (truth - truth.mean()))
     return {
-        "correlation": float(np.corrcoef(image.ravel(), truth.ravel())[0, 1]),
+        "correlation": float(covariance / spread) if spread > 0 else 0.0,
         "psnr_db": 10 * np.log10(float(truth.max()) ** 2 / error),
         "ssim": float(structural_similarity(image, truth, data_range=span)),
         "gain_db": 10 * np.log10(least / error),
@@ -182,7 +184,7 @@ Found = dict[tuple[str, float], list[dict[str, Metrics]]]
 
 def values(found: list[dict[str, Metrics]], method: str, metric: str) -> Image:
     """One number of each image."""
-    return np.nan_to_num(np.array([each[method][metric] for each in found]))
+    return np.array([each[method][metric] for each in found])
 
 
 def table(found: Found, metric: str, title: str, digits: int) -> Table:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from ..operators import Decoder, RowOperator, SparseRows
+from ..operators import Decoder, Drift, RowOperator, SparseRows
 from .noise import variance_by_repetition, variance_by_spectrum
 from .prior import Prior, fit_scale
 from .shared_errors import without_shared_errors
@@ -40,11 +40,19 @@ class CoefficientDecoder:
     """Decodes readings (M,), and takes off the errors that many coefficients share.
 
     ``prior`` makes what is known of the coefficients; it is not asked where it is not needed.
-    ``redundant`` are the combinations of readings that tell their noise.
+    ``redundant`` are the combinations of readings that tell their noise, ``drift`` tells how their
+    offset drifts, where anything does.
     """
 
-    def __init__(self, decoder: Decoder, prior: Callable[[], Prior], redundant: SparseRows) -> None:
+    def __init__(
+        self,
+        decoder: Decoder,
+        prior: Callable[[], Prior],
+        redundant: SparseRows,
+        drift: Drift | None,
+    ) -> None:
         self._decoder = decoder
+        self._drift = drift
         self._redundant = redundant
         self._alike = isinstance(decoder.operator, RowOperator)  # all rows are
         self._columns = decoder.shared_columns()
@@ -60,6 +68,8 @@ class CoefficientDecoder:
         An unknown variance is taken to be the median of the known ones; where none is known it is
         estimated.
         """
+        if self._drift is not None:
+            signal = signal - self._drift(signal)
         values = self._decoder.decode(signal)
         known = np.isfinite(variance)
         if not known.any():

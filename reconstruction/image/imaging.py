@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..operators import PatternPlan, decoder_for, redundant_combinations
+from ..operators import PatternPlan, decoder_for, drift_of, redundant_combinations
 from .coefficients import CoefficientDecoder
 from .dictionaries.dct import DICTIONARY
 from .method import CarryingMethod, ImageMethod, ImageSolver
@@ -74,6 +74,7 @@ class UsableReadings:
             self.decoder,
             lambda: Prior(self.decoder.operator, DICTIONARY),
             redundant_combinations(self._plan, self._usable),
+            drift_of(self._plan, self._usable),
         )
 
     def solver(self, method: str) -> ImageSolver:

@@ -17,7 +17,7 @@ from .plan import (
     plan_of_rows,
 )
 from .polarities import POLARITIES
-from .redundancy import redundant_combinations
+from .redundancy import Drift, drift_of, redundant_combinations
 from .sparse import SparseRows
 from .transposed import transposed
 
@@ -27,6 +27,7 @@ __all__ = [
     "POLARITIES",
     "Basis",
     "Decoder",
+    "Drift",
     "MatrixOperator",
     "MeasurementOperator",
     "PatternPlan",
@@ -36,6 +37,7 @@ __all__ = [
     "basis_of",
     "checked_shape",
     "decoder_for",
+    "drift_of",
     "expose",
     "fwht",
     "illumination",

@@ -7,8 +7,10 @@ that follow each other are noise, and of slow drifts next to nothing.
 
 from collections import defaultdict
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Mask
 from .plan import PatternPlan
@@ -16,6 +18,12 @@ from .sparse import SparseRows
 
 Weights = dict[int, float]
 """By reading."""
+DEGREE = 2
+"""Of the polynomial that drifts are."""
+FEWEST = 20
+"""Degrees of freedom that are left for the noise, at least."""
+BEYOND_DOUBT = 10.0
+"""F above which a drift is none by chance in less than one recording of a thousand."""
 
 
 def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
@@ -24,21 +32,74 @@ def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
     D is 0 where nothing is shown twice. Combinations that follow each other share readings: their
     errors are not independent.
     """
+    rows = [
+        _difference(first, second)
+        for group in equal_sums(plan, usable)
+        for first, second in pairwise(sorted(group, key=min))
+    ]
+    return _matrix(rows, plan.exposures)
+
+
+def drift_of(plan: PatternPlan, usable: Mask) -> "Drift | None":
+    """What tells a drift of the offset, None where too little is shown twice."""
+    groups = [group for group in equal_sums(plan, usable) if len(group) > 1]
+    sums = _matrix([_of_length_1(each) for group in groups for each in group], plan.exposures)
+    of_group = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    freedom = of_group.size - len(groups) - DEGREE
+    return Drift(sums, of_group, freedom) if freedom >= FEWEST else None
+
+
+class Drift:
+    """A slow drift of the offset, a polynomial of time, told by what is shown twice.
+
+    ``sums`` (S, M) of readings are alike within each group, ``of_group`` (S,).
+    """
+
+    def __init__(self, sums: SparseRows, of_group: NDArray[np.intp], freedom: int) -> None:
+        time = np.linspace(-1, 1, sums.shape[1])
+        self._sums, self._of_group, self._freedom = sums, of_group, freedom
+        self._powers = np.stack([time**power for power in range(1, DEGREE + 1)], axis=1)
+        self._seen = np.stack([self._deviations(power) for power in self._powers.T], axis=1)
+        self._inverse = np.linalg.pinv(self._seen)
+
+    def __call__(self, signal: NDArray[Any]) -> NDArray[Any]:
+        """The drift in each of the readings (M,): 0 where it is not beyond doubt."""
+        deviations = self._deviations(signal)
+        course = self._inverse @ deviations
+        explained = np.sum(np.abs(self._seen @ course) ** 2) / DEGREE
+        noise = np.sum(np.abs(deviations - self._seen @ course) ** 2) / self._freedom
+        if explained <= BEYOND_DOUBT * noise:
+            return np.zeros_like(signal)
+        return np.asarray(self._powers @ course)
+
+    def _deviations(self, signal: NDArray[Any]) -> NDArray[Any]:
+        """Of the sums from the mean of their group."""
+        sums = self._sums @ signal
+        means = np.zeros(self._of_group.max() + 1, sums.dtype)
+        np.add.at(means, self._of_group, sums)
+        return np.asarray(sums - (means / np.bincount(self._of_group))[self._of_group])
+
+
+def equal_sums(plan: PatternPlan, usable: Mask) -> list[list[Weights]]:
+    """Groups of sums of usable readings which are the same but for noise, and drift."""
     shown: dict[tuple[int, int], list[int]] = defaultdict(list)
     for reading in np.flatnonzero(usable).tolist():
         shown[int(plan.index[reading]), int(plan.polarity[reading])].append(reading)
     equal: list[list[Weights]] = [[{reading: 1.0} for reading in each] for each in shown.values()]
     pairs = [(plus, shown.get((k, -1))) for (k, sign), plus in shown.items() if sign == 1]
-    equal.append([_mean(plus) | _mean(minus) for plus, minus in pairs if minus])
-    rows = [
-        _difference(first, second)
-        for group in equal
-        for first, second in pairwise(sorted(group, key=min))
-    ]
+    return [*equal, [_mean(plus) | _mean(minus) for plus, minus in pairs if minus]]
+
+
+def _matrix(rows: list[Weights], readings: int) -> SparseRows:
     places = [(row, reading) for row, weights in enumerate(rows) for reading in weights]
     values = [value for weights in rows for value in weights.values()]
     at = np.array(places, dtype=int).reshape(-1, 2).T
-    return SparseRows(at[0], at[1], np.array(values), (len(rows), plan.exposures))
+    return SparseRows(at[0], at[1], np.array(values), (len(rows), readings))
+
+
+def _of_length_1(weights: Weights) -> Weights:
+    length = float(np.sqrt(sum(value**2 for value in weights.values())))
+    return {reading: value / length for reading, value in weights.items()}
 
 
 def _mean(readings: list[int]) -> Weights:
@@ -47,7 +108,4 @@ def _mean(readings: list[int]) -> Weights:
 
 def _difference(first: Weights, second: Weights) -> Weights:
     """The second less the first, of length 1."""
-    length = float(np.sqrt(sum(value**2 for value in (*first.values(), *second.values()))))
-    return {reading: -value / length for reading, value in first.items()} | {
-        reading: value / length for reading, value in second.items()
-    }
+    return _of_length_1({reading: -value for reading, value in first.items()} | second)

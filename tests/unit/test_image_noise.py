@@ -10,6 +10,7 @@ from reconstruction.image.noise import variance_by_repetition, variance_by_spect
 from reconstruction.operators import (
     PatternPlan,
     decoder_for,
+    drift_of,
     expose,
     make_plan,
     redundant_combinations,
@@ -67,6 +68,54 @@ def test_repetition_tells_the_noise_whatever_drifts_and_flickers():
     z = (np.mean(np.sqrt(found)) - 0.5) / (np.std(np.sqrt(found)) / np.sqrt(40))
     assert abs(z) < 4
     assert np.std(np.sqrt(found)) < 0.5 * 0.15
+
+
+def interspersed_dark(patterns):
+    """A single-ended plan with a dark exposure after every fourth pattern."""
+    plan = make_plan((32, 32), patterns, polarity="single-ended")
+    index, sign = plan.index.tolist(), plan.polarity.tolist()
+    for place in range(len(index) - 1, 0, -4):
+        index.insert(place, 0)
+        sign.insert(place, -1)
+    return PatternPlan((32, 32), np.array(index), np.array(sign))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.5])
+def test_an_offset_that_drifts_is_told_by_what_is_shown_twice(noise):
+    plan = interspersed_dark(200)
+    drift = drift_of(plan, np.ones(plan.exposures, dtype=bool))
+    time = np.linspace(-1, 1, plan.exposures)
+    true = 30 * time - 12 * time**2
+    light = expose(plan, natural_image(32, 1)) + 50
+    white = noise * np.random.default_rng(0).standard_normal(light.shape)
+    np.testing.assert_allclose(drift(light + true + white), true, atol=1e-6 + 2 * noise)
+
+
+def test_without_a_drift_hardly_a_recording_has_one():
+    plan = interspersed_dark(200)
+    drift = drift_of(plan, np.ones(plan.exposures, dtype=bool))
+    light = expose(plan, natural_image(32, 1)) + 50
+    told = [
+        drift(light + np.random.default_rng(seed).standard_normal(light.shape)).any()
+        for seed in range(1000)
+    ]
+    assert sum(told) <= 5  # one is expected, at most
+
+
+def test_images_of_drifting_offsets_are_those_of_steady_ones():
+    plan = interspersed_dark(200)
+    usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
+    light = expose(plan, natural_image(32, 1)) + 50
+    variance = np.full(light.shape, 1e-4)
+    steady = usable.decode(light, variance).values
+    drifting = usable.decode(light + np.linspace(0, 200, light.size), variance).values
+    np.testing.assert_allclose(drifting, steady, atol=1e-3)
+
+
+@pytest.mark.parametrize("polarity", ["signed", "single-ended"])
+def test_nothing_shown_twice_tells_no_drift(polarity):
+    plan = make_plan((32, 32), 200, polarity=polarity)
+    assert drift_of(plan, np.ones(plan.exposures, dtype=bool)) is None
 
 
 def test_too_few_repetitions_are_none():

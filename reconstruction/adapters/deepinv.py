@@ -1,0 +1,32 @@
+"""For DeepInverse (https://deepinv.github.io)."""
+
+from typing import Any
+
+import deepinv
+import torch
+
+from ..operators import MeasurementOperator
+
+
+def linear_physics(operator: MeasurementOperator, noise: float = 0.0) -> Any:
+    """A `deepinv.physics.LinearPhysics` from images (B, 1, H, W) to coefficients (B, K).
+
+    Coefficients are divided by the rows' length, so that the operator's norm is 1, and have
+    Gaussian noise of this standard deviation; so must measured ones. Complex ones have no place.
+    """
+    length = operator.row_length
+
+    def forward(images: Any, **_: Any) -> Any:
+        seen = operator.forward(images[:, 0].detach().cpu().numpy()) / length
+        return torch.as_tensor(seen, dtype=images.dtype, device=images.device)
+
+    def back(coefficients: Any, **_: Any) -> Any:
+        found = operator.back_project(coefficients.detach().cpu().numpy())[:, None] / length
+        return torch.as_tensor(found, dtype=coefficients.dtype, device=coefficients.device)
+
+    return deepinv.physics.LinearPhysics(
+        A=forward,
+        A_adjoint=back,
+        noise_model=deepinv.physics.GaussianNoise(noise),
+        img_size=(1, *operator.image_shape),
+    )

@@ -1,0 +1,15 @@
+"""For PyLops (https://pylops.readthedocs.io)."""
+
+from typing import Any, cast
+
+import pylops
+from scipy.sparse.linalg import aslinearoperator
+
+from ..operators import MeasurementOperator
+
+
+def linear_operator(operator: MeasurementOperator) -> Any:
+    """A `pylops.LinearOperator` from flat images (N,) to coefficients (K,)."""
+    found = pylops.LinearOperator(aslinearoperator(cast(Any, operator)))
+    found.dims, found.dimsd = operator.image_shape, (operator.shape[0],)
+    return found
