@@ -30,7 +30,6 @@ from reconstruction.operators import (
 )
 from spisim.config import Count, NonNegative, Number, Positive, Section, not_a_truth_value
 from spisim.config.files import check_is_there, read_npy
-from spisim.config.messages import show
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.sensor import FWHM_PER_SIGMA, PositiveFraction
 
@@ -127,8 +126,7 @@ def _polarity(given: Any) -> Any:
     if given not in get_args(Polarity) and not (signs and all(sign in (1, -1) for sign in signs)):
         raise PydanticCustomError(
             "polarity",
-            "should be 'differential', 'single-ended' or a list of 1 and -1; found {found}",
-            {"found": show(given)},
+            "should be 'differential', 'single-ended' or a list of 1 and -1",
         )
     return given
 

@@ -32,7 +32,7 @@ def test_unknown_instrument_names_the_nearest(tmp_path: Path) -> None:
         (["--visibility", "-1"], "visibility"),
         (["--patterns", "99999"], "patterns"),
         (["--order", "sequenzy"], "did you mean 'sequency'"),
-        (["--polarity", "sign"], "'differential' or 'single-ended'; found 'sign'"),
+        (["--polarity", "sign"], "'single-ended' or a list of 1 and -1; found 'sign'"),
         (["--polarity", "signed"], "differences formed by a recorder; choose differential"),
         (["--spp", "0"], "0 is not a whole number from 1 to 1048576"),
         (["--spp", "9999999"], "9999999 is not a whole number from"),

@@ -162,7 +162,7 @@ def replace_dataset(path, name, value, units=None):
         ("patterns/shape", np.array([4, 8.5]), r"patterns/shape is \[4.0, 8.5\], expected 2 int"),
         ("patterns/shape", np.array([4, np.inf]), r"patterns/shape is \[4.0, inf\]"),
         ("patterns/shape", np.array([4, 7]), "powers of two"),
-        ("patterns/basis", "fourier", "'fourier': allowed: dense, hadamard"),
+        ("patterns/basis", "wavelet", "'wavelet': allowed: dense, fourier, fourier-binary"),
     ],
 )
 def test_a_wrong_dataset_is_named(path, name, value, message):

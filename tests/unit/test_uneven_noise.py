@@ -5,12 +5,11 @@ import numpy as np
 from images import natural_image
 from reconstruction import make_plan
 from reconstruction.image import Coefficients
-from reconstruction.image.dictionaries.dct import DICTIONARY
-from reconstruction.image.methods.least_squares import LeastSquaresSolver
+from reconstruction.image.methods.least_squares import METHOD
 from reconstruction.operators import decoder_for
 
 OPERATOR = decoder_for(make_plan((16, 16), 90, polarity="signed")).operator
-SOLVER = LeastSquaresSolver(OPERATOR, DICTIONARY)
+SOLVER = METHOD.compile(OPERATOR)
 FIELD = SOLVER.model.field
 
 

@@ -29,8 +29,9 @@ from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
 from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import Grid, at_most, band
-from ..method import Estimate
+from ..method import Estimate, ImageSolver
 from .least_squares import METHOD as LEAST_SQUARES
+from .least_squares import LeastSquaresSolver
 
 Linear = Callable[[NDArray[Any]], NDArray[Any]]
 
@@ -49,18 +50,24 @@ class EdgePreserving:
 
     title = "edge-preserving least squares"
 
-    def compile(self, operator: MeasurementOperator) -> "EdgePreservingSolver":
-        """Solver of one operator's coefficients."""
-        return EdgePreservingSolver(operator)
+    def compile(self, operator: MeasurementOperator) -> ImageSolver:
+        """Solver of one operator's coefficients.
+
+        Of more than least squares reckons with that is the same: little is left to guess.
+        """
+        linear = LEAST_SQUARES.compile(operator)
+        if not isinstance(linear, LeastSquaresSolver):
+            return linear
+        return EdgePreservingSolver(linear)
 
 
 class EdgePreservingSolver:
     """Holds what depends on the operator alone."""
 
-    def __init__(self, operator: MeasurementOperator) -> None:
-        self._linear = LEAST_SQUARES.compile(operator)
-        model = self._linear.model
-        sides = operator.image_shape
+    def __init__(self, linear: LeastSquaresSolver) -> None:
+        self._linear = linear
+        model = linear.model
+        sides = linear.operator.image_shape
         all_of_them = model.field.variance.shape[0], model.field.variance.shape[1]
         high, wide = band(self._linear.seen, SEEN)
         self._grid = Grid(at_most((2 * high, 2 * wide), all_of_them), sides)

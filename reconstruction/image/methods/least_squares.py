@@ -20,9 +20,12 @@ from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import at_most, band
 from ..method import Estimate
 from ..prior import Prior
+from ..shrinking import ShrinkingSolver
 
 MOST = 2**23
-"""Numbers in the spectra of rows, at most."""
+"""Numbers in the spectra of rows, at most: with more, coefficients are shrunk one by one."""
+MOST_ROWS = 2500
+"""Rows whose correlations are reckoned with, at most."""
 SEEN = 0.99
 """Share of what the rows see that the frequencies hold at least."""
 
@@ -34,14 +37,21 @@ class LeastSquares:
     title = "least squares"
     dictionary: Dictionary = DICTIONARY
 
-    def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver":
+    def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
         """Solver of one operator's coefficients: the same for all methods that begin with it."""
         return _compiled(operator, self.dictionary)
 
 
 @lru_cache(maxsize=2)
-def _compiled(operator: MeasurementOperator, dictionary: Dictionary) -> "LeastSquaresSolver":
-    return LeastSquaresSolver(operator, dictionary)
+def _compiled(
+    operator: MeasurementOperator, dictionary: Dictionary
+) -> "LeastSquaresSolver | ShrinkingSolver":
+    prior = Prior(operator, dictionary)
+    high, wide = band(prior.atoms.by_atom() * prior.deviation**2, SEEN)
+    rows = len(prior.expected)
+    if rows > MOST_ROWS or rows * high * wide > MOST:
+        return ShrinkingSolver(operator, prior)
+    return LeastSquaresSolver(operator, dictionary, prior)
 
 
 class LeastSquaresSolver:
@@ -52,9 +62,8 @@ class LeastSquaresSolver:
     see, over all images.
     """
 
-    def __init__(self, operator: MeasurementOperator, dictionary: Dictionary) -> None:
+    def __init__(self, operator: MeasurementOperator, dictionary: Dictionary, prior: Prior) -> None:
         self.operator = operator
-        prior = Prior(operator, dictionary)
         variance = prior.deviation**2
         self.seen: Floats = prior.atoms.by_atom() * variance
         tall, wide = (dictionary.atoms(side) for side in operator.image_shape)

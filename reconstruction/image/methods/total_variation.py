@@ -12,10 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
-from ..gaussian import GaussianModel
 from ..gradient import divergence, gradient
 from ..method import Estimate
 from .least_squares import METHOD as LEAST_SQUARES
@@ -47,37 +45,33 @@ class TotalVariationSolver:
     """Holds what depends on the operator alone."""
 
     def __init__(self, operator: MeasurementOperator) -> None:
+        self._operator = operator
         self._linear = LEAST_SQUARES.compile(operator)
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image; how far off a pixel is total variation does not tell."""
-        measured, noise = self._linear.varying(coefficients)
-        start = self._linear.posterior(coefficients)
-        if start is None:
-            return self._linear.flat(coefficients)
-        near = Near(self._linear.model, measured, noise)
-        field = self._linear.model.field
-        edges = _least_edges(field.image(start.mean), near)
-        return self._linear.estimate(field.spectrum(edges), None, coefficients)
+        start = self._linear(coefficients).image
+        if not np.ptp(np.abs(start)):
+            return Estimate(start)
+        return Estimate(_least_edges(start, Near(self._operator, coefficients)))
 
 
 class Near:
-    """Images that agree with coefficients (K,) of a model's orthonormal rows within the noise."""
+    """Images that agree with coefficients within their noise, and with their level."""
 
-    def __init__(self, model: GaussianModel, measured: NDArray[Any], noise: Floats) -> None:
-        known = np.isfinite(noise)
-        self._field, self._rows = model.field, model.rows[known]
-        self._measured = measured[known]
-        self._radius = float(np.linalg.norm(noise[known]))
+    def __init__(self, operator: MeasurementOperator, coefficients: Coefficients) -> None:
+        self._operator, self._values = operator, coefficients.values
+        self._known = coefficients.measured
+        self._level = self._known & ~operator.varying
+        self._noisy = self._known & operator.varying
+        self._radius = float(np.linalg.norm(coefficients.noise[self._noisy]))
 
     def nearest(self, image: NDArray[Any]) -> NDArray[Any]:
         """The nearest of them to an image (H, W)."""
-        misfit = self._rows @ self._field.spectrum(image).ravel() - self._measured
-        length = float(np.linalg.norm(misfit))
-        if length <= self._radius:
-            return image
-        excess = misfit * (1 - self._radius / length)
-        return image - self._field.image((excess @ self._rows).reshape(self._field.variance.shape))
+        misfit = np.where(self._known, self._operator.forward(image) - self._values, 0)
+        length = float(np.linalg.norm(misfit[self._noisy]))
+        share = max(0.0, 1 - self._radius / length) if length > 0 else 0.0
+        return image - self._operator.least_energy(np.where(self._level, misfit, share * misfit))
 
 
 def _least_edges(image: NDArray[Any], near: Near) -> NDArray[Any]:
