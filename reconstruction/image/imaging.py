@@ -14,7 +14,7 @@ from .method import CarryingMethod, ImageMethod, ImageSolver
 from .methods import image_method
 from .prior import Prior
 
-MAX_KEPT = 8
+MAX_KEPT = 4
 """Sets of usable readings of each plan for which what was compiled is kept, on average."""
 
 
