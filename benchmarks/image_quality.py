@@ -148,7 +148,7 @@ def measured(case: Case, share: float) -> dict[str, Metrics]:
 
 def images(capture: Capture) -> dict[str, Image]:
     """Images by method; what is compiled serves all recordings of the same patterns."""
-    digest = capture.setup.digest
+    digest = capture.setup.digest(0)
     if digest not in COMPILED:
         COMPILED[digest] = Reconstructor(capture.setup, image=METHODS, ranging=(), depth=())
     result = COMPILED[digest](capture.frame())
