@@ -35,6 +35,8 @@ class Factorised(Posterior):
         variance = noise[known] ** 2
         self.noise = noise
         self.contrast = fit_scale(measured[known], np.diag(gram), variance)
+        shrinking = self.contrast / (self.contrast * np.diag(gram) + variance)
+        self.noise_energy = float((shrinking**2 * np.diag(gram) * variance).sum())
         matrix = self.contrast * gram
         matrix[np.diag_indices_from(matrix)] += variance
         self._factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)

@@ -3,9 +3,8 @@
 What is shown twice tells it by itself (`redundant_combinations`). Otherwise it is the white part of
 the coefficients' power, as far as it cannot be the image: coefficients of images vary as the prior
 expects, times factors of their own with an inverse gamma distribution, so that they are of
-Student's t distribution, with many small values among few large ones; noise is Gaussian. Of all
-variances that explain the coefficients nearly as well as the likeliest the least is taken: taking
-texture for noise blurs it, and noise that is overlooked costs little until it is strong.
+Student's t distribution, with many small values among few large ones; noise is Gaussian. Of
+variances that are nearly as likely the least is taken. A white texture cannot be told from noise.
 """
 
 from typing import Any
@@ -24,7 +23,7 @@ FREEDOM = 3.0
 """Degrees of freedom of the t distribution."""
 FACTORS = 4.0 ** np.arange(-2, 3)
 """Factors of the variance."""
-LESS_LIKELY = 3.0
+LESS_LIKELY = 0.5
 """Log likelihood that is given up for less noise."""
 CONTRASTS = 4.0 ** np.arange(-7, 1.5, 0.5)
 VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 28))

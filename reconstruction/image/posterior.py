@@ -38,7 +38,8 @@ class Field:
 class Posterior:
     """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are; ``contrast`` v.
 
-    ``noise`` (K,) is that of the coefficients, nowhere too small to divide by.
+    ``noise`` (K,) is that of the coefficients, nowhere too small to divide by; ``noise_energy``
+    what it adds to mean^T C^-1 mean, on average.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Posterior:
         self.contrast = fit_scale(turned, components.spread, rms**2)
         shrinking = self.contrast / (self.contrast * components.spread + rms**2)
         self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
+        self.noise_energy = float((shrinking**2 * components.spread).sum() * rms**2)
         self._explained = self.contrast * shrinking
         self._components = components
 

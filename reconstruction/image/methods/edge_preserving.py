@@ -13,7 +13,9 @@ what the estimate does not show, the next round minimises
 Were T the same everywhere this would be the 1/f prior of the least-squares image, whose contrast
 gives c. It is anisotropic diffusion (J. Weickert, Anisotropic Diffusion in Image Processing,
 Teubner 1998) that agrees with the readings. The rounds begin at the least-squares image, whose
-posterior covariance is the preconditioner, on a grid no finer than what the patterns can tell.
+posterior covariance is the preconditioner, on a grid no finer than what the patterns can tell. As
+edges of noise are worth nothing, the image goes from the first to the last round only as far as its
+gradients are not noise.
 """
 
 from collections.abc import Callable
@@ -76,7 +78,7 @@ class EdgePreservingSolver:
         # has gradients of pi: differences on the grid are taken back to these pixels.
         self._slopes = Slopes(self._grid.shape, (height / sides[0], width / sides[1]))
         variance = model.field.variance[:height, :width]
-        self._precision = np.divide(1, variance, out=np.zeros_like(variance), where=variance > 0)
+        self._precision = linear.precision[:height, :width]
         self._model = model
         if self._grid.shape != all_of_them:
             low = model.rows.reshape(-1, *all_of_them)[:, :height, :width]
@@ -92,12 +94,22 @@ class EdgePreservingSolver:
             return linear.flat(coefficients)
         measured, noise = linear.varying(coefficients)
         height, width = self._grid.shape
+        higher = start.mean.copy()
+        higher[:height, :width] = 0
+        low, energy = self._followed(measured - linear.model.rows @ higher.ravel(), noise)
+        trusted = self._trusted(start)
         spectrum = start.mean.copy()
-        spectrum[:height, :width] = 0
-        left = measured - linear.model.rows @ spectrum.ravel()
-        spectrum[:height, :width], energy = self._followed(left, noise)
-        unevenness = self._grid.finer_density(energy / energy.mean())
+        spectrum[:height, :width] += trusted * (low - spectrum[:height, :width])
+        unevenness = 1 + trusted * (self._grid.finer_density(energy / energy.mean()) - 1)
         return linear.estimate(spectrum, linear.variance(start) * unevenness, coefficients)
+
+    def _trusted(self, start: Posterior) -> float:
+        """How far edges are followed: the square of the share of gradients that is no noise.
+
+        Of the 1/f prior, x^T C^-1 x is the energy of the gradients up to a factor.
+        """
+        energy = float((np.abs(start.mean) ** 2 * self._linear.precision).sum())
+        return max(0.0, 1 - start.noise_energy / energy) ** 2
 
     def _followed(self, measured: NDArray[Any], noise: Floats) -> tuple[NDArray[Any], Floats]:
         """Spectrum on the grid, and the energy of its gradients."""
@@ -162,12 +174,12 @@ class Slopes:
     def __init__(self, grid: tuple[int, int], scale: tuple[float, float]) -> None:
         self._vertical, self._horizontal = (DICTIONARY.atoms(side) for side in grid)
         self.atoms = self._vertical, self._horizontal
-        self._down = scale[0] * np.diff(self._vertical, axis=0, append=self._vertical[-1:])
-        self._along = scale[1] * np.diff(self._horizontal, axis=0, append=self._horizontal[-1:])
+        self._down = scale[0] * _derivative(self._vertical)
+        self._along = scale[1] * _derivative(self._horizontal)
         self._windows = _window(grid[0]), _window(grid[1]).T
 
     def gradient(self, spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Differences to the next pixel down and along, 0 at the last, of a spectrum's image."""
+        """Slopes between each pixel and the next, down and along, of a spectrum's image."""
         down = self._down @ spectrum @ self._horizontal.T
         return down, self._vertical @ spectrum @ self._along.T
 
@@ -194,6 +206,16 @@ class Slopes:
             return back + self._vertical.T @ (across * down + horizontal * along) @ self._along
 
         return apply
+
+
+def _derivative(cosines: Floats) -> Floats:
+    """Of cosines (side, side), in their columns, between each pixel and the next; 0 at the last.
+
+    Differences between pixels are less than that, by the sinc of half the phase between them.
+    """
+    side = len(cosines)
+    differences = np.diff(cosines, axis=0, append=cosines[-1:])
+    return np.asarray(differences / np.sinc(np.arange(side) / (2 * side)))
 
 
 def _window(side: int) -> Floats:

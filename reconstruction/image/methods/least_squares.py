@@ -59,7 +59,7 @@ class LeastSquaresSolver:
 
     ``model`` is of the spectra of images, of which the highest frequencies are left out where all
     rows and frequencies were more than `MOST` numbers. ``seen`` (H, W): how much of each the rows
-    see, over all images.
+    see, over all images; ``precision`` is the inverse of the field's variance.
     """
 
     def __init__(self, operator: MeasurementOperator, dictionary: Dictionary, prior: Prior) -> None:
@@ -73,6 +73,8 @@ class LeastSquaresSolver:
             prior.atoms.of((lowest[0], lowest[1])),
             Field(tall[:, :height], wide[:, :width], variance[:height, :width]),
         )
+        kept = variance[:height, :width]
+        self.precision: Floats = np.divide(1, kept, out=np.zeros_like(kept), where=kept > 0)
         higher = variance.copy()
         higher[:height, :width] = 0
         self._higher: Floats = Field(tall, wide, higher).pixel_variance
