@@ -79,8 +79,12 @@ class CoefficientDecoder:
         if self._alike:
             values, left = self._unshared(values, variance)
             return Coefficients(values, np.sqrt(np.full(left.shape, np.median(left))))
-        variance = np.fmax(variance, (MIN_ERROR * np.std(signal)) ** 2)
-        return self._without_hidden(*self._unshared(values, variance))
+        least = np.full(variance.shape, (MIN_ERROR * np.std(signal)) ** 2)
+        values, left = self._unshared(values, np.fmax(variance, least))
+        # Noise that is a guess hides nothing.
+        return self._without_hidden(
+            values, left, left if known.any() else self._decoder.own_variance(least)
+        )
 
     def _unshared(self, values: NDArray[Any], variance: Floats) -> tuple[NDArray[Any], Floats]:
         """Coefficients without the errors that they share, and the variance of the rest."""
@@ -109,12 +113,14 @@ class CoefficientDecoder:
         scaled = values[varying] / np.sqrt(of_one)
         return variance_by_spectrum(scaled, expected * length**2 / of_one)
 
-    def _without_hidden(self, values: NDArray[Any], variance: Floats) -> Coefficients:
-        """Coefficients less those that noise hides: it is larger than what images vary by."""
+    def _without_hidden(
+        self, values: NDArray[Any], variance: Floats, hiding: Floats
+    ) -> Coefficients:
+        """Coefficients less those that noise hides: ``hiding`` is more than images vary by."""
         varying, expected = self._prior.varying, self._prior.expected
-        scale = fit_scale(values[varying], expected, variance[varying])
+        scale = fit_scale(values[varying], expected, hiding[varying])
         hidden = np.zeros(values.size, dtype=bool)
-        hidden[varying] = variance[varying] > scale * expected
+        hidden[varying] = hiding[varying] > scale * expected
         return Coefficients(
             np.where(hidden, 0, values), np.where(hidden, np.inf, np.sqrt(variance))
         )
