@@ -3,7 +3,7 @@
     python tools/glyphs.py
 
 Draws DejaVu Sans, which comes with Matplotlib, in 16 levels of grey, and writes
-reconstruction/outputs/glyphs.py.
+reconstruction/outputs/letters.py.
 """
 
 import base64
@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 SIZE = 14
 LETTERS = "".join(map(chr, range(32, 127))) + "×°²³¹⁰⁴⁵⁶⁷⁸⁹⁻±µλσ–—’…"
-TARGET = Path(__file__).parents[1] / "reconstruction" / "outputs" / "glyphs.py"
+TARGET = Path(__file__).parents[1] / "reconstruction" / "outputs" / "letters.py"
 
 
 def main() -> None:
@@ -60,14 +60,6 @@ DejaVu changes to Bitstream Vera are in the public domain; Bitstream Vera is a t
 Bitstream, Inc., copyright (c) 2003 by Bitstream, Inc., free to use, embed and redistribute.
 """
 
-import base64
-import zlib
-from functools import cache
-
-import numpy as np
-
-from ..arrays import Floats
-
 HEIGHT = {height}
 """Of a line, in pixels."""
 LETTERS = "".join(map(chr, range(32, 127))) + "{others}"
@@ -75,25 +67,10 @@ WIDTHS = (
 {widths}
 )
 """Of each letter in pixels, a hexadecimal digit."""
-_PACKED = (
+PACKED = (
 {packed}
 )
 """All letters side by side, two pixels in a byte, compressed."""
-
-
-@cache
-def _glyphs() -> dict[str, Floats]:
-    packed = np.frombuffer(zlib.decompress(base64.b85decode(_PACKED)), np.uint8)
-    levels = np.stack([packed >> 4, packed & 15], axis=-1).reshape(HEIGHT, -1)
-    ends = np.cumsum([int(width, 16) for width in WIDTHS])
-    parts = np.split(levels[:, : ends[-1]] / 15, ends[:-1], axis=1)
-    return dict(zip(LETTERS, parts, strict=True))
-
-
-def written(text: str) -> Floats:
-    """How much of each pixel a line of text covers, 0..1: (HEIGHT, width)."""
-    glyphs = _glyphs()
-    return np.hstack([glyphs[" "][:, :0], *(glyphs.get(each, glyphs["?"]) for each in text)])
 '''
 
 if __name__ == "__main__":

@@ -70,8 +70,8 @@ class EdgePreservingSolver:
         self._linear = linear
         model = linear.model
         sides = linear.operator.image_shape
-        all_of_them = model.field.variance.shape[0], model.field.variance.shape[1]
-        high, wide = band(self._linear.seen, SEEN)
+        all_of_them = model.field.shape
+        high, wide = band(linear.seen, SEEN)
         self._grid = Grid(at_most((2 * high, 2 * wide), all_of_them), sides)
         height, width = self._grid.shape
         # The 1/f prior is in frequencies per two pixels of the image, of which a cosine of one
@@ -109,7 +109,7 @@ class EdgePreservingSolver:
         Of the 1/f prior, x^T C^-1 x is the energy of the gradients up to a factor.
         """
         energy = float((np.abs(start.mean) ** 2 * self._linear.precision).sum())
-        return max(0.0, 1 - start.noise_energy / energy) ** 2
+        return max(0.0, 1 - start.noise_energy / energy) ** 2 if energy > 0 else 0.0
 
     def _followed(self, measured: NDArray[Any], noise: Floats) -> tuple[NDArray[Any], Floats]:
         """Spectrum on the grid, and the energy of its gradients."""
