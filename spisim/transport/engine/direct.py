@@ -14,6 +14,7 @@ import mitsuba as mi
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Detectors, Lamp, Projector
 from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.engine.mirrors import reflected
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
@@ -52,6 +53,32 @@ def direct_light(
     aperture_point = _off_surface(world, pencil, detectors, sampler, add)
     if world.media.parts:
         _off_fog(world, pencil, detectors, aperture_point, sampler, add)
+
+
+def mirrored_light(
+    world: World, source: Projector, detectors: Detectors | Lamp, seed: int, deposit: Deposit
+) -> None:
+    """Deposit the light that a plane mirror throws from the source straight onto a detector.
+
+    The detector's response is taken in the direction of the middle of the source's lens.
+    """
+    if world.mirrors is None:
+        return
+    lane, _, sampler = _low_discrepancy(source, seed)
+    plane = world.mirrors.choose(sampler)
+    middle = plane.image(source.to_world @ mi.Point3f(0))
+    detector = detectors.choose(lane, sampler)
+    end = detectors.connect_to(detector, middle, sampler)
+    response = end.importance * dr.squared_norm(middle - end.point)
+    image = plane.image(end.point)
+    start = source.connect(lane, image, sampler)
+    towards, length_m = direction_to(start.point, image)
+    value = start.importance * response / (plane.probability * source.lanes)
+    lit = carries_light(value)
+    ray = mi.Ray3f(start.point, towards)
+    value *= reflected(world.geometry, world.media, plane, ray, length_m, sampler, lit)
+    lit &= carries_light(value)
+    deposit(Contribution(value, start.cell, length_m, mi.UInt32(0), lit))
 
 
 def _off_surface(

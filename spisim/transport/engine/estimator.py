@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.direct import direct_light
+from spisim.transport.engine.direct import direct_light, mirrored_light
 from spisim.transport.engine.ends import Detectors, JointDetectors, Lamp, Projector
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.rays import FogRays
@@ -91,6 +91,7 @@ def image_light(
     if strategy is Strategy.BOTH:
         outward, inward = second_on_or_behind_glass, second_on
         direct_light(world, near, far, seeds[2], deposit)
+        mirrored_light(world, near, far, seeds[2], deposit)
         if max_vertices == 1:
             return
     if strategy is not Strategy.DETECTOR:
