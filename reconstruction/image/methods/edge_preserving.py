@@ -96,10 +96,11 @@ class EdgePreservingSolver:
         height, width = self._grid.shape
         higher = start.mean.copy()
         higher[:height, :width] = 0
-        low, energy = self._followed(measured - linear.model.rows @ higher.ravel(), noise)
+        expected = linear.expected_contrast(coefficients)
+        low, energy = self._followed(measured - linear.model.rows @ higher.ravel(), noise, expected)
         trusted = self._trusted(start)
         spectrum = start.mean.copy()
-        spectrum[:height, :width] += trusted * (low - spectrum[:height, :width])
+        spectrum[:height, :width] += trusted * low
         unevenness = 1 + trusted * (self._grid.finer_density(energy / energy.mean()) - 1)
         return linear.estimate(spectrum, linear.variance(start) * unevenness, coefficients)
 
@@ -111,15 +112,19 @@ class EdgePreservingSolver:
         energy = float((np.abs(start.mean) ** 2 * self._linear.precision).sum())
         return max(0.0, 1 - start.noise_energy / energy) ** 2 if energy > 0 else 0.0
 
-    def _followed(self, measured: NDArray[Any], noise: Floats) -> tuple[NDArray[Any], Floats]:
+    def _followed(
+        self, measured: NDArray[Any], noise: Floats, expected: float | None
+    ) -> tuple[NDArray[Any], Floats]:
         """Spectrum on the grid, and the energy of its gradients."""
-        start = self._model.given(measured, noise)
-        spectrum = start.mean
+        start = self._model.given(measured, noise, expected)
+        spectrum = first = start.covariance(
+            ((measured / start.noise**2) @ self._model.rows).reshape(start.mean.shape)
+        )
         for _ in range(ROUNDS):
             tensors = self._slopes.tensors(spectrum)
             stiffness = self._slopes.stiffness(tensors, 1 / (np.pi**2 * start.contrast))
             spectrum = self._towards_minimum(spectrum, measured, stiffness, start)
-        return spectrum, self._slopes.tensors(spectrum).energy
+        return spectrum - first, self._slopes.tensors(spectrum).energy
 
     def _towards_minimum(
         self,
