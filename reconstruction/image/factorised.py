@@ -47,6 +47,11 @@ class Factorised(Posterior):
         self._prior = self.contrast * field.variance
         self.mean = self._prior * self._spread(self._solved(measured[known]))
 
+    @property
+    def own_mean(self) -> NDArray[Any]:
+        """The mean: there is no other."""
+        return self.mean
+
     def _solved(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(cho_solve(self._factor, coefficients, check_finite=False))
 

@@ -39,11 +39,12 @@ class Field:
 
 
 class Posterior:
-    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are; ``contrast`` v.
+    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are.
 
-    Averaged over contrasts and exponents of the spectrum; v is the mean one. ``noise`` (K,) is that
-    of the coefficients, nowhere too small to divide by; ``noise_energy`` what it adds to
-    mean^T C^-1 mean, on average.
+    Mean and variance are averages over contrasts and exponents. ``contrast`` v is the mean one of
+    the prior's own exponent, for which are `own_mean`, `covariance` and ``noise_energy``: what
+    noise adds to own_mean^T C^-1 own_mean, on average. ``noise`` (K,) is that of the coefficients,
+    nowhere too small to divide by.
     """
 
     def __init__(
@@ -63,11 +64,18 @@ class Posterior:
         self._mean_contrast = known.mean
         shrinking = each.gain * components.inverse
         self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
-        self.noise_energy = float((shrinking**2 * spread).sum() * rms**2)
         left = each.by_noise + each.between * np.abs(turned) ** 2
         self._explained = (self._mean_contrast * spread - left) * components.inverse**2
-        self._solved = self.contrast**2 / (self.contrast * spread + rms**2)
-        self._components = components
+        own = self.contrast / (self.contrast * spread + rms**2)
+        self.noise_energy = float((own**2 * spread).sum() * rms**2)
+        self._solved = self.contrast * own
+        self._turned, self._components = own * turned, components
+
+    @property
+    def own_mean(self) -> NDArray[Any]:
+        """The mean (H, W) of contrast v and the prior's own exponent."""
+        components = self._components
+        return np.asarray((self._turned @ components.spectra).reshape(components.shape))
 
     @property
     def variance(self) -> Floats:
@@ -79,8 +87,7 @@ class Posterior:
         return np.maximum(self._mean_contrast * prior - explained, 0)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """The posterior covariance, of the mean contrast and the prior's own exponent, times a
-        spectrum (H, W)."""
+        """The posterior covariance of contrast v times a spectrum (H, W)."""
         components = self._components
         explained = (self._solved * (components.spectra @ spectrum.ravel())) @ components.spectra
         prior = self.contrast * components.field.variance * spectrum
