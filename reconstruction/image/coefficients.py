@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..operators import Decoder, Drift, RowOperator, SparseRows
-from .noise import POWERS, variance_by_repetition, variance_by_spectrum
+from .noise import variance_by_repetition, variance_by_spectrum
 from .prior import Prior, fit_scale
 from .shared_errors import without_shared_errors
 
@@ -62,11 +62,6 @@ class CoefficientDecoder:
     def _prior(self) -> Prior:
         return self._make_prior()
 
-    @cached_property
-    def _spectra(self) -> Floats:
-        """Variances (E, K) that coefficients may have, each up to a factor."""
-        return np.array([self._prior.of_power(power) for power in POWERS])
-
     def __call__(self, signal: NDArray[Any], variance: Floats) -> Coefficients:
         """Coefficients of one frame's ``signal`` (M,) with ``variance`` (M,), nan where unknown.
 
@@ -111,7 +106,7 @@ class CoefficientDecoder:
         return variance
 
     def _by_spectrum(self, values: NDArray[Any]) -> float:
-        varying, expected = self._prior.varying, self._spectra
+        varying, expected = self._prior.varying, self._prior.expected
         readings = self._decoder.matrix.shape[1]
         of_one = self._decoder.own_variance(np.ones(readings))[varying]
         length = self._decoder.operator.row_length

@@ -31,6 +31,8 @@ UNLIKELY = 8.0
 """Log-density below the highest that is not looked at more closely."""
 LEAST = 1e-3
 """Least contrast that is looked at, over that at which the strongest component is half noise."""
+NOISELESS = 1e-12
+"""Least variance of noise over the mean power of components."""
 
 
 class Contrasts(NamedTuple):
@@ -42,11 +44,6 @@ class Contrasts(NamedTuple):
     value: Floats
     probability: Floats
     given: Floats
-
-    @property
-    def mean(self) -> float:
-        """Mean over all."""
-        return float((self.probability @ self.value).sum())
 
 
 class Shrunk(NamedTuple):
@@ -89,20 +86,20 @@ def contrasts(
     """Posterior of v, of components (K,), not all 0, with noise of variance ``noise``.
 
     ``spreads`` (E, K): variances l, of each spectrum; ``expected``: median of v before, if told.
+    A complex component counts as one number, as if all of the image had one phase.
     """
     power = np.abs(measured) ** 2
-    half = 1.0 if np.iscomplexobj(measured) else 0.5  # the densities of two numbers, or of one
     usual = spreads.mean(axis=0)
     seen = usual > 1e-12 * usual.max()
-    noise = np.broadcast_to(noise, power.shape)[seen]
+    noise = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())[seen]
     power, spreads, usual = power[seen], spreads[:, seen], usual[seen]
     equal = float((noise / usual).min())  # half of the strongest component is noise
     most = max(float((power / usual).max()), equal)
     logs = np.linspace(np.log(LEAST * equal), np.log(10 * most), POINTS)
     for last in np.arange(ROUNDS) == ROUNDS - 1:
         variance = np.exp(logs)[:, None] * spreads[:, None, :] + noise
-        density = -half * (np.log(variance) + power / variance).sum(axis=-1)
-        density += _before(logs, equal, expected)
+        density = -(np.log(variance) + power / variance).sum(axis=-1) / 2
+        density += _told(logs, expected) if expected is not None else _untold(logs, equal)
         if not last:
             likely = np.flatnonzero((density > density.max() - UNLIKELY).any(axis=0))
             low, high = max(likely[0] - 1, 0), min(likely[-1] + 1, POINTS - 1)
@@ -113,10 +110,13 @@ def contrasts(
     return Contrasts(values, weight / weight.sum(), own)
 
 
-def _before(logs: Floats, equal: float, expected: float | None) -> Floats:
-    """Log-density of logarithms of v before anything is measured."""
-    if expected is not None:
-        return -(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2
+def _told(logs: Floats, expected: float) -> Floats:
+    """Log-density of logarithms of v before anything but the level is measured."""
+    return np.asarray(-(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2)
+
+
+def _untold(logs: Floats, equal: float) -> Floats:
+    """The same where not even that is."""
     size = logs - np.log(equal)
     return np.asarray(size - 2 * np.logaddexp(0, size))
 

@@ -1,10 +1,11 @@
 """Noise that a recording does not tell, from its readings.
 
 What is shown twice tells it by itself (`redundant_combinations`). Otherwise it is the white part of
-the coefficients' power: coefficients of images vary as the prior expects, by an exponent of the
-spectrum that is one of several and a contrast of any size, and those of noise all alike. The
-variance is the mean over all exponents and white parts, each as probable as the coefficients make
-it (the contrast by its maximum). A white texture cannot be told from noise.
+the coefficients' power, as far as it cannot be the image: coefficients of images vary as the prior
+expects, times factors of their own with an inverse gamma distribution, so that they are of
+Student's t distribution, with many small values among few large ones; noise is Gaussian. The
+standard deviation is the mean over all variances and contrasts, each as probable as the
+coefficients make it. A white texture cannot be told from noise.
 """
 
 from typing import Any
@@ -19,11 +20,13 @@ FEWEST = 8
 """Combinations that tell the noise by themselves."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the magnitude of a normal variable of variance 1."""
-POWERS = (1.0, 1.5, 2.0)
-"""Of the prior's variance: exponents of 2 to 4 of spatial frequency. A spectrum that falls with the
-first power is nearly white where patterns are few."""
-WHITE = np.logspace(-6, 3, 91)
-"""White parts that are tried, relative to the mean variance."""
+FREEDOM = 3.0
+"""Degrees of freedom of the t distribution."""
+FACTORS = 4.0 ** np.arange(-2, 3)
+"""Factors of the variance."""
+CONTRASTS = 4.0 ** np.arange(-7, 1.5, 0.5)
+VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 36))
+"""Of signal and noise, over the power of the coefficients."""
 
 
 def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> float | None:
@@ -37,17 +40,30 @@ def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> fl
 
 
 def variance_by_spectrum(measured: NDArray[Any], expected: Floats) -> float:
-    """Variance of the noise of coefficients (K,) that images vary by ``expected`` (E, K) in.
-
-    Each of the E spectra is known up to a factor. Complex coefficients have noise in both parts.
-    """
+    """Variance of the noise of coefficients (K,) that images vary by ``expected`` (K,) in."""
     power = np.abs(measured) ** 2
     mean = float(power.mean()) if power.size else 0.0
     if mean == 0:
         return 0.0
-    half = 1.0 if np.iscomplexobj(measured) else 0.5  # the densities of two numbers, or of one
-    shape = (expected / expected.mean(axis=1, keepdims=True))[:, None] + WHITE[:, None]
-    scale = (power / mean / shape).mean(axis=-1)
-    density = -half * (power.size * np.log(scale) + np.log(shape).sum(axis=-1))
-    weight = np.exp(density - density.max())
-    return mean * float((weight * scale * WHITE).sum() / weight.sum())
+    likelihood = _log_likelihood(power / mean, expected / expected.mean())
+    weight = np.exp(likelihood - likelihood.max()).sum(axis=0)
+    return mean * float(np.sqrt(VARIANCES) @ weight / weight.sum()) ** 2
+
+
+def _log_likelihood(power: Floats, expected: Floats) -> Floats:
+    """Of each of `CONTRASTS` with each of `VARIANCES`."""
+    from scipy.special import gammaincc  # slow to import
+
+    weights = np.diff(gammaincc(FREEDOM / 2, FREEDOM / 2 / _edges()))
+    scales = np.unique(np.outer(CONTRASTS, FACTORS).round(12))
+    variance = scales[:, None, None] * expected + np.maximum(VARIANCES, 1e-9)[:, None]
+    density = np.exp(-power / (2 * variance)) / np.sqrt(variance)
+    places = np.searchsorted(scales, np.outer(CONTRASTS, FACTORS).round(12))
+    mixed = np.einsum("f,cfvk->cvk", weights, density[places])
+    return np.asarray(np.log(np.maximum(mixed, 1e-300)).sum(axis=-1))
+
+
+def _edges() -> Floats:
+    """Between the factors, from 0 to infinity."""
+    between = np.sqrt(FACTORS[1:] * FACTORS[:-1])
+    return np.concatenate([[1e-300], between, [np.inf]])

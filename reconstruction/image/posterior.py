@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from .contrast import contrasts, shrunk
 
-POWERS = (0.5, 1.0, 1.5, 2.0)
-"""Of the prior's variance: exponents of 1 to 4 of spatial frequency, where the prior has 2."""
+POWERS = (1.0, 0.5, 1.5, 2.0)
+"""Of the prior's variance: exponents of 2, its own, then of 1, 3 and 4 of spatial frequency."""
 
 
 class Field:
@@ -41,10 +41,10 @@ class Field:
 class Posterior:
     """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are.
 
-    Mean and variance are averages over contrasts and exponents. ``contrast`` v is the mean one of
-    the prior's own exponent, for which are `own_mean`, `covariance` and ``noise_energy``: what
-    noise adds to own_mean^T C^-1 own_mean, on average. ``noise`` (K,) is that of the coefficients,
-    nowhere too small to divide by.
+    Mean and variance are averages over contrasts and, for what is measured, exponents: the rest is
+    as the prior's own exponent has it. ``contrast`` v is the mean one of that exponent, for which
+    are `own_mean`, `covariance` and ``noise_energy``: what noise adds to own_mean^T C^-1 own_mean,
+    on average. ``noise`` (K,) is that of the coefficients, nowhere too small to divide by.
     """
 
     def __init__(
@@ -60,12 +60,11 @@ class Posterior:
         known = contrasts(turned, components.spreads, rms**2, expected)
         each = shrunk(known, components.spreads, rms**2)
         self.noise = noise
-        self.contrast = float(known.given[POWERS.index(1.0)])
-        self._mean_contrast = known.mean
+        self.contrast = float(known.given[0])
         shrinking = each.gain * components.inverse
         self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
         left = each.by_noise + each.between * np.abs(turned) ** 2
-        self._explained = (self._mean_contrast * spread - left) * components.inverse**2
+        self._explained = (self.contrast * spread - left) * components.inverse**2
         own = self.contrast / (self.contrast * spread + rms**2)
         self.noise_energy = float((own**2 * spread).sum() * rms**2)
         self._solved = self.contrast * own
@@ -79,12 +78,12 @@ class Posterior:
 
     @property
     def variance(self) -> Floats:
-        """Of each pixel (H, W), as if contrasts shrank components independently."""
+        """Of each pixel (H, W), as if what contrasts differ in were independent of each other."""
         components = self._components
         weights = self._explained.astype(np.float32)
         prior = components.pixel_variance
         explained = (weights @ components.squared).reshape(prior.shape)
-        return np.maximum(self._mean_contrast * prior - explained, 0)
+        return np.maximum(self.contrast * prior - explained, 0)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
         """The posterior covariance of contrast v times a spectrum (H, W)."""

@@ -26,12 +26,7 @@ class Prior:
         self.varying = operator.varying
         self.deviation = dictionary.deviation(operator.image_shape)
         self.atoms = operator.in_atoms(dictionary.atoms(height), dictionary.atoms(width))
-        self.expected: Floats = self.of_power(1.0)
-
-    def of_power(self, power: float) -> Floats:
-        """Variances of rows other than the level, where those of atoms are the ``power`` of what is
-        expected; up to a factor."""
-        return self.atoms.by_row(self.deviation ** (2 * power))
+        self.expected: Floats = self.atoms.by_row(self.deviation**2)
 
     @cached_property
     def _fit(self) -> "VarianceFit":
