@@ -95,7 +95,8 @@ def contrasts(
     power, spreads, usual = power[seen], spreads[:, seen], usual[seen]
     equal = float((noise / usual).min())  # half of the strongest component is noise
     most = max(float((power / usual).max()), equal)
-    logs = np.linspace(np.log(LEAST * equal), np.log(10 * most), POINTS)
+    least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
+    logs = np.linspace(np.log(min(least, LEAST * equal)), np.log(10 * most), POINTS)
     for last in np.arange(ROUNDS) == ROUNDS - 1:
         variance = np.exp(logs)[:, None] * spreads[:, None, :] + noise
         density = -(np.log(variance) + power / variance).sum(axis=-1) / 2
