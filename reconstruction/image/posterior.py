@@ -10,7 +10,7 @@ from ..arrays import Floats
 from .contrast import contrasts, shrunk
 
 POWERS = (1.0, 0.5, 1.5, 2.0)
-"""Of the prior's variance: exponents of 2, its own, then of 1, 3 and 4 of spatial frequency."""
+"""Of the spread of components: exponents of 2, the prior's own, and 1, 3 and 4 of frequency."""
 
 
 class Field:
@@ -97,25 +97,22 @@ class Components:
     """What varies independently in coefficients of which the noise has ``relative`` size (K,).
 
     ``spread`` (K,): the l above, ``inverse`` (K,) its inverse, 0 for 0; ``turn`` (K, K): U^T T^-1;
-    ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): variances of the components where C is
-    taken to other powers, all of the same sum.
+    ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): the same l to several powers, all of
+    the same sum.
     """
 
     def __init__(self, field: Field, rows: Floats, relative: Floats) -> None:
         self.field = field
         self.shape = field.shape
-        variance = field.variance.ravel()
-        seen = rows * variance
+        seen = rows * field.variance.ravel()
         spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
         self.spread: Floats = np.maximum(spread, 0)
         told = spread > 1e-12 * spread.max()
         self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=told)
         self.turn: Floats = turn.T / relative
         self.spectra: Floats = self.turn @ seen
-        varying = variance > 0
-        powers = variance[varying] ** (np.array(POWERS)[:, None] - 2)
-        spreads = (self.spectra[:, varying] ** 2 @ powers.T).T
-        self.spreads: Floats = spreads * (self.spread.sum() / spreads.sum(axis=1))[:, None]
+        powers = self.spread ** np.array(POWERS)[:, None]
+        self.spreads: Floats = powers * (self.spread.sum() / powers.sum(axis=1, keepdims=True))
         self.pixel_variance = field.pixel_variance
 
     @cached_property

@@ -77,9 +77,9 @@ def test_mean_and_variance_are_averages_over_the_textbook_s(field, rows, sigma):
     known = contrasts(parts.turn @ measured, parts.spreads, sigma**2, 20.0)
     prior = np.diag(field.variance.ravel())
     means, variances = [], []
-    for contrast, of_it in zip(known.value, known.probability.T, strict=True):
-        for spread in parts.spreads[of_it > 0]:
-            basis = parts.spectra.T / parts.spread  # images that each measured component stands for
+    basis = parts.spectra.T / parts.spread  # images that measured components stand for
+    for contrasts_of, spread in zip(known.value, parts.spreads, strict=True):
+        for contrast in contrasts_of:
             tilted = contrast * (prior + basis @ np.diag(spread - parts.spread) @ basis.T)
             seen = rows @ tilted
             gain = np.linalg.solve(seen @ rows.T + sigma**2 * np.eye(39), seen).T
@@ -87,7 +87,7 @@ def test_mean_and_variance_are_averages_over_the_textbook_s(field, rows, sigma):
             # What is not measured has the mean contrast of the prior's own exponent.
             rest = (posterior.contrast - contrast) * (prior - basis @ parts.spectra)
             variances.append(in_pixels(field, tilted - gain @ seen + rest))
-    weights = known.probability.T[known.probability.T > 0]
+    weights = known.probability.ravel()
     mean = weights @ means
     np.testing.assert_allclose(posterior.mean.ravel(), mean, atol=1e-6 * np.abs(mean).max())
     between = field.image((np.array(means) - mean).reshape(-1, *SHAPE)).reshape(-1, 128) ** 2
