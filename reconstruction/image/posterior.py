@@ -67,7 +67,7 @@ class Posterior:
         self._explained = (self.contrast * spread - left) * components.inverse**2
         own = self.contrast / (self.contrast * spread + rms**2)
         self.noise_energy = float((own**2 * spread).sum() * rms**2)
-        self._solved = self.contrast * own
+        self._of_one = self.contrast * own
         self._turned, self._components = own * turned, components
 
     @property
@@ -88,7 +88,7 @@ class Posterior:
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
         """The posterior covariance of contrast v times a spectrum (H, W)."""
         components = self._components
-        explained = (self._solved * (components.spectra @ spectrum.ravel())) @ components.spectra
+        explained = (self._of_one * (components.spectra @ spectrum.ravel())) @ components.spectra
         prior = self.contrast * components.field.variance * spectrum
         return np.asarray(prior - explained.reshape(spectrum.shape))
 
