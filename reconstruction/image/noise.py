@@ -5,7 +5,8 @@ the coefficients' power, as far as it cannot be the image: coefficients of image
 expects, times factors of their own with an inverse gamma distribution, so that they are of
 Student's t distribution, with many small values among few large ones; noise is Gaussian. The
 standard deviation is the mean over all variances and contrasts, each as probable as the
-coefficients make it, less a share for texture (`TEXTURE`). A white texture cannot be told from noise.
+coefficients make it, less a share for texture (`TEXTURE`). A white texture
+cannot be told from noise.
 """
 
 from typing import Any
