@@ -14,10 +14,10 @@ import mitsuba as mi
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Detectors, Lamp, Projector
 from spisim.transport.engine.equiangular import EquiAngular
-from spisim.transport.engine.mirrors import reflected
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
+from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
 
