@@ -5,8 +5,8 @@ the coefficients' power, as far as it cannot be the image: coefficients of image
 expects, times factors of their own with an inverse gamma distribution, so that they are of
 Student's t distribution, with many small values among few large ones; noise is Gaussian. The
 standard deviation is the mean over all variances and contrasts, each as probable as the
-coefficients make it, less a share for texture (`TEXTURE`). A white texture
-cannot be told from noise.
+coefficients make it, less a share for texture (`TEXTURE`), and 0 where none is the likeliest. A
+white texture cannot be told from noise.
 """
 
 from typing import Any
@@ -26,8 +26,8 @@ FREEDOM = 3.0
 FACTORS = 4.0 ** np.arange(-2, 3)
 """Factors of the variance."""
 TEXTURE = 0.2
-"""How much of the white part is texture: of a variance that is the share s of the power, s^0.2 is
-noise."""
+"""How much of the white part is texture, sharp edges above all: of a variance that is the share s of
+the power, s^0.2 is noise."""
 CONTRASTS = 4.0 ** np.arange(-7, 1.5, 0.5)
 VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 36))
 """Of signal and noise, over the power of the coefficients."""
@@ -51,6 +51,8 @@ def variance_by_spectrum(measured: NDArray[Any], expected: Floats) -> float:
         return 0.0
     likelihood = _log_likelihood(power / mean, expected / expected.mean())
     weight = np.exp(likelihood - likelihood.max()).sum(axis=0)
+    if weight.argmax() == 0:
+        return 0.0
     share = float(np.sqrt(VARIANCES) @ weight / weight.sum()) ** 2
     return mean * share * min(share, 1.0) ** TEXTURE
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from images import natural_image
+from reconstruction.capture.importers import plan_from_matrix
 from reconstruction.image import Imaging, Prior
 from reconstruction.image.dictionaries.dct import DICTIONARY
 from reconstruction.image.noise import variance_by_repetition, variance_by_spectrum
@@ -169,3 +170,21 @@ def test_an_unknown_scale_does_not_change_what_is_told_of_the_noise():
     once, more = (usable.decode(scale * readings, nothing).noise for scale in (1, 1e6))
     np.testing.assert_allclose(1e6 * once, more, rtol=1e-6)
     assert (once > 0).all()
+
+
+def test_more_readings_than_pixels_tell_the_noise():
+    rng = np.random.default_rng(3)
+    shown = rng.integers(0, 2, (180, 120)).astype(np.float64)
+    plan, _ = plan_from_matrix(shown, (10, 12))
+    usable = np.ones(plan.exposures, dtype=bool)
+    usable[7] = False
+    combinations = redundant_combinations(plan, usable)
+    assert combinations.shape == (58, 180)
+    light = expose(plan, rng.random((10, 12))) + 3.0
+    np.testing.assert_allclose(combinations @ light, 0, atol=1e-9)
+    found = [
+        variance_by_repetition(combinations, light + 0.5 * rng.standard_normal(light.shape))
+        for _ in range(200)
+    ]
+    z = (np.mean(np.sqrt(found)) - 0.5) / (np.std(np.sqrt(found)) / np.sqrt(len(found)))
+    assert abs(z) < 4
