@@ -33,7 +33,7 @@ class Wavelets:
         low = _low_pass(self.family)
         high = low[::-1] * (-1.0) ** np.arange(len(low))
         smooth, found = np.ones(1), []
-        for level in range(ceil(log2(2 * max(shape) / len(low)))):
+        for level in range(max(1, ceil(log2(2 * max(shape) / len(low))))):
             detail, smooth = (_finer(smooth, taps, 2**level) for taps in (high, low))
             scale = 2 ** (level + 1)
             both = [[_shifted(one, scale, side) for one in (smooth, detail)] for side in shape]
