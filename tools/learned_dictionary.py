@@ -1,14 +1,14 @@
 """Learn the dictionary `learned` of images from drawn scenes.
 
-    python tools/learned_dictionary.py IMAGES.npz ... [--atoms 64]
+    python tools/learned_dictionary.py IMAGES.npz ... [--atoms 64] [--output FILE.npy]
 
-of `tools/drawn_images.py`. Squares of the images of the families `FITTED`, at all scales, less
+of `tools/drawn_images.py`, in clear air and in fog. Squares of the images of the families `FITTED`, at all scales, less
 their mean and in a window, are made as sparse as can be in atoms that are outer products: the
 K-CPD algorithm (G. Duan, H. Wang, Z. Liu, J. Deng, Y.-W. Chen, Proc. ICPR (2012) 493), which is
 K-SVD (M. Aharon, M. Elad, A. Bruckstein, IEEE Trans. Signal Process. 54, 4311 (2006)) with atoms of
 rank one. They begin as cosines. Beside the atoms, `learned.json` tells what they were learned from,
-and what share of the contrast of squares of the other families so few of them leave, beside as many
-cosines.
+and what share of the contrast of squares of the other families so few atoms leave, beside as many
+cosines in the same window.
 """
 
 import argparse
@@ -55,6 +55,7 @@ def main() -> None:
             file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in asked.images
         },
         "families": sorted(set(family[fitted].tolist())),
+        "seeds": sorted({int(seed) for each in told for seed in each["seed"]}),
         "squares": len(of_fitted),
         "atoms": asked.atoms,
         "atoms_of_a_square": SPARSE,

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import spyrit.core.meas
 import spyrit.core.noise
 import torch
@@ -16,9 +17,9 @@ def linear(operator: MeasurementOperator, noise: float = 0.0) -> Any:
     divided by the rows' length, so that the rows are orthonormal, and have Gaussian noise of this
     standard deviation; so must measured ones. Complex ones have no place.
     """
-    rows = operator.matrix_of_rows() / operator.row_length
+    rows = operator.back_project(np.eye(operator.shape[0])) / operator.row_length
     return spyrit.core.meas.Linear(
-        torch.as_tensor(rows),
+        torch.as_tensor(rows.reshape(operator.shape)),
         meas_shape=operator.image_shape,
         noise_model=spyrit.core.noise.Gaussian(noise) if noise else torch.nn.Identity(),
         dtype=torch.get_default_dtype(),
