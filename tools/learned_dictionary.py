@@ -2,13 +2,13 @@
 
     python tools/learned_dictionary.py IMAGES.npz ... [--atoms 64] [--output FILE.npy]
 
-of `tools/drawn_images.py`, in clear air and in fog. Squares of the images of the families `FITTED`, at all scales, less
-their mean and in a window, are made as sparse as can be in atoms that are outer products: the
-K-CPD algorithm (G. Duan, H. Wang, Z. Liu, J. Deng, Y.-W. Chen, Proc. ICPR (2012) 493), which is
-K-SVD (M. Aharon, M. Elad, A. Bruckstein, IEEE Trans. Signal Process. 54, 4311 (2006)) with atoms of
-rank one. They begin as cosines. Beside the atoms, `learned.json` tells what they were learned from,
-and what share of the contrast of squares of the other families so few atoms leave, beside as many
-cosines in the same window.
+of `tools/drawn_images.py`, in clear air and in fog. Squares of the images of the families `FITTED`,
+at all scales, less their mean and in a window, are made as sparse as can be in atoms that are outer
+products: the K-CPD algorithm (G. Duan, H. Wang, Z. Liu, J. Deng, Y.-W. Chen, Proc. ICPR (2012)
+493), which is K-SVD (M. Aharon, M. Elad, A. Bruckstein, IEEE Trans. Signal Process. 54, 4311
+(2006)) with atoms of rank one. They begin as cosines. Beside the atoms, `learned.json` tells what
+they were learned from, and what share of the contrast of squares of the other families so few atoms
+leave, beside as many cosines in the same window.
 """
 
 import argparse
