@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..operators import MeasurementOperator
-from .dictionary import Dictionary
+from .dictionaries.dct import DICTIONARY
 
 WHITE = np.logspace(-6, 3, 46)
 """White parts that are tried, relative to the mean variance."""
@@ -17,15 +17,16 @@ WHITE = np.logspace(-6, 3, 46)
 class Prior:
     """How much the rows of an operator, other than the level, vary from image to image.
 
-    ``atoms``: what the rows see of the dictionary; ``deviation`` (H, W) of its coefficients;
-    ``expected`` (rows other than the level,): variances up to a common factor.
+    Images are Gaussian fields of independent cosines. ``atoms``: what the rows see of these;
+    ``deviation`` (H, W) of their coefficients; ``expected`` (rows other than the level,): variances
+    up to a common factor.
     """
 
-    def __init__(self, operator: MeasurementOperator, dictionary: Dictionary) -> None:
+    def __init__(self, operator: MeasurementOperator) -> None:
         height, width = operator.image_shape
         self.varying = operator.varying
-        self.deviation = dictionary.deviation(operator.image_shape)
-        self.atoms = operator.in_atoms(dictionary.atoms(height), dictionary.atoms(width))
+        self.deviation = DICTIONARY.deviation(operator.image_shape)
+        self.atoms = operator.in_atoms(DICTIONARY.atoms(height), DICTIONARY.atoms(width))
         self.expected: Floats = self.atoms.by_row(self.deviation**2)
 
     @cached_property

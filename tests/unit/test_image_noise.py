@@ -6,7 +6,6 @@ import pytest
 from images import natural_image
 from reconstruction.capture.importers import plan_from_matrix
 from reconstruction.image import Imaging, Prior
-from reconstruction.image.dictionaries.dct import DICTIONARY
 from reconstruction.image.noise import variance_by_repetition, variance_by_spectrum
 from reconstruction.operators import (
     PatternPlan,
@@ -128,7 +127,7 @@ def test_too_few_repetitions_are_none():
 @pytest.mark.parametrize("patterns", [64, 256])
 def test_the_spectrum_tells_strong_noise_and_takes_texture_for_weak_one(patterns):
     operator = decoder_for(make_plan((32, 32), patterns, polarity="signed")).operator
-    expected = Prior(operator, DICTIONARY).expected
+    expected = Prior(operator).expected
     strong, none = [], []
     for seed in range(12):
         rng = np.random.default_rng(seed)

@@ -16,7 +16,6 @@ from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..contrast import ContrastByLevel
 from ..dictionaries.dct import DICTIONARY
-from ..dictionary import Dictionary
 from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import at_most, band
 from ..method import Estimate
@@ -33,26 +32,23 @@ SEEN = 0.99
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Posterior mean and deviation of Gaussian images, independent in a dictionary's atoms."""
+    """Posterior mean and deviation of Gaussian images, independent in cosines."""
 
     title = "least squares"
-    dictionary: Dictionary = DICTIONARY
 
     def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
         """Solver of one operator's coefficients: the same for all methods that begin with it."""
-        return _compiled(operator, self.dictionary)
+        return _compiled(operator)
 
 
 @lru_cache(maxsize=2)
-def _compiled(
-    operator: MeasurementOperator, dictionary: Dictionary
-) -> "LeastSquaresSolver | ShrinkingSolver":
-    prior = Prior(operator, dictionary)
+def _compiled(operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
+    prior = Prior(operator)
     high, wide = band(prior.atoms.by_atom() * prior.deviation**2, SEEN)
     rows = len(prior.expected)
     if rows > MOST_ROWS or rows * high * wide > MOST:
         return ShrinkingSolver(operator, prior)
-    return LeastSquaresSolver(operator, dictionary, prior)
+    return LeastSquaresSolver(operator, prior)
 
 
 class LeastSquaresSolver:
@@ -63,11 +59,11 @@ class LeastSquaresSolver:
     see, over all images; ``precision`` is the inverse of the field's variance.
     """
 
-    def __init__(self, operator: MeasurementOperator, dictionary: Dictionary, prior: Prior) -> None:
+    def __init__(self, operator: MeasurementOperator, prior: Prior) -> None:
         self.operator = operator
         variance = prior.deviation**2
         self.seen: Floats = prior.atoms.by_atom() * variance
-        tall, wide = (dictionary.atoms(side) for side in operator.image_shape)
+        tall, wide = (DICTIONARY.atoms(side) for side in operator.image_shape)
         height, width = shape = _sides(self.seen, len(prior.expected))
         lowest = np.indices(shape).reshape(2, -1)
         self.model = GaussianModel(
