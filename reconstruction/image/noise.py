@@ -26,7 +26,7 @@ FREEDOM = 3.0
 FACTORS = 4.0 ** np.arange(-2, 3)
 """Factors of the variance."""
 TEXTURE = 0.2
-"""How much of the white part is texture, sharp edges above all: of a variance that is the share s of
+"""How much of the white part is texture, edges above all: of a variance that is the share s of
 the power, s^0.2 is noise."""
 CONTRASTS = 4.0 ** np.arange(-7, 1.5, 0.5)
 VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 36))

@@ -144,7 +144,7 @@ def test_the_spectrum_tells_strong_noise_and_takes_texture_for_weak_one(patterns
 def test_noise_that_hides_the_image_is_told_without_bias(patterns):
     """Of K Gaussian numbers the deviation is known within 1 / sqrt(2 K)."""
     operator = decoder_for(make_plan((32, 32), patterns, polarity="signed")).operator
-    expected = Prior(operator, DICTIONARY).expected
+    expected = Prior(operator).expected
     ratios = []
     for seed in range(40):
         rng = np.random.default_rng(seed)
