@@ -30,11 +30,14 @@ MAX_FITTED, MAX_ROUGH = 4096, 1024
 each order."""
 MAX_FRAMES = 4
 """Frames of a recording that are looked at."""
-MAX_REFINED = 6
+MAX_REFINED = 14
 """Layouts that all spectra are tried with, the likeliest by the usual one."""
-TEMPERATURE = 4.0
-"""By which differences of log-likelihood are divided for probabilities: coefficients of one image
-are not as independent as the model has them."""
+TEMPERATURE, WORTH = 2.0, 400
+"""Differences of log-likelihood of M readings are divided by TEMPERATURE (1 + M / WORTH) for
+probabilities: coefficients of one image are not as independent as the model has them, and the
+spectrum of none is quite that of a model, so that any number of readings says no more than so many
+(J. W. Miller, D. B. Dunson, J. Am. Stat. Assoc. 114, 1113 (2019)). By the mean logarithm of the
+probability of what was shown, of scenes that tools/drawn_images.py draws to learn from."""
 NEGATIVE = 20.0
 """Log-odds against negative counts of displayed light: only an offset taken off makes them."""
 LEAST_GAIN = 6.0
@@ -189,7 +192,7 @@ def _ranked(
         if (found := _fit(layout.plan, readings)) is not None
     ]
     likelihoods = np.array([found.image for _, found in tried])
-    temperature = TEMPERATURE * _coarseness(readings)
+    temperature = TEMPERATURE * (1 + readings.shape[1] / WORTH)
     weights = np.exp((likelihoods - likelihoods.max(initial=-np.inf)) / temperature)
     ranked = [
         Candidate(layout, float(weight / weights.sum()), found.image, found.gain)
