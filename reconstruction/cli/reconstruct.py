@@ -15,7 +15,7 @@ from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
 from ..evaluation import method_title, no_range
 from ..files import require_outputs
-from ..image import IMAGE_METHODS
+from ..image import DICTIONARIES, IMAGE_METHODS
 from ..operators import ORDERS
 from ..outputs import outputs_in, write_outputs
 from ..ranging import RANGING_METHODS, Ranges
@@ -30,6 +30,7 @@ STATIONS: dict[str, Iterable[str]] = {
     "ranging": RANGING_METHODS,
     "depth": DEPTH_METHODS,
 }
+DETAILS = {"image": f"; of pursuits, pursuit:NAME has the dictionary {' or '.join(DICTIONARIES)}"}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +46,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{station}",
             metavar="METHOD[,METHOD]",
-            help=f"methods, the default one first: usual, all, {', '.join(methods)}",
+            help=f"methods, the default one first: usual, all, {', '.join(methods)}"
+            + DETAILS.get(station, ""),
         )
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
     parser.add_argument("--json", action="store_true", help="print one JSON object")

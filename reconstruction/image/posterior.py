@@ -80,10 +80,11 @@ class Posterior:
     def variance(self) -> Floats:
         """Of each pixel (H, W), as if what contrasts differ in were independent of each other."""
         components = self._components
-        weights = self._explained.astype(np.float32)
+        # Relative: squares of readings in any unit may be beyond single precision.
+        weights = (self._explained / self.contrast).astype(np.float32)
         prior = components.pixel_variance
         explained = (weights @ components.squared).reshape(prior.shape)
-        return np.maximum(self.contrast * prior - explained, 0)
+        return self.contrast * np.maximum(prior - explained, 0)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
         """The posterior covariance of contrast v times a spectrum (H, W)."""

@@ -110,6 +110,16 @@ def test_errors_have_the_variance_that_is_told(field, rows):
     assert abs(z) < 4
 
 
+@pytest.mark.parametrize("unit", [1e-30, 1e-20, 1e18, 1e30])
+def test_the_unit_does_not_matter(field, rows, unit):
+    measured = rows @ drawn(field, 50.0, 1).ravel()
+    usual, other = (
+        GaussianModel(rows, field).given(of * measured, np.full(39, of)) for of in (1.0, unit)
+    )
+    np.testing.assert_allclose(other.variance / unit**2, usual.variance, rtol=1e-4)
+    np.testing.assert_allclose(other.mean / unit, usual.mean, rtol=1e-4, atol=1e-6)
+
+
 def test_contrast_is_found(field, rows):
     """Of 39 coefficients the variance is known within sqrt(2 / 39), the logarithm as well."""
     model = GaussianModel(rows, field)
