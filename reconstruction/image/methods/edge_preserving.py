@@ -67,7 +67,7 @@ class EdgePreservingSolver:
     """Holds what depends on the operator alone."""
 
     def __init__(self, linear: LeastSquaresSolver) -> None:
-        self._linear = linear
+        self.linear = linear
         model = linear.model
         sides = linear.operator.image_shape
         all_of_them = model.field.shape
@@ -88,30 +88,35 @@ class EdgePreservingSolver:
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image whose edges agree with itself."""
-        linear = self._linear
-        start = linear.posterior(coefficients)
+        start = self.linear.posterior(coefficients)
         if start is None:
-            return linear.flat(coefficients)
+            return self.linear.flat(coefficients)
+        spectrum, variance = self.followed(start, coefficients)
+        return self.linear.estimate(spectrum, variance, coefficients)
+
+    def followed(self, start: Posterior, coefficients: Coefficients) -> tuple[NDArray[Any], Floats]:
+        """Spectrum whose edges agree with itself, from least squares, and variance of pixels."""
+        linear = self.linear
         measured, noise = linear.varying(coefficients)
         height, width = self._grid.shape
         higher = start.mean.copy()
         higher[:height, :width] = 0
-        low, energy = self._followed(measured - linear.model.rows @ higher.ravel(), noise)
+        low, energy = self._rounds(measured - linear.model.rows @ higher.ravel(), noise)
         trusted = self._trusted(start)
         spectrum = start.mean.copy()
         spectrum[:height, :width] += trusted * (low - spectrum[:height, :width])
         unevenness = 1 + trusted * (self._grid.finer_density(energy / energy.mean()) - 1)
-        return linear.estimate(spectrum, linear.variance(start) * unevenness, coefficients)
+        return spectrum, linear.variance(start) * unevenness
 
     def _trusted(self, start: Posterior) -> float:
         """How far edges are followed: the square of the share of gradients that is no noise.
 
         Of the 1/f prior, x^T C^-1 x is the energy of the gradients up to a factor.
         """
-        energy = float((np.abs(start.mean) ** 2 * self._linear.precision).sum())
+        energy = float((np.abs(start.mean) ** 2 * self.linear.precision).sum())
         return max(0.0, 1 - start.noise_energy / energy) ** 2 if energy > 0 else 0.0
 
-    def _followed(self, measured: NDArray[Any], noise: Floats) -> tuple[NDArray[Any], Floats]:
+    def _rounds(self, measured: NDArray[Any], noise: Floats) -> tuple[NDArray[Any], Floats]:
         """Spectrum on the grid, and the energy of its gradients."""
         start = self._model.given(measured, noise)
         spectrum = start.mean
