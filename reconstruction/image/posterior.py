@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from .prior import fit_scale
+from .contrast import contrasts, shrunk
+
+POWERS = (0.5, 1.0, 1.5, 2.0)
+"""Of the prior's variance: exponents of 1 to 4 of spatial frequency, where the prior has 2."""
 
 
 class Field:
@@ -36,37 +39,57 @@ class Field:
 
 
 class Posterior:
-    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are; ``contrast`` v.
+    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are.
 
-    ``noise`` (K,) is that of the coefficients, nowhere too small to divide by; ``noise_energy``
-    what it adds to mean^T C^-1 mean, on average.
+    Mean and variance are averages over contrasts and exponents. ``contrast`` v is the mean one of
+    the prior's own exponent, for which are `own_mean`, `covariance` and ``noise_energy``: what
+    noise adds to own_mean^T C^-1 own_mean, on average. ``noise`` (K,) is that of the coefficients,
+    nowhere too small to divide by.
     """
 
     def __init__(
-        self, measured: NDArray[Any], noise: Floats, rms: float, components: "Components"
+        self,
+        measured: NDArray[Any],
+        noise: Floats,
+        rms: float,
+        components: "Components",
+        expected: float | None,
     ) -> None:
         turned = components.turn @ measured
+        spread = components.spread
+        known = contrasts(turned, components.spreads, rms**2, expected)
+        each = shrunk(known, components.spreads, rms**2)
         self.noise = noise
-        self.contrast = fit_scale(turned, components.spread, rms**2)
-        shrinking = self.contrast / (self.contrast * components.spread + rms**2)
+        self.contrast = float(known.given[POWERS.index(1.0)])
+        self._mean_contrast = known.mean
+        shrinking = each.gain * components.inverse
         self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
-        self.noise_energy = float((shrinking**2 * components.spread).sum() * rms**2)
-        self._explained = self.contrast * shrinking
-        self._components = components
+        left = each.by_noise + each.between * np.abs(turned) ** 2
+        self._explained = (self._mean_contrast * spread - left) * components.inverse**2
+        own = self.contrast / (self.contrast * spread + rms**2)
+        self.noise_energy = float((own**2 * spread).sum() * rms**2)
+        self._solved = self.contrast * own
+        self._turned, self._components = own * turned, components
+
+    @property
+    def own_mean(self) -> NDArray[Any]:
+        """The mean (H, W) of contrast v and the prior's own exponent."""
+        components = self._components
+        return np.asarray((self._turned @ components.spectra).reshape(components.shape))
 
     @property
     def variance(self) -> Floats:
-        """Of each pixel (H, W)."""
+        """Of each pixel (H, W), as if contrasts shrank components independently."""
         components = self._components
         weights = self._explained.astype(np.float32)
         prior = components.pixel_variance
         explained = (weights @ components.squared).reshape(prior.shape)
-        return np.maximum(self.contrast * prior - explained, 0)
+        return np.maximum(self._mean_contrast * prior - explained, 0)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """The posterior covariance times a spectrum (H, W)."""
+        """The posterior covariance of contrast v times a spectrum (H, W)."""
         components = self._components
-        explained = (self._explained * (components.spectra @ spectrum.ravel())) @ components.spectra
+        explained = (self._solved * (components.spectra @ spectrum.ravel())) @ components.spectra
         prior = self.contrast * components.field.variance * spectrum
         return np.asarray(prior - explained.reshape(spectrum.shape))
 
@@ -74,17 +97,26 @@ class Posterior:
 class Components:
     """What varies independently in coefficients of which the noise has ``relative`` size (K,).
 
-    ``spread`` (K,): the l above; ``turn`` (K, K): U^T T^-1; ``spectra`` (K, N): U^T T^-1 R C.
+    ``spread`` (K,): the l above, ``inverse`` (K,) its inverse, 0 for 0; ``turn`` (K, K): U^T T^-1;
+    ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): variances of the components where C is
+    taken to other powers, all of the same sum.
     """
 
     def __init__(self, field: Field, rows: Floats, relative: Floats) -> None:
         self.field = field
         self.shape = field.shape
-        seen = rows * field.variance.ravel()
+        variance = field.variance.ravel()
+        seen = rows * variance
         spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
         self.spread: Floats = np.maximum(spread, 0)
+        told = spread > 1e-12 * spread.max()
+        self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=told)
         self.turn: Floats = turn.T / relative
         self.spectra: Floats = self.turn @ seen
+        varying = variance > 0
+        powers = variance[varying] ** (np.array(POWERS)[:, None] - 2)
+        spreads = (self.spectra[:, varying] ** 2 @ powers.T).T
+        self.spreads: Floats = spreads * (self.spread.sum() / spreads.sum(axis=1))[:, None]
         self.pixel_variance = field.pixel_variance
 
     @cached_property

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
+from ..contrast import ContrastByLevel
 from ..dictionaries.dct import DICTIONARY
 from ..dictionary import Dictionary
 from ..gaussian import Field, GaussianModel, Posterior
@@ -42,7 +43,7 @@ class LeastSquares:
         return _compiled(operator, self.dictionary)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _compiled(
     operator: MeasurementOperator, dictionary: Dictionary
 ) -> "LeastSquaresSolver | ShrinkingSolver":
@@ -78,6 +79,7 @@ class LeastSquaresSolver:
         higher = variance.copy()
         higher[:height, :width] = 0
         self._higher: Floats = Field(tall, wide, higher).pixel_variance
+        self.expected_contrast = ContrastByLevel(operator, float(variance.mean()))
         self._level_image: Floats | None = None
         if operator.level is not None:
             units = np.eye(1, operator.shape[0], operator.level)
@@ -97,7 +99,9 @@ class LeastSquaresSolver:
     def posterior(self, coefficients: Coefficients) -> Posterior | None:
         """What coefficients other than the level tell; None where all that are known are 0."""
         measured, noise = self.varying(coefficients)
-        return self.model.given(measured, noise) if measured.any() else None
+        if not measured.any():
+            return None
+        return self.model.given(measured, noise, self.expected_contrast(coefficients))
 
     def variance(self, posterior: Posterior) -> Floats:
         """Variance of each pixel (H, W)."""
