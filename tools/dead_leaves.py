@@ -32,7 +32,7 @@ def dead_leaves(shape: tuple[int, int], rng: np.random.Generator) -> Floats:
     for radius in _radii(count, rng) * side:
         _drop(image, radius, rng, (textured, shaded, gamma), upright=upright)
     if rng.random() < 0.3:
-        image *= _light((height, width), rng)
+        image *= lamp_light((height, width), rng)
     fine = image.reshape(shape[0], FINER, shape[1], FINER)
     return np.asarray(fine.mean(axis=(1, 3)))
 
@@ -96,7 +96,7 @@ def _texture(x: Floats, y: Floats, rng: np.random.Generator) -> Floats:
     return rng.standard_normal(np.broadcast_shapes(x.shape, y.shape))
 
 
-def _light(shape: tuple[int, int], rng: np.random.Generator) -> Floats:
+def lamp_light(shape: tuple[int, int], rng: np.random.Generator) -> Floats:
     """A lamp's: bright in a place, dark far from it."""
     row, column, width = rng.random(), rng.random(), rng.uniform(0.3, 1.0)
     down, along = ((np.arange(side) + 0.5) / side for side in shape)

@@ -5,6 +5,7 @@
 Each chunk is one set of patterns, of random order and number, and 48 images with noise of random
 strength: half of them of the drawn scenes of `tools/drawn_images.py` (families `FITTED` alone,
 cropped, turned and with another gamma), half dead leaves; all dead leaves where no file is named.
+Some are behind a veil, as fog's.
 """
 
 import argparse
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import zoom
 
-from dead_leaves import dead_leaves
+from dead_leaves import dead_leaves, lamp_light
 from drawn_images import FITTED
 from reconstruction.arrays import Floats
 from reconstruction.image.coefficients import Coefficients
@@ -32,6 +33,7 @@ ORDERS = (
 SHARE = 0.02, 0.3
 SNR = 0.1, 1000.0
 """Rms of coefficients other than the level over that of noise."""
+VEILED = 0.25
 MISTOLD = 0.2
 """Share of recordings that tell their noise wrong, by a factor of `FACTOR` or so."""
 FACTOR = 1.3
@@ -80,6 +82,8 @@ def pairs(rng: np.random.Generator, scenes: list[Floats]) -> Iterator[tuple[obje
     left = PAIRS
     while left:
         image = one_of(scenes, shape, rng) if scenes and left % 2 else dead_leaves(shape, rng)
+        if rng.random() < VEILED:
+            image = (1 - (veil := rng.random())) * image + veil * lamp_light(shape, rng)
         truth = image - image.mean()
         if not truth.any():
             continue
