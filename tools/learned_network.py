@@ -22,11 +22,11 @@ from torch import Tensor, nn
 from torch.nn.functional import pixel_shuffle, pixel_unshuffle
 
 from reconstruction.arrays import Floats
-from reconstruction.image.network import Shown
+from reconstruction.image.network import VERSION, Shown
 
 SEED = 7
 BATCH = 16
-RATE = 2e-3
+RATE = 1.5e-3
 NARROW, WIDE = 16, 48
 """Channels at half and at a quarter of the resolution."""
 ASIDE = 20
@@ -34,6 +34,8 @@ LEAST_ERROR = 1e-4
 """Squared, over that of the contrast: a better image is good enough."""
 OF_DEVIATION = 0.1
 """Weight of the deviation in the loss."""
+USUAL = 0.02, 99.98
+"""Percentiles of what is like the pairs learned from."""
 FARTHEST = 6.0
 """Error over deviation, at most: one pixel does not decide."""
 LARGEST = 30.0
@@ -75,6 +77,7 @@ class Pairs:
     """Everything that is learned from, by shape of image, as tensors."""
 
     def __init__(self, files: list[Path]) -> None:
+        features = []
         found: dict[tuple[int, ...], list[tuple[Floats, ...]]] = defaultdict(list)
         for file in files:
             told = np.load(file)
@@ -93,11 +96,14 @@ class Pairs:
             numbers = np.array([each.numbers() for each in shown])
             columns = maps, numbers, told["better"], told["deviation"], told["truth"]
             visible = (told["truth"] ** 2).mean(axis=(1, 2)) < LARGEST
+            features += [each.features() for each, seen in zip(shown, visible, strict=True) if seen]
             found[told["truth"].shape[1:]].append(tuple(column[visible] for column in columns))
         self.groups = [
             [torch.from_numpy(np.concatenate(column)) for column in zip(*each, strict=True)]
             for each in found.values()
         ]
+        self.limits = np.percentile(features, [*USUAL], axis=0).astype(np.float32)
+        """Of what makes a frame like these."""
         self.sizes = np.array([len(group[0]) for group in self.groups])
 
     def batch(self, rng: np.random.Generator) -> list[Tensor]:
@@ -140,7 +146,7 @@ def main() -> None:
     train, aside = Pairs([f for n, f in enumerate(files) if n % ASIDE]), Pairs(files[::ASIDE])
     net = trained(train, aside, asked.steps, asked.start)
     weights = {name: value.half().numpy() for name, value in net.state_dict().items()}
-    np.savez(asked.weights, **weights)
+    np.savez(asked.weights, version=VERSION, limits=train.limits, **weights)
     manifest = {
         "chunks": len(files),
         "pairs": int(train.sizes.sum()),
@@ -158,8 +164,9 @@ def trained(train: Pairs, aside: Pairs, steps: int, start: Path | None) -> Net:
     rng = np.random.default_rng(SEED)
     net = Net()
     if start is not None:
-        weights = np.load(start)
-        net.load_state_dict({name: torch.from_numpy(weights[name]).float() for name in weights})
+        told = np.load(start)
+        weights = {name: torch.from_numpy(told[name]).float() for name in net.state_dict()}
+        net.load_state_dict(weights)
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mean = torch.optim.swa_utils.AveragedModel(
         net, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(AVERAGED)

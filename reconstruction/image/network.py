@@ -5,18 +5,30 @@ Zhang, IEEE Trans. Image Process. 27, 4608 (2018)), goes once to a quarter and b
 as products of matrices.
 """
 
+import zipfile
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
+from ..errors import InputError
 
 Channels = NDArray[np.float32]
 
+VERSION = 1
+"""Of weights, inputs and layers together: what `load` takes."""
 MULTIPLE = 4
 """Sides of what is evaluated; others are mirrored up to one."""
 WIDE_LAYERS = 4
+NOISE = 1e-3, 1e3
+"""Over the contrast: what lies farther is not told apart."""
+FEATURES = (
+    *("share of patterns", "noise over contrast", "deviation over contrast"),
+    *("change by edges", "steepness", "peak over contrast"),
+)
 LEAST_DEVIATION = 1e-3
 """Of the contrast: what is surer than that is not told apart."""
 
@@ -50,14 +62,34 @@ class Shown:
 
     def numbers(self) -> Channels:
         """What is the same for all pixels (2,)."""
-        noise = np.clip(self.noise / self.contrast, 1e-3, 1e3)
-        return np.array([np.log(self.share), np.log(noise)], np.float32)
+        return np.log(np.array([self.share, self._relative_noise], np.float32))
+
+    def features(self) -> Channels:
+        """What `FEATURES` names: by these a frame is like those learned from, or not."""
+        contrast = self.contrast
+        change = np.sqrt(np.mean((self.better - self.first) ** 2) / np.mean(self.deviation**2))
+        slopes = np.mean(np.diff(self.better, axis=0) ** 2)
+        slopes += np.mean(np.diff(self.better, axis=1) ** 2)
+        # Of the finest details that so many patterns see.
+        steepness = np.sqrt(slopes / self.share) / contrast
+        peak = np.abs(self.better).max() / contrast
+        unsure = np.sqrt(np.mean(self.deviation**2)) / contrast
+        told = [self.share, self._relative_noise, unsure, change, steepness, peak]
+        return np.array(told, np.float32)
+
+    @property
+    def _relative_noise(self) -> float:
+        return float(np.clip(self.noise / self.contrast, *NOISE))
 
 
 class Network:
-    """What `tools/learned_network.py` trained: weights by the names of its layers."""
+    """What `tools/learned_network.py` trained: weights by the names of its layers.
 
-    def __init__(self, weights: dict[str, NDArray[np.generic]]) -> None:
+    ``limits`` (2, features): the least and the most of each of the `FEATURES` that it saw.
+    """
+
+    def __init__(self, weights: dict[str, NDArray[Any]], limits: NDArray[Any]) -> None:
+        self._limits = limits
         self._layers = {
             name.removesuffix(".weight"): (
                 np.ascontiguousarray(_flat(weight.astype(np.float32))),
@@ -76,6 +108,14 @@ class Network:
             maps = np.pad(maps, ((0, 0), (0, fill[0]), (0, fill[1])), mode="symmetric")
         out = self._evaluated(maps, shown.numbers())
         return out[0, :height, :width], out[1, :height, :width]
+
+    def unlike(self, shown: Shown) -> str | None:
+        """In what a frame is unlike all that the network has seen, in words; None if in nothing."""
+        limits = zip(FEATURES, shown.features(), *self._limits, strict=True)
+        for name, value, least, most in limits:
+            if not least <= value <= most:
+                return f"{name} = {value:.3g}, learned from {least:.3g} to {most:.3g}"
+        return None
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
         half = _squares_as_channels(maps)
@@ -107,6 +147,38 @@ class Network:
         out = np.empty((len(weight), height * (width + 2)), np.float32)
         out[:, :length] = weight @ columns + bias
         return out.reshape(-1, height, width + 2)[:, :, :width]
+
+
+def load(file: Path) -> Network:
+    """The network of a file; InputError where that holds none, or one of another version."""
+    try:
+        with np.load(file, allow_pickle=False) as told:
+            weights = dict(told)
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"{file} holds no weights of a network: {error}") from None
+    version = weights.pop("version", None)
+    if version is None or version != VERSION:
+        raise InputError(f"{file}: version of the weights = {version}, must be {VERSION}")
+    missing = [name for name in _SHAPES if name not in weights]
+    if missing:
+        raise InputError(f"{file}: weights without {', '.join(missing)}")
+    for name, axes in _SHAPES.items():
+        values = weights[name]
+        if values.dtype.kind != "f" or values.ndim != axes or not np.isfinite(values).all():
+            raise InputError(f"{file}: {name} must be finite numbers along {axes} axes")
+    return Network(weights, weights.pop("limits"))
+
+
+_LAYERS = (
+    *("enter", "before", "down", "up", "after", "leave"),
+    *(f"wide.{number}" for number in range(WIDE_LAYERS)),
+)
+_SHAPES = (
+    {"limits": 2}
+    | {f"{layer}.weight": 4 for layer in _LAYERS}
+    | {f"{layer}.bias": 1 for layer in _LAYERS}
+)
+"""What a file has, and along how many axes."""
 
 
 def _flat(weight: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -10,9 +10,9 @@ what the estimate does not show, the next round minimises
 
     sum_k (R x - m)_k^2 / s_k^2 + c sum_pixels grad x^T (T / t)^-1 grad x,    t = mean trace T / 2.
 
-Were T the same everywhere this would be the 1/f prior of the least-squares image, whose contrast
-gives c. It is anisotropic diffusion (J. Weickert, Anisotropic Diffusion in Image Processing,
-Teubner 1998) that agrees with the readings. The rounds begin at the least-squares image, whose
+Were T the same everywhere this would be the 1/f prior. It is anisotropic diffusion (J. Weickert,
+Anisotropic Diffusion in Image Processing, Teubner 1998) that agrees with the readings. The rounds
+begin at the least-squares image of the fitted covariance, whose contrast gives c and whose
 posterior covariance is the preconditioner, on a grid no finer than what the patterns can tell. As
 edges of noise are worth nothing, what the last round differs from the first in is added to the
 least-squares image only as far as the gradients of the first are not noise.
@@ -114,7 +114,7 @@ class EdgePreservingSolver:
     def _trusted(self, first: Posterior) -> float:
         """How far edges are followed: the square of the share of gradients that is no noise.
 
-        Of the 1/f prior, x^T C^-1 x is the energy of the gradients up to a factor.
+        Of a prior near 1/f, x^T C^-1 x is about the energy of the gradients, up to a factor.
         """
         energy = float((np.abs(first.own_mean) ** 2 * self._precision).sum())
         return max(0.0, 1 - first.noise_energy / energy) ** 2 if energy > 0 else 0.0
@@ -137,7 +137,7 @@ class EdgePreservingSolver:
     ) -> NDArray[Any]:
         """Some steps of conjugate gradients, preconditioned by the first posterior covariance P.
 
-        The matrix of this round is P^-1 less the 1/f prior's precision plus the stiffness. With
+        The matrix of this round is P^-1 less the first prior's precision plus the stiffness. With
         P^-1 of the step at hand, carried along as the step itself is, readings do not enter.
         """
         precision = self._precision / start.contrast

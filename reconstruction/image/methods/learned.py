@@ -7,7 +7,7 @@ so that the image fits them as far as they are no noise. Of what is unlike all t
 trained on it is not asked: the image is then the edge-preserving one.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import numpy as np
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..method import Estimate, ImageSolver
-from ..network import Network, Shown
+from ..network import Network, Shown, load
 from .edge_preserving import METHOD as EDGE_PRESERVING
 from .edge_preserving import EdgePreservingSolver
 
@@ -39,15 +39,15 @@ class LearnedSolver:
     """Holds what depends on the operator alone."""
 
     def __init__(self, edges: EdgePreservingSolver, network: Network) -> None:
-        self._edges, self._network = edges, network
+        self.edges, self._network = edges, network
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The corrected image, and the deviation that the network expects of it."""
-        linear = self._edges.linear
+        linear = self.edges.linear
         start = linear.posterior(coefficients)
         if start is None:
             return linear.flat(coefficients)
-        spectrum, variance = self._edges.followed(start, coefficients)
+        spectrum, variance = self.edges.followed(start, coefficients)
         field = linear.model.field
         if np.iscomplexobj(spectrum):
             return linear.estimate(spectrum, variance, coefficients)
@@ -60,8 +60,13 @@ class LearnedSolver:
             float(known.mean()) * len(known) / variance.size,
             float(np.median(noise[known])),
         )
+        unlike = self._network.unlike(shown)
+        if unlike is not None:
+            plain = linear.estimate(spectrum, variance, coefficients)
+            return replace(plain, note=f"edge-preserving, not learned: {unlike}")
         correction, unsure = self._network(shown)
         spectrum = field.spectrum(shown.better + shown.deviation * correction)
+        spectrum[0, 0] = 0  # the level is measured by itself
         left = measured - linear.model.rows @ spectrum.ravel()
         left[~known] = 0
         spectrum = spectrum + linear.model.given(left, noise).mean
@@ -71,8 +76,7 @@ class LearnedSolver:
 @lru_cache(maxsize=1)
 def shipped() -> Network:
     """The network of this package."""
-    with np.load(WEIGHTS, allow_pickle=False) as weights:
-        return Network(dict(weights))
+    return load(WEIGHTS)
 
 
 METHOD = Learned()
