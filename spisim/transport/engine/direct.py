@@ -12,7 +12,7 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.ends import Detectors, Projector
+from spisim.transport.engine.ends import Detectors, Lamp, Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
@@ -30,7 +30,11 @@ class _Pencil(NamedTuple):
 
 
 def direct_light(
-    world: World, source: Projector | Beams, detectors: Detectors, seed: int, deposit: Deposit
+    world: World,
+    source: Projector | Beams,
+    detectors: Detectors | Lamp,
+    seed: int,
+    deposit: Deposit,
 ) -> None:
     """Deposit what each lane's ray sends to one of the detectors by scattering once.
 
@@ -51,7 +55,7 @@ def direct_light(
 
 
 def _off_surface(
-    world: World, pencil: _Pencil, detectors: Detectors, sampler: Any, add: Any
+    world: World, pencil: _Pencil, detectors: Detectors | Lamp, sampler: Any, add: Any
 ) -> Any:
     """Light that the surface scatters; returns the place on the aperture that it goes to."""
     ray, si, reach, detector = pencil
@@ -71,7 +75,7 @@ def _off_surface(
 def _off_fog(
     world: World,
     pencil: _Pencil,
-    detectors: Detectors,
+    detectors: Detectors | Lamp,
     aperture_point: Any,
     sampler: Any,
     add: Any,

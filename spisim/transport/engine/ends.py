@@ -20,8 +20,8 @@ from typing import Any, NamedTuple, Self
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
+from reconstruction.arrays import Floats
 from spisim.transport.geometry import transform
 from spisim.transport.views import DetectorView, ProjectorView
 
@@ -320,22 +320,61 @@ class JointDetectors(Detectors):
 
 @dataclass(frozen=True, eq=False)
 class Lamp:
-    """A projector that shows one pattern; paths end in it, and are never launched from it."""
+    """A projector that shows one pattern: W is that of the pixels times their power.
+
+    `lanes` paths are launched at a time, from pixels as often as they are bright.
+    """
 
     projector: Projector
     power_w: Any  # of each virtual pixel
+    pixels: Any  # drawn in proportion to it
+    total_w: Any
+    lanes: int
 
     @classmethod
-    def of(cls, view: ProjectorView, power_w: NDArray[np.floating[Any]]) -> Lamp:
+    def of(cls, view: ProjectorView, power_w: Floats, lanes: int = 1) -> Lamp:
         """`power_w` (H, W): what each virtual pixel emits."""
         power = mi.Float(power_w.astype(np.float32).ravel())
         dr.make_opaque(power)
-        return cls(Projector.of(view, 1), power)
+        pixels = mi.DiscreteDistribution(power)
+        total_w = dr.opaque(mi.Float, float(power_w.sum()))
+        return cls(Projector.of(view, 1), power, pixels, total_w, lanes)
+
+    def launch(self, lane: Any, sampler: Any) -> Launch:
+        pixel = self.pixels.sample((mi.Float(lane) + sampler.next_1d()) / self.lanes)
+        ray = self.projector.pencil(pixel, sampler)
+        importance = self.projector.importance_of(ray.d) * dr.gather(mi.Float, self.power_w, pixel)
+        return Launch(
+            origin=ray.o,
+            direction=ray.d,
+            beta=self.total_w / self.lanes,
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            state=self._density(importance),
+            cell=None,
+        )
+
+    def density(self, launch: Launch, first_vertex: Any) -> Any:
+        return launch.state
 
     def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
         end = self.projector.connect(lane, vertex, sampler)
-        power = dr.gather(mi.Float, self.power_w, end.cell)
-        return end._replace(importance=end.importance * power, cell=None)
+        importance = end.importance * dr.gather(mi.Float, self.power_w, end.cell)
+        return end._replace(importance=importance, density=self._density(importance), cell=None)
+
+    def choose(self, lane: Any, sampler: Any) -> Any:
+        return mi.UInt32(0)
+
+    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+        """The lamp, the only one that there is, as seen from a vertex."""
+        return self.connect(number, vertex, sampler)
+
+    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+        """Part (near, far) of a ray that may be lit."""
+        return mi.Float(0), reach
+
+    def _density(self, importance: Any) -> Any:
+        return importance * (self.lanes / self.total_w)
 
 
 @dataclass(frozen=True, eq=False)

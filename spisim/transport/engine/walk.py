@@ -54,8 +54,8 @@ MAX_CROSSINGS = 64
 
 
 #: Ends that launch paths, and ends that paths are connected to.
-Source = Projector | Beams | Detectors
-Sink = Source | Lamp | Sun
+Source = Projector | Beams | Detectors | Lamp
+Sink = Source | Sun
 #: Radiance from outside the scene, by direction of the leaving path.
 Sky = Callable[[Any], Any]
 
