@@ -31,10 +31,12 @@ UNLIKELY = 8.0
 """Log-density below the highest that is not looked at more closely."""
 LEAST = 1e-3
 """Least contrast that is looked at, over that at which the strongest component is half noise."""
+NOISELESS = 1e-12
+"""Least variance of noise over the mean power of components."""
 
 
 class Contrasts(NamedTuple):
-    """Contrasts ``value`` (J,) and the ``probability`` (E, J) of each with each of E spectra.
+    """Contrasts ``value`` (E, J) of each of E spectra, and their ``probability`` (E, J).
 
     ``given`` (E,): mean contrast, given each spectrum.
     """
@@ -43,17 +45,12 @@ class Contrasts(NamedTuple):
     probability: Floats
     given: Floats
 
-    @property
-    def mean(self) -> float:
-        """Mean over all."""
-        return float((self.probability @ self.value).sum())
-
 
 class Shrunk(NamedTuple):
-    """Components (K,) under all contrasts and spectra together, per measured one of each.
+    """Of components (K,), over all contrasts and spectra.
 
-    ``gain``: the posterior mean over what was measured; ``variance``: of the posterior, by noise
-    alone and between contrasts: the latter times the square of what was measured.
+    ``gain``: posterior mean over what was measured. The variance is ``by_noise``, and ``between``
+    contrasts and spectra times the square of what was measured.
     """
 
     gain: Floats
@@ -89,41 +86,54 @@ def contrasts(
     """Posterior of v, of components (K,), not all 0, with noise of variance ``noise``.
 
     ``spreads`` (E, K): variances l, of each spectrum; ``expected``: median of v before, if told.
+    A complex component counts as one number, as if all of the image had one phase.
     """
     power = np.abs(measured) ** 2
-    half = 1.0 if np.iscomplexobj(measured) else 0.5  # the densities of two numbers, or of one
     usual = spreads.mean(axis=0)
     seen = usual > 1e-12 * usual.max()
-    noise = np.broadcast_to(noise, power.shape)[seen]
+    noise = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())[seen]
     power, spreads, usual = power[seen], spreads[:, seen], usual[seen]
     equal = float((noise / usual).min())  # half of the strongest component is noise
     most = max(float((power / usual).max()), equal)
-    logs = np.linspace(np.log(LEAST * equal), np.log(10 * most), POINTS)
+    least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
+    low, high = np.log([min(least, LEAST * equal), 10 * most])
+    logs = np.tile(np.linspace(low, high, POINTS), (len(spreads), 1))
     for last in np.arange(ROUNDS) == ROUNDS - 1:
-        variance = np.exp(logs)[:, None] * spreads[:, None, :] + noise
-        density = -half * (np.log(variance) + power / variance).sum(axis=-1)
-        density += _before(logs, equal, expected)
+        variance = np.exp(logs)[..., None] * spreads[:, None] + noise
+        density = -(np.log(variance) + power / variance).sum(axis=-1) / 2
+        density += _told(logs, expected) if expected is not None else _untold(logs, equal)
         if not last:
-            likely = np.flatnonzero((density > density.max() - UNLIKELY).any(axis=0))
-            low, high = max(likely[0] - 1, 0), min(likely[-1] + 1, POINTS - 1)
-            logs = np.linspace(logs[low], logs[high], POINTS)
-    values, weight = np.exp(logs), np.exp(density - density.max())
-    alone = np.exp(density - density.max(axis=1, keepdims=True))
-    own = alone @ values / alone.sum(axis=1)
-    return Contrasts(values, weight / weight.sum(), own)
+            logs = _closer(logs, density)
+    weight = np.exp(density - density.max(axis=1, keepdims=True))
+    values = np.exp(logs)
+    given = (weight * values).sum(axis=1) / weight.sum(axis=1)
+    weight = np.exp(density - density.max()) * (logs[:, 1:2] - logs[:, :1])
+    return Contrasts(values, weight / weight.sum(), given)
 
 
-def _before(logs: Floats, equal: float, expected: float | None) -> Floats:
-    """Log-density of logarithms of v before anything is measured."""
-    if expected is not None:
-        return -(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2
+def _closer(logs: Floats, density: Floats) -> Floats:
+    """As many logarithms (E, J) about the likely ones of each spectrum."""
+    likely = density > density.max(axis=1, keepdims=True) - UNLIKELY
+    first = np.maximum(likely.argmax(axis=1) - 1, 0)
+    last = np.minimum(POINTS - likely[:, ::-1].argmax(axis=1), POINTS - 1)
+    each = np.arange(len(logs))
+    return np.linspace(logs[each, first], logs[each, last], POINTS, axis=1)
+
+
+def _told(logs: Floats, expected: float) -> Floats:
+    """Log-density of logarithms of v before anything but the level is measured."""
+    return np.asarray(-(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2)
+
+
+def _untold(logs: Floats, equal: float) -> Floats:
+    """The same where not even that is."""
     size = logs - np.log(equal)
     return np.asarray(size - 2 * np.logaddexp(0, size))
 
 
 def shrunk(known: Contrasts, spreads: Floats, noise: Floats | float) -> Shrunk:
     """Posterior of components with ``spreads`` (E, K) and noise of variance ``noise``."""
-    signal = known.value[:, None] * spreads[:, None, :]
+    signal = known.value[..., None] * spreads[:, None]
     gains = signal / (signal + noise)
     gain = np.einsum("ej,ejk->k", known.probability, gains)
     square = np.einsum("ej,ejk->k", known.probability, gains**2)

@@ -10,7 +10,6 @@ from ..arrays import Floats
 from .contrast import contrasts
 from .posterior import Field, Posterior
 
-
 BLOCK = 4
 """Side of the blocks of pixels of which one stands for all."""
 
@@ -36,7 +35,7 @@ class Factorised(Posterior):
         gram = gram[np.ix_(known, known)]
         variance = noise[known] ** 2
         self.noise = noise
-        self.contrast = contrasts(measured[known], np.diag(gram)[None], variance, expected).mean
+        self.contrast = contrasts(measured[known], np.diag(gram)[None], variance, expected).given[0]
         shrinking = self.contrast / (self.contrast * np.diag(gram) + variance)
         self.noise_energy = float((shrinking**2 * np.diag(gram) * variance).sum())
         matrix = self.contrast * gram

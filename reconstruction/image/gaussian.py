@@ -56,7 +56,9 @@ class GaussianModel:
         if np.ptp(noise[known]) > ALIKE * noise[known].max():
             from .factorised import Factorised  # SciPy takes long to import
 
-            return Factorised(measured, noise, self.rows, self.gram, self.seen, self.field, expected)
+            return Factorised(
+                measured, noise, self.rows, self.gram, self.seen, self.field, expected
+            )
         rms = float(np.sqrt(np.mean(noise[known] ** 2)))
         # Rounded, so that frames of one kind of noise have the same, to the last bit.
         components = self._components((noise / rms).astype(np.float32).astype(np.float64))

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from .contrast import contrasts, shrunk
 
-POWERS = (0.5, 1.0, 1.5, 2.0)
-"""Of the prior's variance: exponents of 1 to 4 of spatial frequency, where the prior has 2."""
+POWERS = (1.0, 0.5, 1.5, 2.0)
+"""Of the spread of components: exponents of 2, the prior's own, and 1, 3 and 4 of frequency."""
 
 
 class Field:
@@ -41,10 +41,10 @@ class Field:
 class Posterior:
     """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are.
 
-    Mean and variance are averages over contrasts and exponents. ``contrast`` v is the mean one of
-    the prior's own exponent, for which are `own_mean`, `covariance` and ``noise_energy``: what
-    noise adds to own_mean^T C^-1 own_mean, on average. ``noise`` (K,) is that of the coefficients,
-    nowhere too small to divide by.
+    Mean and variance are averages over contrasts and, for what is measured, exponents: the rest is
+    as the prior's own exponent has it. ``contrast`` v is the mean one of that exponent, for which
+    are `own_mean`, `covariance` and ``noise_energy``: what noise adds to own_mean^T C^-1 own_mean,
+    on average. ``noise`` (K,) is that of the coefficients, nowhere too small to divide by.
     """
 
     def __init__(
@@ -60,15 +60,14 @@ class Posterior:
         known = contrasts(turned, components.spreads, rms**2, expected)
         each = shrunk(known, components.spreads, rms**2)
         self.noise = noise
-        self.contrast = float(known.given[POWERS.index(1.0)])
-        self._mean_contrast = known.mean
+        self.contrast = float(known.given[0])
         shrinking = each.gain * components.inverse
         self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
         left = each.by_noise + each.between * np.abs(turned) ** 2
-        self._explained = (self._mean_contrast * spread - left) * components.inverse**2
+        self._explained = (self.contrast * spread - left) * components.inverse**2
         own = self.contrast / (self.contrast * spread + rms**2)
         self.noise_energy = float((own**2 * spread).sum() * rms**2)
-        self._solved = self.contrast * own
+        self._of_one = self.contrast * own
         self._turned, self._components = own * turned, components
 
     @property
@@ -79,17 +78,17 @@ class Posterior:
 
     @property
     def variance(self) -> Floats:
-        """Of each pixel (H, W), as if contrasts shrank components independently."""
+        """Of each pixel (H, W), as if what contrasts differ in were independent of each other."""
         components = self._components
         weights = self._explained.astype(np.float32)
         prior = components.pixel_variance
         explained = (weights @ components.squared).reshape(prior.shape)
-        return np.maximum(self._mean_contrast * prior - explained, 0)
+        return np.maximum(self.contrast * prior - explained, 0)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
         """The posterior covariance of contrast v times a spectrum (H, W)."""
         components = self._components
-        explained = (self._solved * (components.spectra @ spectrum.ravel())) @ components.spectra
+        explained = (self._of_one * (components.spectra @ spectrum.ravel())) @ components.spectra
         prior = self.contrast * components.field.variance * spectrum
         return np.asarray(prior - explained.reshape(spectrum.shape))
 
@@ -98,25 +97,22 @@ class Components:
     """What varies independently in coefficients of which the noise has ``relative`` size (K,).
 
     ``spread`` (K,): the l above, ``inverse`` (K,) its inverse, 0 for 0; ``turn`` (K, K): U^T T^-1;
-    ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): variances of the components where C is
-    taken to other powers, all of the same sum.
+    ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): the same l to several powers, all of
+    the same sum.
     """
 
     def __init__(self, field: Field, rows: Floats, relative: Floats) -> None:
         self.field = field
         self.shape = field.shape
-        variance = field.variance.ravel()
-        seen = rows * variance
+        seen = rows * field.variance.ravel()
         spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
         self.spread: Floats = np.maximum(spread, 0)
         told = spread > 1e-12 * spread.max()
         self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=told)
         self.turn: Floats = turn.T / relative
         self.spectra: Floats = self.turn @ seen
-        varying = variance > 0
-        powers = variance[varying] ** (np.array(POWERS)[:, None] - 2)
-        spreads = (self.spectra[:, varying] ** 2 @ powers.T).T
-        self.spreads: Floats = spreads * (self.spread.sum() / spreads.sum(axis=1))[:, None]
+        powers = self.spread ** np.array(POWERS)[:, None]
+        self.spreads: Floats = powers * (self.spread.sum() / powers.sum(axis=1, keepdims=True))
         self.pixel_variance = field.pixel_variance
 
     @cached_property

@@ -41,7 +41,7 @@ class ShrinkingSolver:
         each = shrunk(known_contrasts, expected[None], variance)
         values = coefficients.values.copy()
         values[np.flatnonzero(seen)[known]] *= each.gain
-        left = known_contrasts.mean * (self._everything - expected.sum())
+        left = known_contrasts.given[0] * (self._everything - expected.sum())
         left += (each.by_noise + each.between * np.abs(measured) ** 2).sum()
         deviation = np.full(operator.image_shape, np.sqrt(max(left, 0.0) / pixels))
         return Estimate(operator.least_energy(values), deviation)

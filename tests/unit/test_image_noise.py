@@ -140,6 +140,22 @@ def test_the_spectrum_tells_strong_noise_and_takes_texture_for_weak_one(patterns
     assert np.median(none) < 0.6
 
 
+@pytest.mark.parametrize("patterns", [128, 512])
+def test_noise_that_hides_the_image_is_told_without_bias(patterns):
+    """Of K Gaussian numbers the deviation is known within 1 / sqrt(2 K)."""
+    operator = decoder_for(make_plan((32, 32), patterns, polarity="signed")).operator
+    expected = Prior(operator, DICTIONARY).expected
+    ratios = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        signal = operator.forward(natural_image(32, seed))[1:] / 32
+        noise = 10 * signal.std()
+        white = noise * rng.standard_normal(signal.shape)
+        ratios.append(np.sqrt(variance_by_spectrum(signal + white, expected)) / noise)
+    assert abs(np.mean(ratios) - 1) < 0.04
+    assert np.std(ratios) < 2 / np.sqrt(2 * patterns)
+
+
 def test_nothing_has_no_noise():
     assert variance_by_spectrum(np.zeros(5), np.arange(1.0, 6)) == 0
 
