@@ -1,9 +1,9 @@
 """Dead leaves: images of things that hide each other, as many as one likes.
 
 Discs, rectangles and polygons of random sizes, greys, slopes and textures fall on each other
-(A. B. Lee, D. Mumford, J. Huang, Int. J. Comput. Vision 41, 35 (2001)); sizes follow a power law, so
-that the images are the same at every scale, as natural ones nearly are. What is learned from them
-holds for photographs (R. Achddou, Y. Gousseau, S. Ladjal, SSVM 2021, LNCS 12679, 333).
+(A. B. Lee, D. Mumford, J. Huang, Int. J. Comput. Vision 41, 35 (2001)); sizes follow a power law,
+so that the images are the same at every scale, as natural ones nearly are. What is learned from
+them holds for photographs (R. Achddou, Y. Gousseau, S. Ladjal, SSVM 2021, LNCS 12679, 333).
 """
 
 import numpy as np

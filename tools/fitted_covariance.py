@@ -24,7 +24,7 @@ from reconstruction.image.dictionaries.scenes_dct import axial_deviation
 
 SEED = 3
 HIGHEST = 0.5
-"""Frequency that is looked at, cycles per two pixels: what is finer is not seen at a few per cent."""
+"""Frequency that is looked at, cycles per two pixels: few patterns see what is finer."""
 
 
 def main() -> None:

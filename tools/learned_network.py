@@ -4,7 +4,7 @@
     python tools/learned_network.py FOLDER WEIGHTS.npz [--steps 20000]
 
 The loss is the squared error over that of the image which the network is shown, so that every image
-counts the same, and twice as much where the network makes it worse; the deviation is fitted by
+counts the same, and more where the network makes it worse; the deviation is fitted by
 maximum likelihood. Every 20th chunk is kept aside. Beside the weights, a JSON file of their name
 tells what they were trained on, and what they gain on the chunks kept aside.
 """
@@ -32,6 +32,8 @@ NARROW, WIDE = 16, 48
 ASIDE = 20
 LEAST_ERROR = 1e-4
 """Squared, over that of the contrast: a better image is good enough."""
+WORSE = 3.0
+"""Weight of what makes an image worse, besides that of all errors."""
 OF_DEVIATION = 0.1
 """Weight of the deviation in the loss."""
 USUAL = 0.02, 99.98
@@ -129,7 +131,7 @@ def loss_of(out: Tensor, better: Tensor, deviation: Tensor, truth: Tensor) -> tu
     error = ((image.detach() - truth) / torch.clamp(deviation, min=1e-3)).clamp(-FARTHEST, FARTHEST)
     unlikely = out[:, 1] + error**2 * torch.exp(-2 * out[:, 1]) / 2
     worse = torch.relu(ratio - 1)
-    return (ratio + worse + OF_DEVIATION * unlikely.mean(dim=(1, 2))).mean(), ratio
+    return (ratio + WORSE * worse + OF_DEVIATION * unlikely.mean(dim=(1, 2))).mean(), ratio
 
 
 def main() -> None:

@@ -1,8 +1,8 @@
 """A small network that says what is wrong with an image, and how sure of it one may be.
 
 It sees an image at half its resolution, the pixels of each square as channels (K. Zhang, W. Zuo, L.
-Zhang, IEEE Trans. Image Process. 27, 4608 (2018)), goes once to a quarter and back, and is evaluated
-as products of matrices.
+Zhang, IEEE Trans. Image Process. 27, 4608 (2018)), goes once to a quarter and back, and is
+evaluated as products of matrices.
 """
 
 import zipfile

@@ -165,7 +165,8 @@ def test_complex_images_are_left_as_they_are():
     values = operator.forward(image)
     coefficients = Coefficients(values, np.full(values.shape, 0.01 * np.abs(values).max()))
     plain, learned = (
-        image_method(name).compile(operator)(coefficients) for name in ("edge-preserving", "learned")
+        image_method(name).compile(operator)(coefficients)
+        for name in ("edge-preserving", "learned")
     )
     np.testing.assert_array_equal(plain.image, learned.image)
 

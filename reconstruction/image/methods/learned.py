@@ -1,8 +1,8 @@
 """What a small network makes of the edge-preserving image, as far as the readings agree.
 
 The network sees the least-squares image, the edge-preserving one and its deviation, and tells what
-is wrong with the latter; it was trained on dead leaves and drawn scenes (`tools/learned_network.py`).
-What its image leaves of the readings is estimated by least squares, as a field of its own contrast,
+is wrong with the latter; it was trained on dead leaves and drawn scenes by
+`tools/learned_network.py`. What its image leaves of the readings is estimated by least squares, as a field of its own contrast,
 so that the image fits them as far as they are no noise. Of what is unlike all that the network was
 trained on it is not asked: the image is then the edge-preserving one.
 """
