@@ -88,7 +88,7 @@ def pairs(rng: np.random.Generator, scenes: list[Floats]) -> Iterator[tuple[obje
         if not truth.any():
             continue
         left -= 1
-        coefficients = measured(operator, truth, rng)
+        coefficients = measured(operator, image, rng)
         start = solver.linear.posterior(coefficients)
         assert start is not None
         spectrum, variance = solver.followed(start, coefficients)
@@ -114,12 +114,12 @@ def pairs(rng: np.random.Generator, scenes: list[Floats]) -> Iterator[tuple[obje
 def measured(
     operator: MeasurementOperator, truth: Floats, rng: np.random.Generator
 ) -> Coefficients:
-    """Coefficients of an image, with noise; the level is 0."""
+    """Coefficients of an image, with noise; the level has some, too."""
     values = operator.forward(truth)
     varying = operator.varying
     snr = np.exp(rng.uniform(*np.log(SNR)))
     noise = float(np.sqrt(np.mean(values[varying] ** 2))) / snr
-    values = values + varying * noise * rng.standard_normal(values.shape)
+    values = values + noise * rng.standard_normal(values.shape)
     told = noise * (FACTOR ** rng.standard_normal() if rng.random() < MISTOLD else 1.0)
     return Coefficients(values, np.full(values.shape, told))
 

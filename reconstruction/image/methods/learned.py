@@ -2,9 +2,10 @@
 
 The network sees the least-squares image, the edge-preserving one and its deviation, and tells what
 is wrong with the latter; it was trained on dead leaves and drawn scenes by
-`tools/learned_network.py`. What its image leaves of the readings is estimated by least squares, as a field of its own contrast,
-so that the image fits them as far as they are no noise. Of what is unlike all that the network was
-trained on it is not asked: the image is then the edge-preserving one.
+`tools/learned_network.py`. What its image leaves of the readings is estimated by least squares, as
+a field of its own contrast, so that the image fits them as far as they are no noise. Of what is
+unlike all that the network was trained on it is not asked: the image is then the edge-preserving
+one.
 """
 
 from dataclasses import dataclass, replace
