@@ -20,7 +20,7 @@ from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.ends import Detectors
 from spisim.transport.meshes import shapes
-from spisim.transport.phase import phase_dict
+from spisim.transport.phase import phase_plugin
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball, see_through
 
@@ -105,7 +105,7 @@ def _medium(scene: Scene) -> tuple[Any, dict[str, Any] | None]:
             "type": kind,
             "sigma_t": extinction,
             "albedo": optics.albedo,
-            "phase": phase_dict(optics.phase),
+            "phase": phase_plugin(optics.phase),
             "has_spectral_extinction": False,
         }
     )

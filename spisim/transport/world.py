@@ -17,7 +17,7 @@ from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
 from spisim.transport.meshes import shapes
-from spisim.transport.phase import phase_dict
+from spisim.transport.phase import phase_plugin
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
 FOG_MARGIN_M = 15.0
@@ -79,7 +79,7 @@ def _optics(medium: Atmosphere) -> tuple[Any, Any, Any]:
     return (
         dr.opaque(mi.Float, medium.extinction_per_m),
         dr.opaque(mi.Float, medium.albedo),
-        mi.load_dict(phase_dict(medium.phase)),
+        phase_plugin(medium.phase),
     )
 
 
