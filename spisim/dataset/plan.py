@@ -24,6 +24,7 @@ from spisim.config import (
     NonNegative,
     Number,
     Section,
+    dump_yaml,
     find_named,
     is_file,
     load_yaml,
@@ -283,7 +284,7 @@ class PlannedSet:
 
     def with_samples(self, samples: int) -> PlannedSet:
         """The same plan with another number of samples; its text loses its comments."""
-        text = yaml.safe_dump({**self.fields, "samples": samples}, sort_keys=False)
+        text = dump_yaml({**self.fields, "samples": samples})
         return replace(self, plan=self.plan.model_copy(update={"samples": samples}), text=text)
 
     def sample(self, index: int) -> Sample:
@@ -394,4 +395,4 @@ def _name_drawn(scene: Mapping[str, Any]) -> str | None:
 
 def _dump(fields: Mapping[str, Any]) -> str:
     kept = {name: value for name, value in fields.items() if value is not None}
-    return yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)
+    return dump_yaml(kept)

@@ -5,9 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from spisim.config import check_fields, find_named, read_mapping, read_text, shipped
+from spisim.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
 from spisim.scene.assemble import Setting, assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, Moment, SceneDescription
 from spisim.scene.drawn import draw
@@ -52,7 +50,7 @@ def load_scene(
         check_fields(fields, kind, file)  # the file has to be one by itself
         sections = {**fields, **changes}
         kept = {name: section for name, section in sections.items() if section is not None}
-        text = yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)
+        text = dump_yaml(kept)
     return make_scene(text, file.parent, file, wavelength_nm=wavelength_nm)
 
 
@@ -70,7 +68,7 @@ def draw_scene(
     `load_scene` does.
     """
     sections = {"family": family, "seed": seed, "parameters": dict(parameters or {})}
-    text = yaml.safe_dump({**sections, **(changes or {})}, sort_keys=False, allow_unicode=True)
+    text = dump_yaml({**sections, **(changes or {})})
     return make_scene(text, Path(), f"family {family}", wavelength_nm=wavelength_nm)
 
 
