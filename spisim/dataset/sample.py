@@ -25,12 +25,14 @@ from spisim.dataset.plan import Keep, PlannedSet, Sample
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.instrument import Instrument
 from spisim.scene import Scene, make_scene
+from spisim.scene.stock import Stock
 from spisim.simulation import Simulation, simulate
 from spisim.transport.backend import use_threads
 from spisim.transport.exr import write_exr
 from spisim.transport.light_files import write_histograms
 
 _one_at_a_time = Lock()  # warnings are caught for the whole process
+_stock = Stock()  # of this process
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,7 @@ def load(sample: Sample) -> tuple[Scene, Instrument]:
         sample.scene_folder,
         f"scene {sample.scene_name}",
         wavelength_nm=instrument.wavelength_nm,
+        stock=_stock,
     )
     return scene, instrument
 

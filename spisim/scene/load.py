@@ -6,11 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from spisim.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
-from spisim.scene.assemble import Setting, assemble, check_drone, warn_of_oddities
+from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, Moment, SceneDescription
 from spisim.scene.drawn import draw
 from spisim.scene.model import Scene
 from spisim.scene.moment import at_moment
+from spisim.scene.setting import Setting
+from spisim.scene.stock import Stock
 
 
 def scenes_folder() -> Path:
@@ -73,13 +75,19 @@ def draw_scene(
 
 
 def make_scene(
-    text: str, folder: Path, source: Path | str, *, wavelength_nm: float = 1550.0
+    text: str,
+    folder: Path,
+    source: Path | str,
+    *,
+    wavelength_nm: float = 1550.0,
+    stock: Stock | None = None,
 ) -> Scene:
     """Scene from the text of a scene file; the files it names are looked for in `folder`.
 
-    `source` is what error messages call it. Raises and warns as `load_scene` does.
+    `source` is what error messages call it; scenes that share a `stock` share what they have in
+    common. Raises and warns as `load_scene` does.
     """
-    setting = Setting(folder, text, source, wavelength_nm)
+    setting = Setting(folder, text, source, wavelength_nm, stock or Stock())
     fields = read_mapping(text, SceneDescription, source)
     if "family" in fields:
         scene = draw(fields, setting).scene

@@ -10,7 +10,6 @@ from reconstruction.errors import nearest
 from spisim.config import Section, check_fields
 from spisim.config.distributions import Choice, Distribution, LogUniform, Uniform, stream
 
-
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Distribution)
 
 
