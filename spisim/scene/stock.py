@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from spisim.scene.families import Draft
     from spisim.scene.setting import Setting
 
-#: Triangles of all objects that are kept; the last ones stay, however many they have.
+#: Scenes whose objects and draws are kept, and triangles of all of them; the last one stays,
+#: however many it has.
+MAX_SCENES = 32
 MAX_TRIANGLES = 250_000
-#: Draws that are kept.
-MAX_DRAFTS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class Stock:
             objects = placed(described, setting, meshes)
             kept = _Kept(objects, surface_content(objects))
         self._objects[key] = kept
-        while len(self._objects) > 1 and self._triangles > MAX_TRIANGLES:
+        while len(self._objects) > 1 and self._is_full:
             self._objects.popitem(last=False)
         return kept.objects
 
@@ -67,13 +67,14 @@ class Stock:
         """The draw of this key, made if it is not there."""
         found = self._drafts.pop(key, None)
         self._drafts[key] = make() if found is None else found
-        if len(self._drafts) > MAX_DRAFTS:
+        if len(self._drafts) > MAX_SCENES:
             self._drafts.popitem(last=False)
         return self._drafts[key]
 
     @property
-    def _triangles(self) -> int:
-        return sum(kept.triangles for kept in self._objects.values())
+    def _is_full(self) -> bool:
+        triangles = sum(kept.triangles for kept in self._objects.values())
+        return len(self._objects) > MAX_SCENES or triangles > MAX_TRIANGLES
 
 
 def _key(described: SceneDescription, setting: Setting, meshes: Meshes) -> bytes:

@@ -13,10 +13,9 @@ from reconstruction.arrays import Floats
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
-from spisim.transport.meshes import shapes
+from spisim.transport.meshes import Meshes
 from spisim.transport.phase import phase_plugin
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
@@ -43,16 +42,16 @@ def build_world(scene: Scene) -> World:
     """Hand a scene to Mitsuba."""
     centre, radius = fog_ball(scene)
     return World(
-        geometry=Geometry(scene=surfaces(scene), see_through=see_through(scene)),
+        geometry=_geometry(scene),
         media=_media(scene, centre, radius),
         centre_m=centre,
         radius_m=radius,
     )
 
 
-def surfaces(scene: Scene) -> Any:
-    """Mitsuba scene of the objects alone."""
-    return mi.load_dict({"type": "scene", **shapes(scene.objects)})
+def _geometry(scene: Scene) -> Geometry:
+    meshes = Meshes.of(scene.objects)
+    return Geometry(meshes.scene, meshes.see_through)
 
 
 def _media(scene: Scene, centre: Floats, radius_m: float) -> Media:
@@ -81,11 +80,6 @@ def _optics(medium: Atmosphere) -> tuple[Any, Any, Any]:
         dr.opaque(mi.Float, medium.albedo),
         phase_plugin(medium.phase),
     )
-
-
-def see_through(scene: Scene) -> bool:
-    """Whether any surface lets light straight through."""
-    return any(is_null_transmitting(thing.material) for thing in scene.objects)
 
 
 def fog_ball(scene: Scene) -> tuple[Floats, float]:
