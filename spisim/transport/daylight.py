@@ -87,7 +87,7 @@ def _received(
     count = len(detectors.positions_m)
 
     def launch(samples: int, seeds: Sequence[int]) -> Sums:
-        tallies = Tallies(count, [ImageTally(count)])
+        tallies = Tallies(count, [ImageTally], 1)
         ends = Detectors.of(detectors, samples)
 
         def deposit(light: Contribution) -> None:

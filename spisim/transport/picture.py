@@ -81,7 +81,7 @@ def camera_view(
 
     def seen(light: Sink, sky: Sky | None, samples: int, seed: int) -> Sums:
         camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
-        tallies = Tallies(view.pixels, [ImageTally(view.pixels)])
+        tallies = Tallies(view.pixels, [ImageTally], 1)
         Walk(world, camera, light, False, alone, tallies.add, sky=sky).run(seed)
         return tallies.read(1.0)
 

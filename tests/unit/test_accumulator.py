@@ -23,7 +23,7 @@ SEED = np.random.SeedSequence(0)
 def added(values: list[float]) -> Sums:
     """Contributions of these sizes to the second of two cells."""
     activate()
-    tallies = Tallies(2, [ImageTally(2)])
+    tallies = Tallies(2, [ImageTally], 1)
     value = mi.Float(np.array(values, dtype=np.float32))
     tallies.add(Contribution(value, mi.UInt32(1), mi.Float(0), mi.UInt32(0), mi.Bool(True)))
     return tallies.read(area_m2=0.5)
@@ -31,7 +31,7 @@ def added(values: list[float]) -> Sums:
 
 def test_sums_are_exact_up_to_the_limit() -> None:
     found = added([2.0**14, 2.0**13, 2.0**-48])
-    np.testing.assert_array_equal(found.values["image"], [0, 2.0**13 + 2.0**12 + 2.0**-49])
+    np.testing.assert_array_equal(found.values["image"], [[0, 2.0**13 + 2.0**12 + 2.0**-49]])
     assert found.dropped == 0
 
 
@@ -47,7 +47,7 @@ def test_a_sum_beyond_the_limit_is_an_error(values: list[float]) -> None:
 
 def test_what_is_not_finite_is_left_out_and_counted() -> None:
     found = added([1.0, np.nan, np.inf, -np.inf, 2.0])
-    np.testing.assert_array_equal(found.values["image"], [0, 1.5])
+    np.testing.assert_array_equal(found.values["image"], [[0, 1.5]])
     assert found.dropped == 3
 
 

@@ -30,20 +30,26 @@ class _Pencil(NamedTuple):
 
 
 def direct_light(
-    world: World, source: Projector | Beams, detectors: Detectors, seed: int, deposit: Deposit
+    world: World,
+    source: Projector | Beams,
+    detectors: Detectors,
+    seed: int,
+    deposit: Deposit,
+    *,
+    replicas: int = 1,
 ) -> None:
     """Deposit what each lane's ray sends to one of the detectors by scattering once.
 
     The ray is followed to the first surface, be it a pane or not.
     """
-    lane, cell, sampler = _low_discrepancy(source, seed)
+    lane, cell, replica, sampler = _low_discrepancy(source, replicas, seed)
     ray = source.pencil(lane, sampler)
     si, reach = world.first_surface(ray)
     pencil = _Pencil(ray, si, reach, detectors.choose(lane, sampler))
 
     def add(value: Any, length_m: Any, scatterings: int, lit: Any) -> None:
         light = value / source.samples
-        deposit(Contribution(light, cell, length_m, mi.UInt32(scatterings), lit))
+        deposit(Contribution(light, cell, length_m, mi.UInt32(scatterings), lit, replica))
 
     aperture_point = _off_surface(world, pencil, detectors, sampler, add)
     if world.media.parts:
@@ -103,9 +109,13 @@ def _off_fog(
     add(value, distance + gap, 1, lit)
 
 
-def _low_discrepancy(source: Projector | Beams, seed: int) -> tuple[Any, Any, Any]:
-    """Lane numbers, their cells, and a low-discrepancy sequence for every cell."""
-    lane = dr.arange(mi.UInt32, source.lanes)
+def _low_discrepancy(
+    source: Projector | Beams, replicas: int, seed: int
+) -> tuple[Any, Any, Any, Any]:
+    """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
+    number: Any = dr.arange(mi.UInt32, replicas * source.lanes)
+    lane, replica = number // replicas, number % replicas
     cell = source.cell(lane)
     cells = source.lanes // source.samples
-    return lane, cell, Points.of(lane // cells, cell, dr.opaque(mi.UInt32, seed))
+    points = Points.of(lane // cells, cell * replicas + replica, dr.opaque(mi.UInt32, seed))
+    return lane, cell, replica, points

@@ -36,6 +36,7 @@ class Launch(NamedTuple):
     scatterings: Any  # in fog, before `origin`
     state: Any  # what `density` needs to know
     cell: Any  # accumulator cell, None where the other end tells it
+    replica: Any = 0  # which of the estimates side by side the path is part of
 
 
 class Connection(NamedTuple):

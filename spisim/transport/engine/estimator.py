@@ -18,7 +18,7 @@ from spisim.transport.engine.direct import direct_light
 from spisim.transport.engine.ends import Detectors, JointDetectors, Projector
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.rays import FogRays
-from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat
+from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat, replicas_of
 from spisim.transport.engine.tally import HistogramTally, OrderTally, PathLengthBins, Sums, Tallies
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
 from spisim.transport.engine.weights import alone, balanced, second_on, second_on_or_behind_glass
@@ -53,9 +53,10 @@ def transport_image(
     `outputs` come under the names of `spisim.transport.engine.tally`.
     """
     pixels = projector.pixels
+    replicas = 1 if outputs.bins is not None else replicas_of(pixels)  # cubes fill the memory
 
     def launch(samples: int, seeds: Sequence[int]) -> Sums:
-        tallies = outputs.tallies(pixels)
+        tallies = outputs.tallies(pixels, replicas)
         near = Projector.of(projector, samples)
         far = JointDetectors.of(detector, -(-samples * pixels // len(detector.positions_m)))
         # In clear air there is no fog to connect to.
@@ -64,18 +65,18 @@ def transport_image(
         outward = inward = alone
         if strategy is Strategy.BOTH:
             outward, inward = second_on_or_behind_glass, second_on
-            direct_light(world, near, far, seeds[2], tallies.add)
+            direct_light(world, near, far, seeds[2], tallies.add, replicas=replicas)
             if max_vertices == 1:
                 return tallies.read(detector.area_m2)
         if strategy is not Strategy.DETECTOR:
-            out = Walk(world, near, far, True, outward, tallies.add, rays)
+            out = Walk(world, near, far, True, outward, tallies.add, rays, replicas=replicas)
             out.run(seeds[0], max_vertices)
         if strategy is not Strategy.PROJECTOR:
-            back = Walk(world, far, near, False, inward, tallies.add, rays)
+            back = Walk(world, far, near, False, inward, tallies.add, rays, replicas=replicas)
             back.run(seeds[1], max_vertices)
         return tallies.read(detector.area_m2)
 
-    return repeat(launch, budget, pixels, seed, progress)
+    return repeat(launch, budget, pixels, seed, progress, replicas=replicas)
 
 
 def spot_histogram(
@@ -96,20 +97,22 @@ def spot_histogram(
     from each end.
     """
     count = len(beams.origins_m)
+    replicas = replicas_of(count)
+    histograms = partial(OrderTally, make=partial(HistogramTally, bins=bins))
 
     def launch(samples: int, seeds: Sequence[int]) -> Sums:
-        tallies = Tallies(count, [OrderTally(count, partial(HistogramTally, bins=bins))])
+        tallies = Tallies(count, [histograms], replicas)
         near = Beams.of(world, beams, samples)
         far = Detectors.of(detectors, samples)
-        direct_light(world, near, far, seeds[2], tallies.add)
+        direct_light(world, near, far, seeds[2], tallies.add, replicas=replicas)
         if max_vertices > 1:
             weight = balanced if strategy is Strategy.BOTH else alone
             if strategy is not Strategy.DETECTOR:
-                out = Walk(world, near, far, True, weight, tallies.add)
+                out = Walk(world, near, far, True, weight, tallies.add, replicas=replicas)
                 out.run(seeds[0], max_vertices - 1)
             if strategy is not Strategy.PROJECTOR:
-                back = Walk(world, far, near, False, weight, tallies.add)
+                back = Walk(world, far, near, False, weight, tallies.add, replicas=replicas)
                 back.run(seeds[1], max_vertices - 1)
         return tallies.read(detectors.area_m2)
 
-    return repeat(launch, budget, count, seed, progress)
+    return repeat(launch, budget, count, seed, progress, replicas=replicas)

@@ -1,7 +1,7 @@
 """How long to go on: a number of paths, or an error to reach."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,29 +96,37 @@ def repeat(
     cells: int,
     seed: np.random.SeedSequence,
     progress: Callable[[float], None] | None,
+    *,
+    replicas: int = 1,
 ) -> Estimate:
     """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `budget` says.
 
+    Each launch makes `replicas` estimates side by side, the first axis of its values: they count
+    as so many launches, and cost one.
+
     TransportWarning tells how much of the light had to be left out.
     """
-    most = max(1, MAX_LANES // cells)
+    most = max(1, MAX_LANES // (cells * replicas))
     if isinstance(budget, Paths):
-        launches = max(budget.launches, -(-budget.per_cell // most))
+        launches = replicas * -(-max(budget.launches, -(-budget.per_cell // most)) // replicas)
         first = later = max(1, round(budget.per_cell / launches))
     else:
-        launches, first, later = MAX_LAUNCHES, min(FIRST_PATHS, most), min(PATHS_PER_LAUNCH, most)
+        launches, first = MAX_LAUNCHES, min(FIRST_PATHS, most)
+        later = min(-(-PATHS_PER_LAUNCH // replicas), most)
     running, readings, dropped = _Running(), _Running(), 0
-    for step in range(launches):
-        samples = first if step < MIN_LAUNCHES else later
+    for step in range(launches // replicas):
+        samples = first if running.count < MIN_LAUNCHES else later
         values, unsummed = launch(samples, _seeds(seed, step))
         dropped += unsummed
-        running.add(values, samples)
-        done = (step + 1) / launches
+        for each in _split(values, replicas):
+            running.add(each, samples)
+            if isinstance(budget, TargetError):
+                readings.add({"readings": budget.readings(each)}, samples)
+        done = running.count / launches
         if isinstance(budget, TargetError):
-            readings.add({"readings": budget.readings(values)}, samples)
             done = (budget.target / max(_relative(readings), budget.target)) ** 2
-            if step + 1 < MIN_LAUNCHES:
-                done = min(done, (step + 1) / MIN_LAUNCHES)
+            if running.count < MIN_LAUNCHES:
+                done = min(done, running.count / MIN_LAUNCHES)
         if progress is not None:
             progress(done)
         if done >= 1:
@@ -132,6 +140,17 @@ def repeat(
         )
     paths = 2 * running.weight * cells
     return Estimate(running.mean, running.error(), running.count, paths)
+
+
+def replicas_of(cells: int) -> int:
+    """As many estimates side by side as make an error, or fit into a launch: a power of two."""
+    fitting = max(1, MAX_LANES // cells)
+    return min(MIN_LAUNCHES, 1 << (fitting.bit_length() - 1))
+
+
+def _split(values: Mapping[str, Floats], replicas: int) -> Iterator[Mapping[str, Floats]]:
+    for number in range(replicas):
+        yield {name: value[number] for name, value in values.items()}
 
 
 def _relative(readings: _Running) -> float:

@@ -150,19 +150,21 @@ class Walk:
     deposit: Deposit
     rays: FogRays | None = None
     sky: Sky | None = None
+    replicas: int = 1  # estimates side by side, which paths take turns to be part of
 
     @dr.syntax
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
         """Launch one path per lane and deposit what each vertex sends to the other end."""
-        lane, sampler = lanes(self.this.lanes, seed)
+        number, sampler = lanes(self.replicas * self.this.lanes, seed)
+        lane, replica = number // self.replicas, number % self.replicas
         limit = dr.opaque(mi.UInt32, max_vertices)
-        launch = self.this.launch(lane, sampler)
+        launch = self.this.launch(lane, sampler)._replace(replica=replica)
         path, scale = Path.start(launch), 1 / launch.beta
         while dr.hint(path.active, exclude=[self, launch, scale, limit]):
             here = self._arrive(path, launch, sampler)
             self._connect(here, path, launch, lane, sampler)
             if dr.hint(self.rays is not None and not self.outward, mode="scalar"):
-                self._connect_to_ray(here, path, limit, sampler)
+                self._connect_to_ray(here, path, launch, limit, sampler)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
             self._roulette(turn, path, scale, limit, sampler)
@@ -177,7 +179,8 @@ class Walk:
         if self.sky is not None:
             escaped = path.active & ~in_fog & ~on_surface
             light = path.beta * self.sky(ray.d)
-            self.deposit(Contribution(light, launch.cell, path.length_m, path.scatterings, escaped))
+            found = Contribution(light, launch.cell, path.length_m, path.scatterings, escaped)
+            self.deposit(found._replace(replica=launch.replica))
         path.active &= in_fog | on_surface
         distance = dr.select(in_fog, collision.distance, si.t)
         distance = dr.select(path.active, distance, 0)
@@ -224,16 +227,19 @@ class Walk:
             reach = _quotient(densities.over_segment(place), densities.before_forward * gap * gap)
             others += dr.select(here.in_fog, reach, 0)
         cell = end.cell if launch.cell is None else launch.cell
-        self._deposit(join, others, path.vertex, end, cell, path)
+        self._deposit(join, others, path.vertex, end, cell, path, launch.replica)
 
-    def _connect_to_ray(self, here: Vertex, path: Path, limit: Any, sampler: Any) -> None:
+    def _connect_to_ray(
+        self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any
+    ) -> None:
         """The third strategy: deposit what a vertex sends on to a point of a ray."""
         assert self.rays is not None
         end, place = self.rays.connect(here.point, sampler, path.active)
         allowed = path.active & (path.vertex < limit)
         join = self._join(here, end, path, allowed, sampler)
         towards = _quotient(join.lobe.forward * join.known, place * join.gap_m * join.gap_m)
-        self._deposit(join, join.others + towards, path.vertex + 1, end, end.cell, path)
+        others = join.others + towards
+        self._deposit(join, others, path.vertex + 1, end, end.cell, path, launch.replica)
 
     def _join(self, here: Vertex, end: Connection, path: Path, allowed: Any, sampler: Any) -> _Join:
         densities = path.densities
@@ -249,7 +255,14 @@ class Walk:
         return _Join(value, others, per_m2, lobe, gap, known, connected & carries_light(value))
 
     def _deposit(
-        self, join: _Join, others: Any, vertex: Any, end: Connection, cell: Any, path: Path
+        self,
+        join: _Join,
+        others: Any,
+        vertex: Any,
+        end: Connection,
+        cell: Any,
+        path: Path,
+        replica: Any,
     ) -> None:
         self.deposit(
             Contribution(
@@ -258,6 +271,7 @@ class Walk:
                 path.length_m + join.gap_m + end.length_m,
                 path.scatterings + end.scatterings,
                 join.active,
+                replica,
             )
         )
 
