@@ -179,8 +179,8 @@ class PlannedStudy:
                     )
                 changes[name] = {**fields.get(name, {}), **changes[name]}
         if "spp" in changes:
-            fields.pop("transport_error", None)
-        if "transport_error" in changes:
+            fields.pop("transport_noise_share", None)
+        if "transport_noise_share" in changes:
             fields.pop("spp", None)
         text = yaml.safe_dump({**fields, **changes}, sort_keys=False, allow_unicode=True)
         plan = parse_model(text, StudyPlan, f"{self.path}, study.quick")

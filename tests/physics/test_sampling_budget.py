@@ -14,7 +14,7 @@ from spisim.transport.backend import activate
 from spisim.transport.engine import sampling
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import FIRST_PATHS, MIN_LAUNCHES, Paths, TargetError, repeat
+from spisim.transport.engine.sampling import MIN_LAUNCHES, Gauge, Paths, TargetError, repeat
 from spisim.transport.engine.tally import PathLengthBins, Sums
 from spisim.transport.world import build_world
 
@@ -23,6 +23,13 @@ import drjit as dr
 
 END = worlds.detector([0.05, 0.0, 0.0], area_m2=2e-6, half_angle_deg=14)
 VIEW = worlds.projector()
+
+
+#: ‖standard errors‖ / ‖means‖ of the image.
+RELATIVE = Gauge(
+    lambda sums: sums["image"],
+    lambda mean, error: float(np.linalg.norm(error) / np.linalg.norm(mean)),
+)
 
 
 def room(extinction=0.1, albedo=0.98):
@@ -35,7 +42,7 @@ def test_the_error_is_what_was_asked_for():
     world = build_world(room())
 
     def estimate(seed):
-        budget = TargetError(target, lambda sums: sums["image"])
+        budget = TargetError(target, RELATIVE)
         return transport_image(world, VIEW, END, budget, seed=seed)
 
     estimates = [estimate(seed) for seed in worlds.seeds(12)]
@@ -52,7 +59,7 @@ def test_a_third_of_the_error_takes_nine_times_the_paths():
     world = build_world(room())
     paths = [
         transport_image(
-            world, VIEW, END, TargetError(t, lambda s: s["image"]), seed=worlds.seeds(1)[0]
+            world, VIEW, END, TargetError(t, RELATIVE), seed=worlds.seeds(1)[0]
         ).paths
         for t in (0.03, 0.01)
     ]
@@ -68,9 +75,10 @@ def test_launches_of_different_sizes_count_by_their_paths():
         def launch(samples, seeds, rng=rng):
             return Sums({"image": rng.normal(1, 1 / np.sqrt(samples), 8)})
 
-        budget = TargetError(0.05, lambda sums: sums["image"])
+        budget = TargetError(0.05, RELATIVE)
         found = repeat(launch, budget, 8, np.random.SeedSequence(number), None)
-        assert found.paths > 2 * 8 * 8 * FIRST_PATHS  # larger launches follow the first ones
+        assert found.launches > MIN_LAUNCHES  # larger launches follow the first ones
+        assert found.size <= 0.05
         errors.append(found.mean["image"] - 1)
         claimed.append(found.error["image"] ** 2)
         assert found.paths == pytest.approx(2 * 8 / np.mean(claimed[-1]), rel=0.8)
@@ -109,7 +117,7 @@ def test_no_launch_has_more_lanes_than_fit(monkeypatch):
         launched.append(samples)
         return Sums({"image": np.random.default_rng(seeds[0]).normal(1, 0.5, 30)})
 
-    budgets = [Paths(1), Paths(24), Paths(100), TargetError(0.05, lambda sums: sums["image"])]
+    budgets = [Paths(1), Paths(24), Paths(100), TargetError(0.05, RELATIVE)]
     for budget in budgets:
         launched.clear()
         found = repeat(launch, budget, 30, np.random.SeedSequence(0), None)

@@ -152,8 +152,11 @@ class Beams:
             cell=self.cell(lane),
         )
 
-    def pencil(self, lane: Any, sampler: Any) -> Any:
-        """One pencil of the lane's laser, as a ray."""
+    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+        """One pencil of the lane's laser, as a ray, and its weight."""
+        return self._pencil(lane, sampler), 1 / self.samples
+
+    def _pencil(self, lane: Any, sampler: Any) -> Any:
         cell = self.cell(lane)
         frame = dr.gather(mi.Frame3f, self.frames, cell)
         tilt = mi.warp.square_to_std_normal(sampler.next_2d()) * self.divergence_rad
@@ -165,7 +168,7 @@ class Beams:
         )
 
     def _beam(self, lane: Any, sampler: Any) -> _Beam:
-        ray = self.pencil(lane, sampler)
+        ray = self._pencil(lane, sampler)
         si, reach = self.world.first_surface(ray)
         return _Beam(ray, si, reach)
 

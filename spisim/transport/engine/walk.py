@@ -36,7 +36,8 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.ends import Connection, Detectors, Lamp, Launch, Projector, Sun
+from spisim.transport.engine.ends import Connection, Detectors, Launch, Projector
+from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Lobe, Turn, Vertex
@@ -54,8 +55,8 @@ MAX_CROSSINGS = 64
 
 
 #: Ends that launch paths, and ends that paths are connected to.
-Source = Projector | Beams | Detectors
-Sink = Source | Lamp | Sun
+Source = Projector | Lamp | Beams | Detectors
+Sink = Source | Sun
 #: Radiance from outside the scene, by direction of the leaving path.
 Sky = Callable[[Any], Any]
 
@@ -162,7 +163,7 @@ class Walk:
             here = self._arrive(path, launch, sampler)
             self._connect(here, path, launch, lane, sampler)
             if dr.hint(self.rays is not None and not self.outward, mode="scalar"):
-                self._connect_to_ray(here, path, limit, sampler)
+                self._connect_to_ray(here, path, launch, limit, sampler)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
             self._roulette(turn, path, scale, limit, sampler)
@@ -223,17 +224,18 @@ class Walk:
             place = self.rays.density(mi.Ray3f(end.point, direction), gap, densities.before)
             reach = _quotient(densities.over_segment(place), densities.before_forward * gap * gap)
             others += dr.select(here.in_fog, reach, 0)
-        cell = end.cell if launch.cell is None else launch.cell
-        self._deposit(join, others, path.vertex, end, cell, path)
+        self._deposit(join, others, path.vertex, end, launch, path)
 
-    def _connect_to_ray(self, here: Vertex, path: Path, limit: Any, sampler: Any) -> None:
+    def _connect_to_ray(
+        self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any
+    ) -> None:
         """The third strategy: deposit what a vertex sends on to a point of a ray."""
         assert self.rays is not None
         end, place = self.rays.connect(here.point, sampler, path.active)
         allowed = path.active & (path.vertex < limit)
         join = self._join(here, end, path, allowed, sampler)
         towards = _quotient(join.lobe.forward * join.known, place * join.gap_m * join.gap_m)
-        self._deposit(join, join.others + towards, path.vertex + 1, end, end.cell, path)
+        self._deposit(join, join.others + towards, path.vertex + 1, end, launch, path)
 
     def _join(self, here: Vertex, end: Connection, path: Path, allowed: Any, sampler: Any) -> _Join:
         densities = path.densities
@@ -249,12 +251,12 @@ class Walk:
         return _Join(value, others, per_m2, lobe, gap, known, connected & carries_light(value))
 
     def _deposit(
-        self, join: _Join, others: Any, vertex: Any, end: Connection, cell: Any, path: Path
+        self, join: _Join, others: Any, vertex: Any, end: Connection, launch: Launch, path: Path
     ) -> None:
         self.deposit(
             Contribution(
                 join.value * self.weight(others, vertex, path.crossings > 0),
-                cell,
+                end.cell if launch.cell is None else launch.cell,
                 path.length_m + join.gap_m + end.length_m,
                 path.scatterings + end.scatterings,
                 join.active,
