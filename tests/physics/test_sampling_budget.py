@@ -140,21 +140,21 @@ def test_progress_rises_to_one():
     [Outputs(), Outputs(orders=True, frequencies_hz=(15e6,), bins=PathLengthBins(100, 0.1))],
     ids=["image", "everything"],
 )
-def test_poses_densities_and_seeds_compile_nothing_new(outputs):
+def test_poses_densities_seeds_and_paths_compile_nothing_new(outputs):
     activate()
 
-    def trace(extinction, albedo, position, seed):
+    def trace(extinction, albedo, position, seed, paths):
         world = build_world(room(extinction, albedo))
         view = worlds.projector(pose=worlds.pose_at(position))
         entropy = np.random.SeedSequence(seed)
-        transport_image(world, view, END, Paths(64), seed=entropy, outputs=outputs)
+        transport_image(world, view, END, Paths(paths), seed=entropy, outputs=outputs)
         beams = worlds.beams([0.05, 0.02 * seed, 1.0])
-        worlds.histogram(world, beams, END, (500, 0.1), 256, np.random.SeedSequence(seed))
+        worlds.histogram(world, beams, END, (500, 0.1), 8 * paths, np.random.SeedSequence(seed))
 
-    trace(0.1, 0.98, (0, 0, 0), 1)
+    trace(0.1, 0.98, (0, 0, 0), 1, 64)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        trace(0.2, 0.9, (0.1, 0, 0.2), 2)
+        trace(0.2, 0.9, (0.1, 0, 0.2), 2, 48)
         history = dr.kernel_history([dr.KernelType.JIT])
     assert len(history) > 0
     assert [kernel for kernel in history if not kernel["cache_hit"]] == []

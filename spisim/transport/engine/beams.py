@@ -54,6 +54,7 @@ class Beams:
     waist_m: Any  # standard deviation of the place of exit, per axis
     count: int
     samples: int
+    rate: Any  # see `Projector`
 
     @classmethod
     def of(cls, world: World, view: BeamView, samples: int) -> Beams:
@@ -69,6 +70,7 @@ class Beams:
             waist_m=dr.opaque(mi.Float, view.waist_m),
             count=len(view.origins_m),
             samples=samples,
+            rate=dr.opaque(mi.Float, samples),
         )
 
     @property
@@ -102,12 +104,12 @@ class Beams:
         return Launch(
             origin=dr.select(in_fog, point, outgoing.o),
             direction=dr.select(in_fog, scattered, outgoing.d),
-            beta=weight / self.samples,
+            beta=weight / self.rate,
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             state=_State(
                 beam,
-                self.samples * self._arrival(ray, point, distance, in_fog) * density,
+                self.rate * self._arrival(ray, point, distance, in_fog) * density,
                 in_fog,
                 distance,
             ),
@@ -146,7 +148,7 @@ class Beams:
         return Connection(
             point=point,
             importance=seen * strength * through * lobe,
-            density=self.samples * seen * density * self._arrival(ray, point, distance, in_fog),
+            density=self.rate * seen * density * self._arrival(ray, point, distance, in_fog),
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             cell=self.cell(lane),
@@ -154,7 +156,7 @@ class Beams:
 
     def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
         """One pencil of the lane's laser, as a ray, and its weight."""
-        return self._pencil(lane, sampler), 1 / self.samples
+        return self._pencil(lane, sampler), dr.rcp(self.rate)
 
     def _pencil(self, lane: Any, sampler: Any) -> Any:
         cell = self.cell(lane)

@@ -73,6 +73,7 @@ class Projector:
     lens_radius_m: Any
     focus_m: Any
     samples: int
+    rate: Any  # the same for kernels, which then do for any number
 
     @classmethod
     def of(cls, view: ProjectorView, samples: int) -> Projector:
@@ -86,6 +87,7 @@ class Projector:
             lens_radius_m=dr.opaque(mi.Float, view.lens_radius_m),
             focus_m=dr.opaque(mi.Float, view.focus_m),
             samples=samples,
+            rate=dr.opaque(mi.Float, samples),
         )
 
     @property
@@ -97,16 +99,16 @@ class Projector:
         return self.pixels * self.samples
 
     @property
-    def paths(self) -> int:
+    def paths(self) -> Any:
         """Paths of a launch that may reach one and the same detector."""
-        return self.lanes
+        return self.pixels * self.rate
 
     def cell(self, lane: Any) -> Any:
         return lane % self.pixels
 
     def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
         """A ray through the lane's pixel, and its weight."""
-        return self._through(lane, sampler.next_2d(), sampler), 1 / self.samples
+        return self._through(lane, sampler.next_2d(), sampler), dr.rcp(self.rate)
 
     def _through(self, lane: Any, jitter: Any, sampler: Any) -> Any:
         """A ray through a place in the lane's pixel."""
@@ -122,10 +124,10 @@ class Projector:
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=mi.Float(1 / self.samples),
+            beta=dr.rcp(self.rate),
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
-            state=self.samples * self.importance_of(ray.d),
+            state=self.rate * self.importance_of(ray.d),
             cell=self.cell(lane),
         )
 
@@ -147,7 +149,7 @@ class Projector:
         return Connection(
             point=self.to_world @ lens,
             importance=importance,
-            density=self.samples * importance,
+            density=self.rate * importance,
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
             cell=dr.select(inside, mi.UInt32(v) * width + mi.UInt32(u), 0),
@@ -240,6 +242,7 @@ class Detectors:
     vignetting: Any  # m
     count: int
     samples: int
+    rate: Any  # see `Projector`
 
     @classmethod
     def of(cls, view: DetectorView, samples: int) -> Self:
@@ -255,6 +258,7 @@ class Detectors:
             vignetting=dr.opaque(mi.Float, view.vignetting),
             count=len(view.positions_m),
             samples=samples,
+            rate=dr.opaque(mi.Float, samples),
         )
 
     @property
@@ -292,7 +296,7 @@ class Detectors:
 
     def _launched(self, cosine: Any) -> Any:
         """Weight of a path that is launched."""
-        return dr.pi * self.sine2 / self.samples * self._response(cosine)
+        return dr.pi * self.sine2 / self.rate * self._response(cosine)
 
     def density(self, launch: Launch, first_vertex: Any) -> Any:
         return launch.state
@@ -351,7 +355,7 @@ class Detectors:
         return near, reach
 
     def _density(self, cosine: Any) -> Any:
-        return cosine * (self.choices * self.samples * dr.inv_pi) / self.sine2
+        return cosine * (self.choices * dr.inv_pi) * self.rate / self.sine2
 
     def _response(self, cosine: Any) -> Any:
         return dr.power(dr.maximum(cosine, 1e-6), self.vignetting)
@@ -387,8 +391,8 @@ class JointDetectors(Detectors):
 
 def stratified(index: Any, count: int, sampler: Any) -> Any:
     """Jittered point of the unit square in stratum `index` of a grid of `count` strata."""
-    rows = next(side for side in range(int(np.sqrt(count)), 0, -1) if count % side == 0)
-    columns = count // rows
+    across = next(side for side in range(int(np.sqrt(count)), 0, -1) if count % side == 0)
+    rows, columns = (dr.opaque(mi.UInt32, side) for side in (across, count // across))
     jitter = sampler.next_2d()
     return mi.Point2f(
         (mi.Float(index % columns) + jitter.x) / columns,

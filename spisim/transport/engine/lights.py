@@ -26,6 +26,7 @@ class Lamp:
     shares: Any  # of the power, by virtual pixel
     cells: int
     samples: int
+    rate: Any  # see `Projector`
 
     @classmethod
     def of(
@@ -35,16 +36,16 @@ class Lamp:
         total = max(float(power.sum()), float(np.finfo(np.float64).tiny))
         shares = mi.Float((power / total).astype(np.float32).ravel())
         dr.make_opaque(shares)
-        return cls(Projector.of(view, 1), shares, cells, samples)
+        return cls(Projector.of(view, 1), shares, cells, samples, dr.opaque(mi.Float, samples))
 
     @property
     def lanes(self) -> int:
         return self.cells * self.samples
 
     @property
-    def paths(self) -> int:
+    def paths(self) -> Any:
         """Paths of a launch that may reach one and the same detector."""
-        return self.samples
+        return self.rate
 
     def launch(self, lane: Any, sampler: Any) -> Launch:
         place = stratified(lane // self.cells, self.samples, sampler)
@@ -52,10 +53,10 @@ class Lamp:
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=weight / self.samples,
+            beta=weight / self.rate,
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
-            state=self.projector.importance_of(ray.d) * (self.samples / self.projector.pixels),
+            state=self.projector.importance_of(ray.d) * (self.rate / self.projector.pixels),
             cell=lane % self.cells,
         )
 
@@ -67,7 +68,7 @@ class Lamp:
         share = dr.gather(mi.Float, self.shares, end.cell)
         return end._replace(
             importance=end.importance * share,
-            density=end.importance * (self.samples / self.projector.pixels),
+            density=end.importance * (self.rate / self.projector.pixels),
             cell=None,
         )
 
