@@ -58,9 +58,7 @@ def test_the_error_is_what_was_asked_for():
 def test_a_third_of_the_error_takes_nine_times_the_paths():
     world = build_world(room())
     paths = [
-        transport_image(
-            world, VIEW, END, TargetError(t, RELATIVE), seed=worlds.seeds(1)[0]
-        ).paths
+        transport_image(world, VIEW, END, TargetError(t, RELATIVE), seed=worlds.seeds(1)[0]).paths
         for t in (0.03, 0.01)
     ]
     assert 5 < paths[1] / paths[0] < 16
