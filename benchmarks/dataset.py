@@ -28,7 +28,7 @@ name: benchmark
 samples: 1000
 scenes: [{scene: warehouse}, {family: targets}]
 vary: {scene.fog: {kind: moderate-radiation, visibility_m: 50}}
-transport_error: 0.01
+transport_noise_share: 0.3
 """
 
 

@@ -179,8 +179,8 @@ class PlannedStudy:
                     )
                 changes[name] = {**fields.get(name, {}), **changes[name]}
         if "spp" in changes:
-            fields.pop("transport_error", None)
-        if "transport_error" in changes:
+            fields.pop("transport_noise_share", None)
+        if "transport_noise_share" in changes:
             fields.pop("spp", None)
         text = dump_yaml({**fields, **changes})
         plan = parse_model(text, StudyPlan, f"{self.path}, study.quick")

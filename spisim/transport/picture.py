@@ -10,8 +10,9 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import sky_of, sun_of
-from spisim.transport.engine.ends import Lamp, Projector
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import transport_image
+from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.sampling import Paths, repeat
 from spisim.transport.engine.tally import ImageTally, Sums, Tallies
 from spisim.transport.engine.walk import Sink, Sky, Walk
@@ -74,8 +75,7 @@ def camera_view(
     view = ProjectorView(pose, (height, width), tan_half, tan_half * height / width)
     lit = np.ones(placed.shape) if pattern is None else np.asarray(pattern)
     power_w = instrument.pixel_powers_w * lit
-    total = max(float(power_w.sum()), np.finfo(float).tiny)
-    lamp = Lamp.of(placed, power_w / total)
+    total, lamp = power_w.sum(), Lamp.of(placed, power_w)
     sky = sky_of(scene, instrument)
     sun = sun_of(scene, instrument, world)
 

@@ -1,8 +1,10 @@
 """How long to go on: a number of paths, or an error to reach."""
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -14,18 +16,25 @@ from spisim.transport.engine.tally import Sums
 MIN_LAUNCHES = 8
 #: Lanes of one launch, per strategy: bounds memory.
 MAX_LANES = 2**20
-#: Where no number of paths is given: per cell in each of the first launches, which often are
-#: enough, and in each after them; and launches before giving up.
-FIRST_PATHS = 4
-PATHS_PER_LAUNCH = 16
-MAX_LAUNCHES = 2**16
 
 
 class TransportWarning(UserWarning):
     """Light that could not be summed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Gauge:
+    """How large errors are, in a measure that falls with one over the square root of the paths.
+
+    `readings` turns what was estimated into the numbers that matter, such as decoded coefficients;
+    `size` measures their standard errors, given their means.
+    """
+
+    readings: Callable[[Mapping[str, Floats]], Floats]
+    size: Callable[[Floats, Floats], float]
+
+
+@dataclass(frozen=True, eq=False)
 class Paths:
     """A fixed number of paths per cell (virtual pixel, beam) and strategy.
 
@@ -34,18 +43,20 @@ class Paths:
 
     per_cell: int
     launches: int = MIN_LAUNCHES  # at least
+    gauge: Gauge | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class TargetError:
-    """Go on until the relative standard error of some readings is below `target`.
+    """Go on until errors are at most `target` by their gauge, or there are `most` paths per cell.
 
-    `readings` turns what was estimated into the numbers that matter, such as the bucket vector;
-    their relative error is ‖standard errors‖ / ‖means‖.
+    From `first` paths per cell and launch on, they are at most doubled at a time.
     """
 
     target: float
-    readings: Callable[[Mapping[str, Floats]], Floats]
+    gauge: Gauge
+    first: int = 1
+    most: int = 2**20
 
 
 SamplingBudget = Paths | TargetError
@@ -60,6 +71,8 @@ class Estimate:
     error: Mapping[str, Floats]
     launches: int
     paths: int
+    size: float  # of the errors, by their gauge; nan without
+    dropped: int  # contributions that were not finite numbers
 
 
 class _Running:
@@ -69,11 +82,13 @@ class _Running:
     (West 1979; without weights, Welford.)
     """
 
-    def __init__(self) -> None:
+    def __init__(self, gauge: Gauge | None = None) -> None:
         self.count = 0
         self.weight = 0
         self.mean: dict[str, Floats] = {}
         self._squares: dict[str, Floats] = {}
+        self._gauge = gauge
+        self._readings = None if gauge is None else _Running()
 
     def add(self, values: Mapping[str, Floats], weight: int) -> None:
         self.count += 1
@@ -84,10 +99,21 @@ class _Running:
             self.mean[name] = mean + step * (weight / self.weight)
             before = self._squares.get(name, np.zeros(()))
             self._squares[name] = before + weight * step * (value - self.mean[name])
+        if self._gauge is not None and self._readings is not None:
+            self._readings.add({"readings": self._gauge.readings(values)}, weight)
 
     def error(self) -> dict[str, Floats]:
         spread = max(self.count - 1, 1) * self.weight
         return {name: np.sqrt(squares / spread) for name, squares in self._squares.items()}
+
+    def size(self) -> float:
+        """Of the errors, by the gauge."""
+        if self._gauge is None or self._readings is None:
+            return math.nan
+        if self.count < 2:
+            return math.inf
+        readings = self._readings
+        return self._gauge.size(readings.mean["readings"], readings.error()["readings"])
 
 
 def repeat(
@@ -107,30 +133,29 @@ def repeat(
     TransportWarning tells how much of the light had to be left out.
     """
     most = max(1, MAX_LANES // (cells * replicas))
+    running, dropped = _Running(budget.gauge), 0
     if isinstance(budget, Paths):
         launches = replicas * -(-max(budget.launches, -(-budget.per_cell // most)) // replicas)
-        first = later = max(1, round(budget.per_cell / launches))
+        samples = max(1, round(budget.per_cell / launches))
     else:
-        launches, first = MAX_LAUNCHES, min(FIRST_PATHS, most)
-        later = min(-(-PATHS_PER_LAUNCH // replicas), most)
-    running, readings, dropped = _Running(), _Running(), 0
-    for step in range(launches // replicas):
-        samples = first if running.count < MIN_LAUNCHES else later
+        samples = min(budget.first, most)
+    done = 0.0
+    for step in count():
         values, unsummed = launch(samples, _seeds(seed, step))
         dropped += unsummed
         for each in _split(values, replicas):
             running.add(each, samples)
-            if isinstance(budget, TargetError):
-                readings.add({"readings": budget.readings(each)}, samples)
-        done = running.count / launches
-        if isinstance(budget, TargetError):
-            done = (budget.target / max(_relative(readings), budget.target)) ** 2
-            if running.count < MIN_LAUNCHES:
-                done = min(done, running.count / MIN_LAUNCHES)
+        if isinstance(budget, Paths):
+            done = running.count / launches
+        else:
+            done = max(done, _share_done(budget, running))
         if progress is not None:
             progress(done)
         if done >= 1:
             break
+        if isinstance(budget, TargetError) and running.count >= MIN_LAUNCHES:
+            missing = running.weight * (1 / max(done, 0.5) - 1) / replicas
+            samples = int(np.clip(np.ceil(missing), 1, most))
     if dropped:
         warnings.warn(
             f"{dropped} contributions of light were not finite numbers and are left out: a "
@@ -139,7 +164,7 @@ def repeat(
             stacklevel=2,
         )
     paths = 2 * running.weight * cells
-    return Estimate(running.mean, running.error(), running.count, paths)
+    return Estimate(running.mean, running.error(), running.count, paths, running.size(), dropped)
 
 
 def replicas_of(cells: int) -> int:
@@ -148,15 +173,19 @@ def replicas_of(cells: int) -> int:
     return min(MIN_LAUNCHES, 1 << (fitting.bit_length() - 1))
 
 
+def _share_done(budget: TargetError, running: _Running) -> float:
+    """Share of the paths that it will take, as far as is known."""
+    if running.weight >= budget.most:
+        return 1.0
+    share = (budget.target / max(running.size(), budget.target)) ** 2
+    if running.count < MIN_LAUNCHES:
+        return float(min(share, running.count / MIN_LAUNCHES))
+    return float(share)
+
+
 def _split(values: Mapping[str, Floats], replicas: int) -> Iterator[Mapping[str, Floats]]:
     for number in range(replicas):
         yield {name: value[number] for name, value in values.items()}
-
-
-def _relative(readings: _Running) -> float:
-    norm = np.linalg.norm(readings.mean["readings"])
-    error = np.linalg.norm(readings.error()["readings"])
-    return float(error / norm) if norm > 0 and readings.count > 1 else np.inf
 
 
 def _seeds(seed: np.random.SeedSequence, step: int) -> list[int]:
