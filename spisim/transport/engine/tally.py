@@ -179,7 +179,7 @@ class Tallies:
 
     def add(self, light: Contribution) -> None:
         """See `Tally`."""
-        passed = self._check.passed(light.value, light.cell, light.active)
+        passed = self._check.passed(light.value, light.length_m, light.cell, light.active)
         for tally in self._tallies:
             tally.add(light._replace(active=passed))
 

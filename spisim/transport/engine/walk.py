@@ -76,6 +76,7 @@ class Walk:
     deposit: Deposit
     rays: FogRays | None = None
     sky: Sky | None = None
+    ending: float = 1.0  # roulette may end paths that carry less than this share of their start
 
     @dr.syntax
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
@@ -188,12 +189,12 @@ class Walk:
     def _roulette(self, turn: Turn, path: Path, scale: Any, limit: Any, sampler: Any) -> None:
         """End paths that carry little, without bias, and those that are too long.
 
-        What survives carries as much as at its start: no weight grows beyond it.
+        What survives carries `ending` of its start: no weight ever grows beyond that.
         """
         survival = dr.select(
             (path.vertex <= ROULETTE_VERTEX) | turn.straight,
             1,
-            dr.minimum(path.beta * scale, 1),
+            dr.minimum(path.beta * scale / self.ending, 1),
         )
         path.active &= (sampler.next_1d(path.active) < survival) & carries_light(path.beta)
         path.active &= (path.vertex <= limit) & (path.crossings <= MAX_CROSSINGS)
