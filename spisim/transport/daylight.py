@@ -19,7 +19,7 @@ from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.engine.direct import direct_light
+from spisim.transport.engine.direct import direct_light, mirrored_light
 from spisim.transport.engine.ends import Detectors
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.rays import FogRays
@@ -113,9 +113,10 @@ def projector_power(
         return Received(*np.zeros((2, len(detectors.positions_m))))
 
     def trace(ends: Detectors, samples: int, seeds: Sequence[int], deposit: Deposit) -> None:
-        lamp = Lamp.of(projector, power_w, ends.count, samples)
+        lamp = Lamp.of(projector, power_w, samples, ends.count)
         rays = FogRays(world, lamp) if world.media.parts else None
         direct_light(world, ends, lamp, seeds[2], deposit)
+        mirrored_light(world, lamp, ends, seeds[2], deposit)
         Walk(world, lamp, ends, True, second_on, deposit, rays).run(seeds[0])
         back = Walk(world, ends, lamp, False, second_on_or_behind_glass, deposit, rays)
         back.run(seeds[1])

@@ -14,6 +14,7 @@ from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
+from spisim.transport.engine.mirrors import Mirrors
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
 from spisim.transport.meshes import shapes
@@ -29,6 +30,7 @@ class World:
 
     geometry: Geometry
     media: Media
+    mirrors: Mirrors | None
     centre_m: Floats  # of a ball around everything, which the fog fills
     radius_m: float
 
@@ -45,6 +47,7 @@ def build_world(scene: Scene) -> World:
     return World(
         geometry=Geometry(scene=surfaces(scene), see_through=see_through(scene)),
         media=_media(scene, centre, radius),
+        mirrors=Mirrors.of(scene.objects),
         centre_m=centre,
         radius_m=radius,
     )
