@@ -91,7 +91,9 @@ def _told(light: LightSequence) -> dict[str, Any]:
         return float(f"{max(values):.3g}")
 
     keys = light.transports
-    told: dict[str, Any] = {"paths": sum(key.paths for key in keys)}
+    told: dict[str, Any] = {
+        name: sum(getattr(key, name) for key in keys) for name in ("paths", "dropped")
+    }
     told["noise_share"] = worst(key.noise_share for key in keys)
     told["spot_noise_share"] = worst(key.spot_noise_share for key in keys)
     for name in ("daylight", "spot_daylight", "spot_crosstalk"):

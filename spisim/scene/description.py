@@ -154,7 +154,7 @@ FractionSpectrum = Annotated[
 class MaterialDescription(Section):
     """A material of this scene's own; `source` says where its values come from.
 
-    Which of `roughness` to `specular` go with a `bsdf`, and their ranges, is up to the model. What
+    Which of `roughness` to `returned` go with a `bsdf`, and their ranges, is up to the model. What
     changes with the wavelength may be given as a mapping from nm: `{850: 0.4, 1550: 0.3}`.
     """
 
@@ -167,12 +167,13 @@ class MaterialDescription(Section):
     k: NumberSpectrum | None = None
     metallic: Number | None = None
     specular: Number | None = None
+    returned: Number | None = None
     texture: Name | None = None
     opacity: Fraction | Name | None = None
 
     def parameters(self) -> dict[str, Spectrum]:
         """Parameters of the model, as far as given."""
-        names = ("roughness", "ior", "eta", "k", "metallic", "specular")
+        names = ("roughness", "ior", "eta", "k", "metallic", "specular", "returned")
         return {name: getattr(self, name) for name in names if name in self.model_fields_set}
 
 

@@ -114,8 +114,9 @@ def _returned(needs: Needs, number: int, triangles: Floats, materials: Sequence[
 def straight_back(material: Material, cosine: float) -> float:
     """Radiance straight back to the source, of that of a white diffuse surface across the light.
 
-    Rough metals by their microfacets that face the source (GGX, Walter et al. 2007). Mirrors and
-    panes count as dark: what comes back from behind a pane has another range than its truth.
+    Rough metals by their microfacets that face the source (GGX, Walter et al. 2007), tape by its
+    body alone: how much more it is depends on how far the detector is off. Mirrors and panes count
+    as dark: what comes back from behind a pane has another range than its truth.
     """
     match material.bsdf:
         case RoughConductor(roughness=alpha):

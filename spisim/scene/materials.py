@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from reconstruction.errors import InputError, naming, nearest
 from spisim.config import Fraction, Name, Section, parse_model, read_text
 from spisim.config.files import read_picture
-from spisim.scene.bsdf import DIFFUSE, Bsdf, Clear, make_bsdf
+from spisim.scene.bsdf import DIFFUSE, Bsdf, Clear, Retroreflector, make_bsdf
 from spisim.scene.description import MaterialDescription, Spectrum
 from spisim.scene.wetness import wet_reflectance
 
@@ -32,7 +32,8 @@ class Material:
     (v = 1), and repeat beyond them. `texture` multiplies what is reflected; `opacity` is the
     fraction of the surface that is there, the rest lets light through as if nothing was.
 
-    Raises InputError for a texture on a clear surface, which reflects by refraction alone.
+    Raises InputError for a texture on a clear surface, which reflects by refraction alone, and for
+    a surface that returns more light than it gets.
     """
 
     name: str
@@ -45,6 +46,11 @@ class Material:
     def __post_init__(self) -> None:
         if self.texture is not None and isinstance(self.bsdf, Clear):
             raise InputError("texture does not go with a clear surface; use opacity")
+        if isinstance(self.bsdf, Retroreflector) and self.bsdf.returned + self.reflectance > 1:
+            raise InputError(
+                f"returned and reflectance should add up to 1 at most; found {self.bsdf.returned} "
+                f"and {self.reflectance}"
+            )
 
     @property
     def needs_texture_coordinates(self) -> bool:

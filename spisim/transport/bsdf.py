@@ -19,12 +19,14 @@ from spisim.scene.bsdf import (
     Mirror,
     Plastic,
     Principled,
+    Retroreflector,
     RoughConductor,
     RoughDielectric,
     RoughPlastic,
     ThinPane,
 )
 from spisim.transport.coat import body_scale, plastic
+from spisim.transport.retroreflector import retroreflector
 
 Quantity = float | NDArray[np.float32]  # everywhere the same, or a picture
 
@@ -64,6 +66,8 @@ def _model(bsdf: Bsdf, material: Material) -> dict[str, Any]:
             return _rough("conductor", roughness) | _metal(_texture(material), complex(eta, k))
         case Principled():
             return _principled(bsdf, material)
+        case Retroreflector():
+            return _retroreflector(bsdf, material)
         case Dielectric() | RoughDielectric() | ThinPane():
             return _clear(bsdf)
 
@@ -86,6 +90,18 @@ def _principled(bsdf: Principled, material: Material) -> dict[str, Any]:
         "weight": _spectrum(bsdf.metallic),
         "plastic": _plastic(material, (1 + root) / (1 - root), bsdf.roughness),
         "metal": _rough("conductor", bsdf.roughness) | _metal(_reflectance(material)),
+    }
+
+
+def _retroreflector(bsdf: Retroreflector, material: Material) -> dict[str, Any]:
+    """Lobe and body, each drawn as often as it is bright."""
+    total = bsdf.returned + material.reflectance
+    lobe = _rough("conductor", bsdf.roughness) | _metal(total * _texture(material))
+    return {
+        "type": "blendbsdf",
+        "weight": _spectrum(bsdf.returned / total if total > 0 else 0.0),
+        "body": {"type": "diffuse", "reflectance": _spectrum(total * _texture(material))},
+        "lobe": retroreflector(lobe),
     }
 
 

@@ -11,17 +11,18 @@ from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import sky_of, sun_of
 from spisim.transport.engine.ends import Projector
-from spisim.transport.engine.estimator import transport_image
+from spisim.transport.engine.estimator import image_light, transport_image
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.sampling import Paths, repeat
 from spisim.transport.engine.tally import ImageTally, Sums, Tallies
-from spisim.transport.engine.walk import Sink, Sky, Walk
+from spisim.transport.engine.walk import Walk
 from spisim.transport.engine.weights import alone
 from spisim.transport.views import InstrumentView, ProjectorView
 from spisim.transport.world import build_world
 
 #: The camera sits this far above the pinhole: light and camera in one point would see no shading.
 CAMERA_OFFSET_M = 0.05
+ABOVE_M = (0.0, -CAMERA_OFFSET_M, 0.0)
 
 
 @with_backend
@@ -52,11 +53,14 @@ def camera_view(
     height: int = 256,
     fov_deg: float | None = None,
     pattern: NDArray[np.floating] | None = None,
-    position_m: tuple[float, float, float] = (0.0, -CAMERA_OFFSET_M, 0.0),
+    position_m: tuple[float, float, float] = ABOVE_M,
     spp: int = 32,
     seed: int = 0,
 ) -> NDArray[np.float32]:
     """In-band radiance (height, width), W m⁻² sr⁻¹: the lit pattern, sun and sky together.
+
+    The projector's light is traced from both ends, as that of the transport image is; sun and sky
+    from the camera alone.
 
     Parameters
     ----------
@@ -69,29 +73,40 @@ def camera_view(
     """
     placed = InstrumentView.placed(scene, instrument).projector
     world = build_world(scene)
-    pose = scene.drone_pose.copy()
-    pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
-    tan_half = placed.tan_half_width if fov_deg is None else np.tan(np.radians(fov_deg) / 2)
-    view = ProjectorView(pose, (height, width), tan_half, tan_half * height / width)
+    view = camera_at(scene, placed, width, height, fov_deg, position_m)
     lit = np.ones(placed.shape) if pattern is None else np.asarray(pattern)
     power_w = instrument.pixel_powers_w * lit
-    total, lamp = power_w.sum(), Lamp.of(placed, power_w)
+    total_w = float(power_w.sum())
+    daylight = scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0
     sky = sky_of(scene, instrument)
     sun = sun_of(scene, instrument, world)
 
-    def seen(light: Sink, sky: Sky | None, samples: int, seed: int) -> Sums:
-        camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
-        tallies = Tallies(view.pixels, [ImageTally], 1)
-        Walk(world, camera, light, False, alone, tallies.add, sky=sky).run(seed)
-        return tallies.read(1.0)
-
     def launch(samples: int, seeds: Sequence[int]) -> Sums:
-        patterns = seen(lamp, None, samples, seeds[0])
-        radiance, dropped = total * patterns.values["image"], patterns.dropped
-        if scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0:
-            daylight = seen(sun, sky, samples, seeds[1])
-            radiance, dropped = radiance + daylight.values["image"], dropped + daylight.dropped
-        return Sums({"radiance": radiance}, dropped)
+        camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
+        ours, rest = (Tallies(view.pixels, [ImageTally]) for _ in range(2))
+        if total_w > 0:
+            lamp = Lamp.of(placed, power_w, camera.lanes)
+            image_light(world, camera, lamp, seeds, ours.add)
+        if daylight:
+            Walk(world, camera, sun, False, alone, rest.add, sky=sky).run(seeds[0] ^ 1)
+        lit, sunny = ours.read(1.0), rest.read(1.0)
+        radiance = total_w * lit.values["image"] + sunny.values["image"]
+        return Sums({"radiance": radiance}, lit.dropped + sunny.dropped)
 
     radiance = repeat(launch, Paths(spp), view.pixels, np.random.SeedSequence(seed), None)
     return radiance.mean["radiance"].reshape(height, width).astype(np.float32)
+
+
+def camera_at(
+    scene: Scene,
+    projector: ProjectorView,
+    width: int,
+    height: int,
+    fov_deg: float | None = None,
+    position_m: tuple[float, float, float] = ABOVE_M,
+) -> ProjectorView:
+    """A pinhole camera in the optical frame, whose pixels see along the rays of a projector's."""
+    pose = scene.drone_pose.copy()
+    pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
+    tan_half = projector.tan_half_width if fov_deg is None else np.tan(np.radians(fov_deg) / 2)
+    return ProjectorView(pose, (height, width), tan_half, tan_half * height / width)

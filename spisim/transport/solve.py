@@ -54,6 +54,7 @@ class Transport:
     #: Standard errors over the detectors' noise, rms: of decoded coefficients, of spots' phasors.
     noise_share: float
     spot_noise_share: float
+    dropped: int  # contributions that were not finite numbers, and are left out
     paths: int
     seconds: float
     extra: Mapping[str, NDArray[Any]]  # as above
@@ -103,6 +104,7 @@ def solve(
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
     steady = _steady_light(scene, instrument, world, placed, streams[2:])
+    dropped = steady.pop("dropped")
     bins = PathLengthBins.up_to(MAX_PATH_M, BIN_WIDTH_M)
     longest_m = 2 * instrument.tof.unambiguous_range_m
     gauges = (
@@ -151,6 +153,7 @@ def solve(
         **steady,
         noise_share=image.size,
         spot_noise_share=spots.size,
+        dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=time.perf_counter() - began,
         extra=_extra(outputs, image.mean, spots.mean, shape),
@@ -191,6 +194,7 @@ def _steady_light(
         seed=streams[2],
     )
     return {
+        "dropped": bucket.dropped + spots.dropped + crosstalk.dropped,
         "daylight_w": float(bucket.power_w.sum()),
         "daylight_error_w": float(np.linalg.norm(bucket.error_w)),
         "spot_daylight_w": spots.power_w,

@@ -13,6 +13,7 @@ from reconstruction.arrays import Floats
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
+from spisim.transport.engine.mirrors import Mirrors
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
 from spisim.transport.meshes import Meshes
@@ -28,6 +29,7 @@ class World:
 
     geometry: Geometry
     media: Media
+    mirrors: Mirrors | None
     centre_m: Floats  # of a ball around everything, which the fog fills
     radius_m: float
 
@@ -44,6 +46,7 @@ def build_world(scene: Scene) -> World:
     return World(
         geometry=_geometry(scene),
         media=_media(scene, centre, radius),
+        mirrors=Mirrors.of(scene.objects),
         centre_m=centre,
         radius_m=radius,
     )

@@ -52,7 +52,7 @@ def test_the_engine_agrees_with_mitsuba_without_a_compiler() -> None:
     camera = Projector.of(camera_view, samples)
     ours = []
     for seed in range(len(SEEDS)):
-        tallies = Tallies(camera.pixels, [ImageTally], 1)
+        tallies = Tallies(camera.pixels, [ImageTally])
         Walk(world, camera, lamp, False, alone, tallies.add).run(seed)
         ours.append(tallies.read(1.0).values["image"].reshape(8, 8) * VIEW.pixels)
     with variant("scalar_rgb"):

@@ -17,6 +17,7 @@ from spisim.scene import Material, SceneObject
 from spisim.scene.bsdf import (
     Mirror,
     Principled,
+    Retroreflector,
     RoughConductor,
     RoughDielectric,
     RoughPlastic,
@@ -65,6 +66,7 @@ CASES = {
     "rough metal": sheet(made_of(RoughConductor(0.4, 0.2, 3.9)), tilt=0.2),
     "frosted glass": sheet(made_of(RoughDielectric(0.5, 1.5))),
     "principled": sheet(made_of(Principled(0.4, 0.3, 0.5)), tilt=0.1),
+    "tape": sheet(made_of(Retroreflector(0.3, 0.1)), tilt=0.1),
     "mirror": sheet(made_of(Mirror(), 0.9), tilt=0.6),
 }
 
@@ -151,8 +153,29 @@ def test_a_mirror_folds_the_path():
     assert weights.sum() == pytest.approx(closed, rel=1e-3, abs=0)
 
 
+@pytest.mark.parametrize("observation_deg", [0.1, 0.5, 1.0, 2.0])
+def test_wall_of_tape(observation_deg):
+    """Beam straight onto tape: the detector beside it sees GGX's lobe about the beam, and the body.
+
+    P_d = P A cos²δ / r² · (R / (4 π α² cos δ (cos²(δ/2) + sin²(δ/2) / α²)²) · cos^(5/2) δ + ρ / π)
+    """
+    distance, returned, roughness, area = 4.0, 0.15, 0.0054, 1e-10
+    delta = np.radians(observation_deg)
+    aside = distance * np.tan(delta)
+    wall = sheet(made_of(Retroreflector(returned, roughness), 0.4), distance, half_size=2)
+    world = build_world(worlds.scene(wall))
+    beside = worlds.detector([aside, 0, 0], area_m2=area, half_angle_deg=20)
+    found = worlds.histogram(world, worlds.beams([0, 0, 1]), beside, (1000, 0.02), 64, SEEDS[0])
+    facets = np.cos(delta / 2) ** 2 + (np.sin(delta / 2) / roughness) ** 2
+    lobe = returned / (4 * np.pi * (roughness * facets) ** 2 * np.cos(delta))
+    scattered = lobe * np.cos(delta) ** 2.5 + 0.4 / np.pi
+    closed = scattered * area * np.cos(delta) ** 4 / distance**2
+    assert found.sum() == pytest.approx(closed, rel=2e-3, abs=0)
+
+
 def test_a_pane_weakens_both_ways_by_its_transmittance():
-    pane = sheet(made_of(ThinPane(1.5)), distance=2.0, half_size=5)
+    # Tilted, or it would mirror the projector into the detector
+    pane = sheet(made_of(ThinPane(1.5)), distance=2.0, half_size=5, tilt=0.1)
     bare = worlds.scene(worlds.plane(5.0, 0.5))
     glazed = replace(bare, objects=(*bare.objects, pane))
     view = worlds.projector(1.0, (2, 2))

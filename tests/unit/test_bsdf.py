@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from spisim.scene import Material, SceneObject
+from spisim.scene import Material, SceneObject, find_material
 from spisim.scene.bsdf import (
     Bsdf,
     Clear,
@@ -18,6 +18,7 @@ from spisim.scene.bsdf import (
     Mirror,
     Plastic,
     Principled,
+    Retroreflector,
     RoughConductor,
     RoughDielectric,
     RoughPlastic,
@@ -47,6 +48,8 @@ ROUGH = [
     Principled(),
     Principled(0.3, metallic=0.4, specular=1.0),
     Principled(0.5, metallic=1.0),
+    Retroreflector(0.4, 0.3),
+    Retroreflector(0.4, 0.1),
 ]
 SMOOTH = [
     Plastic(1.05),
@@ -62,6 +65,7 @@ SMOOTH = [
     RoughDielectric(0.01),
     ThinPane(),
     Principled(0.01, metallic=0.5, specular=1.0),
+    Retroreflector(0.4, 0.001),
 ]
 
 
@@ -118,7 +122,7 @@ def name(bsdf: Bsdf) -> str:
 
 @pytest.mark.parametrize("bsdf", ROUGH + SMOOTH, ids=name)
 def test_white_furnace(bsdf: Bsdf) -> None:
-    plugin = load(bsdf)
+    plugin = load(bsdf, 1 - getattr(bsdf, "returned", 0))
     for cosine in [side * angle for angle in ANGLES for side in (1, -1)]:
         weights, *_ = sample(plugin, cosine)
         error = weights.std() / np.sqrt(SAMPLES)
@@ -205,6 +209,33 @@ def test_roughness_is_the_width_of_the_facets_slopes(bsdf: Bsdf, reflectance: fl
     assert np.mean(slope < 0.2) == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(SAMPLES))
 
 
+@pytest.mark.parametrize("cosine", [1.0, 0.9, 0.5])
+@pytest.mark.parametrize("observation_deg", [0.0, 0.2, 1.0, 1.5])
+def test_coefficient_of_retroreflection(cosine: float, observation_deg: float) -> None:
+    """R_A = f cos i cos o, away from the plane of incidence, as tape is measured."""
+    bsdf = Retroreflector(0.15)
+    delta = np.radians(observation_deg)
+    wi = np.array([np.sqrt(1 - cosine**2), 0, cosine])
+    wo = np.cos(delta) * wi + np.sin(delta) * np.array([0, 1, 0])
+    si = arriving(cosine, 1)
+    value = load(bsdf, 0.0).eval(context(), si, mi.Vector3f(*map(float, wo))).x.numpy()[0]
+    # Out of the plane the lobe is narrower by the cosine: facets turn by δ / (2 cos i)
+    slope = np.tan(delta) / (2 * cosine) / bsdf.roughness
+    closed = 0.15 * cosine**5 / (4 * np.pi * bsdf.roughness**2 * (1 + slope**2) ** 2)
+    assert value * cosine == pytest.approx(closed, rel=2e-3)
+
+
+def test_tape_is_what_the_norm_asks_for() -> None:
+    """EN ISO 20471 (2013), class 2, at an entrance angle of 5°, to a quarter."""
+    wi = np.array([np.sin(np.radians(5)), 0, np.cos(np.radians(5))])
+    plugin = mi.load_dict(bsdf_dict(find_material("retroreflective-tape")))
+    for observation_deg, least in ((0.2, 330), (1 / 3, 250), (1.0, 25), (1.5, 10)):
+        turn = np.radians(5 + observation_deg)
+        wo = mi.Vector3f(float(np.sin(turn)), 0.0, float(np.cos(turn)))
+        value = plugin.eval(context(), arriving(wi[2], 1), wo).x.numpy()[0]
+        assert value * wi[2] == pytest.approx(least, rel=0.25)
+
+
 def test_mask_lets_the_rest_straight_through() -> None:
     plugin = load(Diffuse(), opacity=0.3)
     _, wo, _, si = sample(plugin, 0.8)
@@ -259,7 +290,14 @@ def test_opacity_lies_on_the_mesh_the_right_way_up() -> None:
 
 @pytest.mark.parametrize(
     "bsdf",
-    [Plastic(), RoughPlastic(0.2), Mirror(), RoughConductor(0.2, **METAL), Principled()],
+    [
+        Plastic(),
+        RoughPlastic(0.2),
+        Mirror(),
+        RoughConductor(0.2, **METAL),
+        Principled(),
+        Retroreflector(0.2),
+    ],
     ids=name,
 )
 def test_texture_dims_every_opaque_model(bsdf: Bsdf) -> None:

@@ -17,6 +17,7 @@ from spisim.scene.bsdf import (
     Mirror,
     Plastic,
     Principled,
+    Retroreflector,
     RoughConductor,
     RoughDielectric,
     RoughPlastic,
@@ -81,6 +82,7 @@ def material_of(folder: Path, fields: str, item: str = "") -> Material:
         ("bsdf: rough-dielectric, roughness: 0.1", RoughDielectric(0.1)),
         ("bsdf: thin-pane", ThinPane(1.5)),
         ("reflectance: 0.5, bsdf: principled, metallic: 0.3", Principled(metallic=0.3)),
+        ("reflectance: 0.5, bsdf: retroreflector, returned: 0.2", Retroreflector(0.2)),
     ],
 )
 def test_every_bsdf_by_its_name(folder: Path, fields: str, bsdf: Bsdf) -> None:
@@ -169,6 +171,13 @@ def test_pictures_are_read_as_they_stand(folder: Path) -> None:
         ("bsdf: conductor, eta: {850: 2}, k: 16", ["eta is known at 850 nm"]),
         ("bsdf: conductor, eta: {1550: -2}, k: 16", ["eta and k", "found -2"]),
         ("reflectance: 0.5, bsdf: mirror, ior: {1550: 1.5}", ["ior does not go with bsdf mirror"]),
+        ("reflectance: 0.4, bsdf: retroreflector", ["retroreflector needs returned"]),
+        ("reflectance: 0.9, bsdf: retroreflector, returned: 0.2", ["add up to 1", "0.2 and 0.9"]),
+        ("reflectance: 0.4, bsdf: retroreflector, returned: -1", ["returned", "0 and 1", "-1"]),
+        (
+            "reflectance: 0.4, bsdf: retroreflector, returned: 0.2, roughness: 0.0001",
+            ["roughness", "0.001 and 1", "0.0001"],
+        ),
         ("reflectance: 0.5, opacity: 1.5", ["opacity", "less than or equal to 1", "1.5"]),
         ("reflectance: 0.5, opacity: yes", ["opacity", "number", "True"]),
         ("reflectance: 0.5, texture: gray.png", ["no picture 'gray.png'", "'grey.png'"]),

@@ -15,6 +15,7 @@ from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Detectors, Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
+from spisim.transport.engine.mirrors import reflected
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
@@ -54,6 +55,39 @@ def direct_light(
     far_point = _off_surface(world, pencil, other, sampler, add)
     if world.media.parts:
         _off_fog(world, pencil, other, far_point, sampler, add)
+
+
+def mirrored_light(
+    world: World,
+    source: Projector | Lamp,
+    detectors: Sink,
+    seed: int,
+    deposit: Deposit,
+    *,
+    replicas: int = 1,
+) -> None:
+    """Deposit the light that a plane mirror throws from the source straight onto a detector.
+
+    The detector's response is taken in the direction of the middle of the source's lens.
+    """
+    if world.mirrors is None:
+        return
+    lane, cell, replica, sampler = _low_discrepancy(source, replicas, seed)
+    plane = world.mirrors.choose(sampler)
+    middle = plane.image(source.middle)
+    detector = detectors.choose(lane, sampler)
+    end = detectors.connect_to(detector, middle, sampler)
+    response = end.importance * dr.squared_norm(middle - end.point)
+    image = plane.image(end.point)
+    start = source.connect(lane, image, sampler)
+    towards, length_m = direction_to(start.point, image)
+    value = start.importance * response / (plane.probability * source.paths)
+    lit = carries_light(value)
+    ray = mi.Ray3f(start.point, towards)
+    value *= reflected(world.geometry, world.media, plane, ray, length_m, sampler, lit)
+    lit &= carries_light(value)
+    place = cell if start.cell is None else start.cell
+    deposit(Contribution(value, place, length_m, mi.UInt32(0), lit, replica))
 
 
 def _off_surface(world: World, pencil: _Pencil, other: Sink, sampler: Any, add: Any) -> Any:
@@ -104,7 +138,7 @@ def _off_fog(
     add(value, distance + gap, 1, lit)
 
 
-def _low_discrepancy(this: Source, replicas: int, seed: int) -> tuple[Any, Any, Any, Any]:
+def _low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> tuple[Any, Any, Any, Any]:
     """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
     number: Any = dr.arange(mi.UInt32, replicas * this.lanes)
     lane, replica = number // replicas, number % replicas

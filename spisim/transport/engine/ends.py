@@ -54,6 +54,7 @@ class RandomRay(NamedTuple):
 
     ray: Any
     weight: Any  # W / density
+    launched: Any  # number density of paths that are launched, over this one
     cell: Any  # accumulator cell, None where the other end tells it
 
 
@@ -103,6 +104,11 @@ class Projector:
     def paths(self) -> Any:
         """Paths of a launch that may reach one and the same detector."""
         return self.pixels * self.rate
+
+    @property
+    def middle(self) -> Any:
+        """Of the lens."""
+        return self.to_world @ mi.Point3f(0)
 
     def cell(self, lane: Any) -> Any:
         return lane % self.pixels
@@ -159,7 +165,7 @@ class Projector:
     def random_ray(self, sampler: Any) -> RandomRay:
         """A ray through a random point of the field."""
         ray, pixel = self.ray_at(sampler.next_2d(), sampler)
-        return RandomRay(ray, mi.Float(self.pixels), pixel)
+        return RandomRay(ray, mi.Float(self.pixels), self.paths, pixel)
 
     def random_ray_density(self, direction: Any, lens: Any) -> Any:
         """Of `random_ray`, 1/sr, for a ray that leaves the lens at a place (world)."""

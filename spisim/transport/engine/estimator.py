@@ -14,12 +14,20 @@ from functools import partial
 import numpy as np
 
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.direct import direct_light
+from spisim.transport.engine.direct import direct_light, mirrored_light
 from spisim.transport.engine.ends import Detectors, JointDetectors, Projector
+from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat, replicas_of
-from spisim.transport.engine.tally import HistogramTally, OrderTally, PathLengthBins, Sums, Tallies
+from spisim.transport.engine.tally import (
+    Deposit,
+    HistogramTally,
+    OrderTally,
+    PathLengthBins,
+    Sums,
+    Tallies,
+)
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
 from spisim.transport.engine.weights import alone, balanced, second_on, second_on_or_behind_glass
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
@@ -59,24 +67,42 @@ def transport_image(
         tallies = outputs.tallies(pixels, replicas)
         near = Projector.of(projector, samples)
         far = JointDetectors.of(detector, -(-samples * pixels // len(detector.positions_m)))
-        # In clear air there is no fog to connect to.
-        bridged = strategy is Strategy.BOTH and bool(world.media.parts)
-        rays = FogRays(world, near) if bridged else None
-        outward = inward = alone
-        if strategy is Strategy.BOTH:
-            outward, inward = second_on_or_behind_glass, second_on
-            direct_light(world, near, far, seeds[2], tallies.add, replicas=replicas)
-            if max_vertices == 1:
-                return tallies.read(detector.area_m2)
-        if strategy is not Strategy.DETECTOR:
-            out = Walk(world, near, far, True, outward, tallies.add, rays, replicas=replicas)
-            out.run(seeds[0], max_vertices)
-        if strategy is not Strategy.PROJECTOR:
-            back = Walk(world, far, near, False, inward, tallies.add, rays, replicas=replicas)
-            back.run(seeds[1], max_vertices)
+        image_light(world, near, far, seeds, tallies.add, strategy, max_vertices, replicas=replicas)
         return tallies.read(detector.area_m2)
 
     return repeat(launch, budget, pixels, seed, progress, replicas=replicas)
+
+
+def image_light(
+    world: World,
+    near: Projector,
+    far: JointDetectors | Lamp,
+    seeds: Sequence[int],
+    deposit: Deposit,
+    strategy: Strategy = Strategy.BOTH,
+    max_vertices: int = MAX_VERTICES,
+    replicas: int = 1,
+) -> None:
+    """Deposit one launch of all light between the pixels of one end and the whole of the other.
+
+    Light is the same both ways: the `near` end may be a camera and the `far` one a lamp.
+    """
+    # In clear air there is no fog to connect to.
+    bridged = strategy is Strategy.BOTH and bool(world.media.parts)
+    rays = FogRays(world, near) if bridged else None
+    outward = inward = alone
+    if strategy is Strategy.BOTH:
+        outward, inward = second_on_or_behind_glass, second_on
+        direct_light(world, near, far, seeds[2], deposit, replicas=replicas)
+        mirrored_light(world, near, far, seeds[2], deposit, replicas=replicas)
+        if max_vertices == 1:
+            return
+    if strategy is not Strategy.DETECTOR:
+        out = Walk(world, near, far, True, outward, deposit, rays, replicas=replicas)
+        out.run(seeds[0], max_vertices)
+    if strategy is not Strategy.PROJECTOR:
+        back = Walk(world, far, near, False, inward, deposit, rays, replicas=replicas)
+        back.run(seeds[1], max_vertices)
 
 
 def spot_histogram(

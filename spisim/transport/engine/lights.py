@@ -8,9 +8,9 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import NDArray
 
-from spisim.transport.engine.ends import Connection, Launch, Projector, RandomRay, stratified
+from reconstruction.arrays import Floats
+from spisim.transport.engine.ends import Connection, Launch, Projector, RandomRay
 from spisim.transport.views import ProjectorView
 
 
@@ -18,46 +18,57 @@ from spisim.transport.views import ProjectorView
 class Lamp:
     """A projector that shows one picture and emits unit power.
 
-    Paths are launched uniformly over the image plane: `samples` per launch for each of the `cells`,
-    the detectors, of which the lane tells the number, as it does in `Detectors`.
+    Paths are launched from pixels as often as they are bright: `samples` per launch, or as many for
+    each of the `cells`, detectors that the lane tells the number of, as it does in `Detectors`.
     """
 
     projector: Projector
     shares: Any  # of the power, by virtual pixel
-    cells: int
+    pixels: Any  # drawn in proportion to it
     samples: int
     rate: Any  # see `Projector`
+    cells: int | None
 
     @classmethod
     def of(
-        cls, view: ProjectorView, power: NDArray[np.floating[Any]], cells: int = 1, samples: int = 1
+        cls, view: ProjectorView, power: Floats, samples: int = 1, cells: int | None = None
     ) -> Lamp:
         """`power` (H, W) of each virtual pixel, in any unit."""
-        total = max(float(power.sum()), float(np.finfo(np.float64).tiny))
-        shares = mi.Float((power / total).astype(np.float32).ravel())
+        shares = mi.Float((power / power.sum()).astype(np.float32).ravel())
         dr.make_opaque(shares)
-        return cls(Projector.of(view, 1), shares, cells, samples, dr.opaque(mi.Float, samples))
+        pixels, rate = mi.DiscreteDistribution(shares), dr.opaque(mi.Float, samples)
+        return cls(Projector.of(view, 1), shares, pixels, samples, rate, cells)
 
     @property
     def lanes(self) -> int:
-        return self.cells * self.samples
+        return self.samples * (self.cells or 1)
 
     @property
     def paths(self) -> Any:
         """Paths of a launch that may reach one and the same detector."""
         return self.rate
 
+    @property
+    def middle(self) -> Any:
+        """Of the lens."""
+        return self.projector.middle
+
+    def cell(self, lane: Any) -> Any:
+        return None if self.cells is None else lane % self.cells
+
     def launch(self, lane: Any, sampler: Any) -> Launch:
-        place = stratified(lane // self.cells, self.samples, sampler)
-        ray, weight = self._ray(place, sampler)
+        index = lane // (self.cells or 1)
+        pixel = self.pixels.sample((mi.Float(index) + sampler.next_1d()) / self.rate)
+        ray, _ = self.projector.pencil(pixel, sampler)
+        importance = self.projector.importance_of(ray.d) * dr.gather(mi.Float, self.shares, pixel)
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=weight / self.rate,
+            beta=dr.rcp(self.rate),
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
-            state=self.projector.importance_of(ray.d) * (self.rate / self.projector.pixels),
-            cell=lane % self.cells,
+            state=importance * self.rate,
+            cell=self.cell(lane),
         )
 
     def density(self, launch: Launch, first_vertex: Any) -> Any:
@@ -65,16 +76,14 @@ class Lamp:
 
     def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
         end = self.projector.connect(lane, vertex, sampler)
-        share = dr.gather(mi.Float, self.shares, end.cell)
-        return end._replace(
-            importance=end.importance * share,
-            density=end.importance * (self.rate / self.projector.pixels),
-            cell=None,
-        )
+        importance = end.importance * dr.gather(mi.Float, self.shares, end.cell)
+        return end._replace(importance=importance, density=importance * self.rate, cell=None)
 
     def random_ray(self, sampler: Any) -> RandomRay:
         """A ray through a random point of the field."""
-        return RandomRay(*self._ray(sampler.next_2d(), sampler), None)
+        ray, pixel = self.projector.ray_at(sampler.next_2d(), sampler)
+        weight = dr.gather(mi.Float, self.shares, pixel) * self.projector.pixels
+        return RandomRay(ray, weight, weight * self.rate, None)
 
     def random_ray_density(self, direction: Any, lens: Any) -> Any:
         """See `Projector`."""
@@ -82,7 +91,7 @@ class Lamp:
 
     def choose(self, lane: Any, sampler: Any) -> Any:
         """There is one lamp for all lanes."""
-        return lane
+        return mi.UInt32(0)
 
     def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
         """See `connect`."""
@@ -91,10 +100,6 @@ class Lamp:
     def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
         """Part (near, far) of a ray that lies in the field."""
         return self.projector.overlap(ray, reach)
-
-    def _ray(self, place: Any, sampler: Any) -> tuple[Any, Any]:
-        ray, pixel = self.projector.ray_at(place, sampler)
-        return ray, dr.gather(mi.Float, self.shares, pixel) * self.projector.pixels
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ class FogRays:
     def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
         """A point in fog on a random ray, and the `density` of its place."""
         media = self.world.media
-        ray, weight, cell = self.projector.random_ray(sampler)
+        ray, weight, launched, cell = self.projector.random_ray(sampler)
         density = self.projector.random_ray_density(ray.d, ray.o)
         angular = EquiAngular.about(vertex, ray, mi.Float(dr.inf))
         distance = angular.sample(sampler.next_1d())
@@ -48,7 +48,7 @@ class FogRays:
         end = Connection(
             point=point,
             importance=dr.select(inside, weight * strength, 0),
-            density=self.projector.paths * known * extinction * phase / (place * gap * gap),
+            density=launched * known * extinction * phase / (place * gap * gap),
             length_m=distance,
             scatterings=mi.UInt32(1),
             cell=cell,

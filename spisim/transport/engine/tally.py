@@ -174,7 +174,9 @@ class OrderTally:
 class Tallies:
     """Everything that is summed in one launch, behind a check of what can be."""
 
-    def __init__(self, cells: int, kinds: Sequence[Callable[[int], Tally]], replicas: int) -> None:
+    def __init__(
+        self, cells: int, kinds: Sequence[Callable[[int], Tally]], replicas: int = 1
+    ) -> None:
         self._cells, self._replicas = cells, replicas
         self._tallies = [kind(replicas * cells) for kind in kinds]
         self._check = Check(replicas * cells)
@@ -182,7 +184,7 @@ class Tallies:
     def add(self, light: Contribution) -> None:
         """See `Tally`."""
         cell = light.cell + light.replica * self._cells
-        passed = self._check.passed(light.value, cell, light.active)
+        passed = self._check.passed(light.value, light.length_m, cell, light.active)
         for tally in self._tallies:
             tally.add(light._replace(cell=cell, active=passed))
 

@@ -25,6 +25,7 @@ import mitsuba as mi
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Connection, Detectors, Launch, Projector
 from spisim.transport.engine.lights import Lamp, Sun
+from spisim.transport.engine.mirrors import reflected
 from spisim.transport.engine.path import Path, Ratio, quotient
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
@@ -76,6 +77,7 @@ class Walk:
     deposit: Deposit
     rays: FogRays | None = None
     sky: Sky | None = None
+    ending: float = 1.0  # roulette may end paths that carry less than this share of their start
     replicas: int = 1  # estimates side by side, which paths take turns to be part of
 
     @dr.syntax
@@ -89,6 +91,8 @@ class Walk:
         while dr.hint(path.active, exclude=[self, launch, scale, limit]):
             here = self._fly(path, launch, sampler)
             self._join_other_end(here, path, launch, lane, sampler)
+            if dr.hint(self.world.mirrors is not None and self.outward, mode="scalar"):
+                self._join_by_mirror(here, path, launch, lane, sampler)
             if dr.hint(self.rays is not None and not self.outward, mode="scalar"):
                 self._join_ray(here, path, launch, limit, sampler)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
@@ -154,6 +158,36 @@ class Walk:
         detectors = quotient(join.lobe.forward * join.known, place * join.gap_m * join.gap_m)
         self._deposit(join, join.ratio.value + detectors, path.vertex + 1, end, launch, path)
 
+    def _join_by_mirror(
+        self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
+    ) -> None:
+        """Deposit what a vertex sends to the other end's image in a plane mirror.
+
+        Of paths that met a mirror first: all others the opposite end finds, which meets it first.
+        """
+        densities, mirrors = path.densities, self.world.mirrors
+        assert mirrors is not None
+        blind = path.active & (densities.ratio * densities.start == 0)
+        plane = mirrors.choose(sampler)
+        end = self.other.connect(lane, plane.image(here.point), sampler)
+        towards, length_m = direction_to(here.point, plane.image(end.point))
+        lobe = here.lobe(towards, blind & (end.importance > 0))
+        value = path.beta * end.importance * lobe.value / plane.probability
+        lit = blind & carries_light(value)
+        ray = here.si.spawn_ray(towards)
+        ray.o = dr.select(here.in_fog, here.point, ray.o)
+        media, geometry = self.world.media, self.world.geometry
+        value *= reflected(geometry, media, plane, ray, length_m, sampler, lit)
+        self.deposit(
+            Contribution(
+                value,
+                end.cell if launch.cell is None else launch.cell,
+                path.length_m + length_m + end.length_m,
+                path.scatterings + end.scatterings,
+                lit & carries_light(value),
+            )
+        )
+
     def _join(self, here: Vertex, end: Connection, path: Path, allowed: Any, sampler: Any) -> _Join:
         towards, gap = direction_to(here.point, end.point)
         lobe = here.lobe(towards, path.active & (end.importance > 0))
@@ -192,12 +226,12 @@ class Walk:
     def _roulette(self, turn: Turn, path: Path, scale: Any, limit: Any, sampler: Any) -> None:
         """End paths that carry little, without bias, and those that are too long.
 
-        What survives carries as much as at its start: no weight grows beyond it.
+        What survives carries `ending` of its start: no weight ever grows beyond that.
         """
         survival = dr.select(
             (path.vertex <= ROULETTE_VERTEX) | turn.straight,
             1,
-            dr.minimum(path.beta * scale, 1),
+            dr.minimum(path.beta * scale / self.ending, 1),
         )
         path.active &= (sampler.next_1d(path.active) < survival) & carries_light(path.beta)
         path.active &= (path.vertex <= limit) & (path.crossings <= MAX_CROSSINGS)

@@ -1,0 +1,112 @@
+"""Light that meets a mirror next to both ends: seen in it, and mirrored straight back."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+import worlds
+from spisim.scene import Material, SceneObject
+from spisim.scene.bsdf import Mirror, ThinPane
+from spisim.transport.backend import activate
+from spisim.transport.engine.ends import Projector
+from spisim.transport.reference import Renderer
+from spisim.transport.world import build_world
+
+activate()
+import drjit as dr  # noqa: E402 - the variant comes first
+import mitsuba as mi  # noqa: E402
+
+SEEDS = worlds.seeds(8)
+REFLECTANCE = 0.9
+MIRROR = Material("mirror", REFLECTANCE, "test", Mirror())
+VIEW = worlds.projector(shape=(8, 8))
+NEAR = worlds.detector([0.05, 0.02, 0.0], area_m2=1e-5, half_angle_deg=20)
+
+
+def mirror(distance_m: float, tilt_rad: float, half_size_m: float, material=MIRROR) -> SceneObject:
+    return replace(
+        worlds.plane(distance_m, tilt_rad=tilt_rad, half_size_m=half_size_m), material=material
+    )
+
+
+def test_what_a_mirror_shows_is_the_mirrored_scene() -> None:
+    """A wall and a ball beside, seen in a mirror at 45°, and in their images' places without it.
+
+    Light scattered once: the mirror also shows them to each other.
+    """
+    wall = worlds.surface("wall", trimesh.creation.box((0.1, 6, 6)), 0.6)
+    wall.mesh.apply_translation((-4, 0, 3))
+    ball = worlds.surface("ball", trimesh.creation.icosphere(3, 0.5), 0.8)
+    ball.mesh.apply_translation((-2.6, 0.2, 3.2))
+    fold = mirror(3.0, np.pi / 4, 2.0)
+    (normal, *_), (corner, *_) = fold.mesh.face_normals, fold.mesh.vertices
+    image = np.eye(4)
+    image[:3, :3] -= 2 * np.outer(normal, normal)
+    image[:3, 3] = 2 * (corner @ normal) * normal
+    behind = [
+        replace(thing, mesh=thing.mesh.copy().apply_transform(image)) for thing in (wall, ball)
+    ]
+    folded = build_world(worlds.scene(wall, ball, fold))
+    unfolded = build_world(worlds.scene(*behind))
+    seen, there = (
+        np.array([worlds.image(world, VIEW, NEAR, 256, s, max_vertices=most) for s in SEEDS])
+        for world, most in ((folded, 2), (unfolded, 1))
+    )
+    expected = REFLECTANCE**2 * there.mean(axis=0)
+    assert (expected > 0).all()
+    np.testing.assert_allclose(seen.mean(axis=0), expected, rtol=0.02, atol=0)  # edges of the ball
+    assert seen.mean(axis=0).sum() == pytest.approx(expected.sum(), rel=1e-3, abs=0)
+
+
+@pytest.mark.parametrize("bsdf", [Mirror(), ThinPane(1.5)], ids=["mirror", "pane"])
+def test_a_mirror_throws_the_projector_back(bsdf) -> None:
+    """Σ T = R W_P A cosθ / d²: straight from the projector to the detector's image."""
+    material = Material("m", REFLECTANCE, "test", bsdf)
+    fold = mirror(2.0, 0.0, 3.0, material)
+    image = worlds.image(build_world(worlds.scene(fold)), VIEW, NEAR, 64, SEEDS[0])
+    aside = np.hypot(0.05, 0.02)
+    squared = 4.0**2 + aside**2
+    cosine = 4.0 / np.sqrt(squared)
+    once = 0.04
+    reflectance = REFLECTANCE if isinstance(bsdf, Mirror) else 2 * once / (1 + once)
+    closed = reflectance * 1e-5 * cosine / (VIEW.pixel_area * cosine**3 * squared)
+    assert image.sum() == pytest.approx(closed, rel=1e-3, abs=0)
+    assert np.count_nonzero(image) == 1
+
+
+@pytest.mark.slow
+def test_a_room_with_a_mirror_in_fog_against_the_reference_engine() -> None:
+    """Mitsuba follows paths from the projector until they meet a lamp in the detector's place.
+
+    It connects to the lamp, and meets it by chance where a mirror is in between: the lamp is large.
+    """
+    radius_m = 0.2
+    end = worlds.detector([0.25, 0, 0.5], area_m2=np.pi * radius_m**2)
+    room = worlds.scene(*worlds.room(), mirror(3.0, 0.3, 0.7), volumes=worlds.bank(0.1, 0.95, 0.7))
+    ours = [worlds.image(build_world(room), VIEW, end, 512, seed) for seed in SEEDS]
+    place = mi.ScalarTransform4f().translate([0.25, 0, 0.5]).scale(radius_m)
+    lamp = {
+        "type": "disk",
+        "to_world": place,
+        "bsdf": {"type": "null"},
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": 1.0}},
+    }
+    renderer, samples = Renderer(room, {"lamp": lamp}), 2**12
+    source = Projector.of(VIEW, samples)
+    theirs = []
+    for seed in range(len(SEEDS)):
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(dr.opaque(mi.UInt32, seed), source.lanes)
+        ray = source.pencil(dr.arange(mi.UInt32, source.lanes), sampler)
+        radiance = renderer.radiance(ray.o, ray.d, sampler).numpy()
+        theirs.append(radiance.reshape(samples, *VIEW.shape).mean(axis=0))
+    assert np.all(np.abs(worlds.z_score(ours, theirs)) < 5)
+    totals = [np.sum(runs, axis=(1, 2)) for runs in (ours, theirs)]
+    assert abs(worlds.z_score(*totals)) < 4
+    assert all(total.std() < 0.05 * total.mean() for total in totals)
+
+
+def test_no_mirror_costs_nothing() -> None:
+    assert build_world(worlds.scene(*worlds.room())).mirrors is None

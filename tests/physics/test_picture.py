@@ -1,0 +1,53 @@
+"""A camera's picture of a lit scene: traced from both ends, it is that of one."""
+
+import numpy as np
+import pytest
+
+import worlds
+from spisim.instrument import load_instrument
+from spisim.scene import load_scene
+from spisim.transport import camera_view
+from spisim.transport.engine.ends import Projector
+from spisim.transport.engine.estimator import image_light
+from spisim.transport.engine.lights import Lamp
+from spisim.transport.engine.tally import ImageTally, Tallies
+from spisim.transport.engine.walk import Walk
+from spisim.transport.engine.weights import alone
+from spisim.transport.world import build_world
+
+RUNS = 16
+VIEW = worlds.projector(shape=(8, 8))
+CAMERA = worlds.projector(shape=(8, 8), pose=worlds.pose_at((0.0, -0.05, 0.0)))
+PATTERN = np.indices(VIEW.shape).sum(axis=0) % 3 / 2.0  # dark, half and full
+
+
+@pytest.mark.parametrize("extinction", [0.0, 0.1])
+def test_both_ends_see_what_the_camera_alone_sees(extinction: float) -> None:
+    world = build_world(
+        worlds.scene(*worlds.room(), extinction_per_m=extinction, albedo=0.95, g=0.7)
+    )
+
+    def picture(seed: int, both: bool) -> np.ndarray:
+        camera = Projector.of(CAMERA, 256 if both else 2048)
+        tallies = Tallies(camera.pixels, [ImageTally])
+        lamp = Lamp.of(VIEW, PATTERN, camera.lanes)
+        if both:
+            image_light(world, camera, lamp, [3 * seed, 3 * seed + 1, 3 * seed + 2], tallies.add)
+        else:
+            Walk(world, camera, lamp, False, alone, tallies.add).run(1000 + seed)
+        return tallies.read(1.0).values["image"][0]
+
+    ours, theirs = (np.array([picture(n, both) for n in range(RUNS)]) for both in (True, False))
+    assert np.all(np.abs(worlds.z_score(ours, theirs)) < 5)
+    assert abs(worlds.z_score(ours.sum(axis=1), theirs.sum(axis=1))) < 4
+    if extinction:
+        assert ours.var(axis=0).sum() < theirs.var(axis=0).sum()
+
+
+def test_a_dark_pattern_shows_daylight_alone() -> None:
+    scene, instrument = load_scene("target-plane"), load_instrument("paper")
+    dark = np.zeros(instrument.pixel_powers_w.shape)
+    view = camera_view(scene, instrument, width=8, height=8, pattern=dark, spp=8)
+    lit = camera_view(scene, instrument, width=8, height=8, spp=8)
+    assert np.isfinite(view).all()
+    assert (view < lit).all()
