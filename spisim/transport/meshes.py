@@ -39,6 +39,7 @@ class Meshes:
         key = str(mi.variant()).encode() + surface_content(objects)
         content, kept = _KEPT.get(objects[0], (b"", None)) if objects else (b"", None)
         if kept is None or content != key:
+            _KEPT.clear()
             kept = cls._made(objects)
             if objects:
                 _KEPT[objects[0]] = key, kept
@@ -74,6 +75,8 @@ class Meshes:
 
 
 #: The last ones that were made of objects, by the first of these: they last as long as it does.
+#: There are no more than these, for Dr.Jit makes a kernel for all shapes and materials that there
+#: are, of whatever scene.
 _KEPT: WeakKeyDictionary[SceneObject, tuple[bytes, Meshes]] = WeakKeyDictionary()
 
 

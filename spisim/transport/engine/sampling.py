@@ -18,6 +18,10 @@ MIN_LAUNCHES = 8
 MAX_LANES = 2**20
 
 
+#: More paths at a time than this share of those that are there: a launch costs, however small.
+LEAST_STEP = 1 / 3
+
+
 class TransportWarning(UserWarning):
     """Light that could not be summed."""
 
@@ -154,8 +158,8 @@ def repeat(
         if done >= 1:
             break
         if isinstance(budget, TargetError) and running.count >= MIN_LAUNCHES:
-            missing = running.weight * (1 / max(done, 0.5) - 1) / replicas
-            samples = int(np.clip(np.ceil(missing), 1, most))
+            missing = running.weight * float(np.clip(1 / max(done, 0.5) - 1, LEAST_STEP, 1))
+            samples = int(np.clip(np.ceil(missing / replicas), 1, most))
     if dropped:
         warnings.warn(
             f"{dropped} contributions of light were not finite numbers and are left out: a "
