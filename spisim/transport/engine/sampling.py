@@ -16,10 +16,8 @@ from spisim.transport.engine.tally import Sums
 MIN_LAUNCHES = 8
 #: Lanes of one launch, per strategy: bounds memory.
 MAX_LANES = 2**20
-
-
-#: More paths at a time than this share of those that are there: a launch costs, however small.
-LEAST_STEP = 1 / 3
+#: And at least, on the way to an error, if not a third of all before: a launch has its price.
+LEAST_LANES = 2**14
 
 
 class TransportWarning(UserWarning):
@@ -158,7 +156,8 @@ def repeat(
         if done >= 1:
             break
         if isinstance(budget, TargetError) and running.count >= MIN_LAUNCHES:
-            missing = running.weight * float(np.clip(1 / max(done, 0.5) - 1, LEAST_STEP, 1))
+            least = min(running.weight / 3, LEAST_LANES / cells)
+            missing = max(running.weight * (1 / max(done, 0.5) - 1), least)
             samples = int(np.clip(np.ceil(missing / replicas), 1, most))
     if dropped:
         warnings.warn(
