@@ -124,10 +124,12 @@ def repeat(
     progress: Callable[[float], None] | None,
     *,
     replicas: int = 1,
+    ends: int = 2,
 ) -> Estimate:
     """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `budget` says.
 
     With `replicas`, each launch is that many repetitions at once: the first axis of its values.
+    Paths are launched from so many `ends`.
 
     TransportWarning tells how much of the light had to be left out.
     """
@@ -162,7 +164,7 @@ def repeat(
             TransportWarning,
             stacklevel=2,
         )
-    paths = 2 * running.weight * cells
+    paths = ends * running.weight * cells
     return Estimate(running.mean, running.error(), running.count, paths, running.size(), dropped)
 
 
