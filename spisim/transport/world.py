@@ -15,10 +15,10 @@ from spisim.scene import Scene
 from spisim.scene.bsdf import Diffuse
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
-from spisim.transport.engine.mirrors import Mirrors
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
 from spisim.transport.meshes import shapes
+from spisim.transport.mirrors import Mirrors
 from spisim.transport.phase import phase_dict
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
