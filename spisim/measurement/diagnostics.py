@@ -8,7 +8,6 @@ from spisim.measurement.light import background_electrons
 from spisim.measurement.spots import spot_light
 from spisim.transport import LightSequence, Transport
 
-
 #: Error of a transport image, ‖errors‖ / ‖image‖, above which it is no truth to compare with.
 TRUE_ERROR = 0.1
 
