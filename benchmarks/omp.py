@@ -40,7 +40,7 @@ from reconstruction.image import (
     IMAGE_METHODS,
     Coefficients,
     Imaging,
-    Prior,
+    StrongestAtoms,
     UsableReadings,
     batch_omp,
 )
@@ -218,19 +218,14 @@ def methods(usable: UsableReadings, atoms: int) -> dict[str, Callable[[Coefficie
 def alone(usable: UsableReadings, atoms: int) -> Callable[[Coefficients], Floats]:
     """Batch-OMP with the strongest cosines, each as strong as in natural images."""
     operator = usable.decoder.operator
-    dictionary = DICTIONARIES["dct"]
-    prior = Prior(operator, dictionary)
-    seen = prior.deviation**2 * prior.atoms.by_atom()
-    places = np.unravel_index(np.argsort(-seen, axis=None)[:ATOMS], operator.image_shape)
-    columns = prior.atoms.of(places) * prior.deviation[places]
+    strongest = StrongestAtoms(operator, DICTIONARIES["dct"], ATOMS)
+    columns = strongest.columns
     gram = columns.T @ columns
 
     def solve(coefficients: Coefficients) -> Floats:
         measured = coefficients.values[operator.varying] / operator.row_length
         values = batch_omp(gram, measured @ columns, measured @ measured, max_atoms=atoms)
-        spectrum = np.zeros(operator.image_shape)
-        spectrum[places] = prior.deviation[places] * values
-        return dictionary.synthesise(spectrum)
+        return strongest.image(values)
 
     return solve
 

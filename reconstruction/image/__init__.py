@@ -1,8 +1,9 @@
 """From coefficients to an image: methods, dictionaries, priors."""
 
+from .atoms import StrongestAtoms
 from .coefficients import CoefficientDecoder, Coefficients
 from .dictionaries import DICTIONARIES
-from .dictionary import Dictionary
+from .dictionary import Band, Dictionary
 from .imaging import Imaging, UsableReadings
 from .method import CarryingMethod, Estimate, ImageMethod, ImageSolver
 from .methods import IMAGE_METHODS, image_method
@@ -23,6 +24,7 @@ __all__ = [
     "DICTIONARIES",
     "IMAGE_METHODS",
     "UNLIT",
+    "Band",
     "Candidate",
     "CarryingMethod",
     "CoefficientDecoder",
@@ -34,6 +36,7 @@ __all__ = [
     "Imaging",
     "Layout",
     "Prior",
+    "StrongestAtoms",
     "UsableReadings",
     "batch_omp",
     "dark_estimate",

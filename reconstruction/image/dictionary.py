@@ -1,26 +1,34 @@
 """What images are made of."""
 
-from typing import Any, Protocol
-
-from numpy.typing import NDArray
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 from ..arrays import Floats
 
 
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Atoms that are outer products of those of either axis, and how strong each is.
+
+    ``vertical`` (H, a) and ``horizontal`` (W, b) have an atom in each column. ``deviation`` (a, b):
+    relative standard deviation of their coefficients in natural images, 0 for the constant image,
+    whose level is measured by itself.
+    """
+
+    vertical: Floats
+    horizontal: Floats
+    deviation: Floats
+
+
 class Dictionary(Protocol):
-    """Orthonormal atoms that are outer products of those of either axis, and how strong each is."""
+    """Atoms of images of any shape, in bands: orthonormal or not, complete or more than that."""
 
     def __hash__(self) -> int:
         """Solvers are kept by dictionary."""
 
-    def atoms(self, side: int) -> Floats:
-        """Orthonormal atoms of one axis, one in each column: (side, side)."""
+    def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
+        """All atoms of images of a shape (H, W).
 
-    def deviation(self, shape: tuple[int, int]) -> Floats:
-        """Relative standard deviation of the atoms' coefficients in natural images, (H, W).
-
-        0 for the constant image, whose level is measured by itself.
+        Raises InputError where there are none for that shape, or something is not installed.
         """
-
-    def synthesise(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """Image (H, W) of the atoms' coefficients (H, W), real or complex."""

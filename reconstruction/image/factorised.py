@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from ..arrays import Floats
+from .contrast import contrasts
 from .posterior import Field, Posterior
-from .prior import fit_scale
 
 BLOCK = 4
 """Side of the blocks of pixels of which one stands for all."""
@@ -29,12 +29,13 @@ class Factorised(Posterior):
         gram: Floats,
         seen: Floats,
         field: Field,
+        expected: float | None,
     ) -> None:
         known = np.isfinite(noise)
         gram = gram[np.ix_(known, known)]
         variance = noise[known] ** 2
         self.noise = noise
-        self.contrast = fit_scale(measured[known], np.diag(gram), variance)
+        self.contrast = contrasts(measured[known], np.diag(gram)[None], variance, expected).given[0]
         shrinking = self.contrast / (self.contrast * np.diag(gram) + variance)
         self.noise_energy = float((shrinking**2 * np.diag(gram) * variance).sum())
         matrix = self.contrast * gram
@@ -44,6 +45,11 @@ class Factorised(Posterior):
         self._rows = rows[known]
         self._prior = self.contrast * field.variance
         self.mean = self._prior * self._spread(self._solved(measured[known]))
+
+    @property
+    def own_mean(self) -> NDArray[Any]:
+        """The mean: there is no other."""
+        return self.mean
 
     def _solved(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(cho_solve(self._factor, coefficients, check_finite=False))

@@ -42,10 +42,13 @@ class GaussianModel:
         self.rows = rows
         self._kept: OrderedDict[bytes, Components] = OrderedDict()
 
-    def given(self, measured: NDArray[Any], noise: Floats) -> Posterior:
+    def given(
+        self, measured: NDArray[Any], noise: Floats, expected: float | None = None
+    ) -> Posterior:
         """The posterior of coefficients (K,), not all 0, with standard deviations ``noise`` (K,).
 
-        Those of which the noise is infinite are not looked at.
+        Those of which the noise is infinite are not looked at. ``expected``: median contrast v
+        before they are, where something tells.
         """
         known = np.isfinite(noise)
         least = LEAST_NOISE * float(np.sqrt(np.mean(np.abs(measured[known]) ** 2)))
@@ -53,11 +56,13 @@ class GaussianModel:
         if np.ptp(noise[known]) > ALIKE * noise[known].max():
             from .factorised import Factorised  # SciPy takes long to import
 
-            return Factorised(measured, noise, self.rows, self.gram, self.seen, self.field)
+            return Factorised(
+                measured, noise, self.rows, self.gram, self.seen, self.field, expected
+            )
         rms = float(np.sqrt(np.mean(noise[known] ** 2)))
         # Rounded, so that frames of one kind of noise have the same, to the last bit.
         components = self._components((noise / rms).astype(np.float32).astype(np.float64))
-        return Posterior(measured[known], noise, rms, components)
+        return Posterior(measured[known], noise, rms, components, expected)
 
     @cached_property
     def gram(self) -> Floats:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from ..operators import PatternPlan, decoder_for, drift_of, redundant_combinations
 from .coefficients import CoefficientDecoder
-from .dictionaries.dct import DICTIONARY
 from .method import CarryingMethod, ImageMethod, ImageSolver
 from .methods import image_method
 from .prior import Prior
@@ -72,7 +71,7 @@ class UsableReadings:
         """From readings to coefficients."""
         return CoefficientDecoder(
             self.decoder,
-            lambda: Prior(self.decoder.operator, DICTIONARY),
+            lambda: Prior(self.decoder.operator),
             redundant_combinations(self._plan, self._usable),
             drift_of(self._plan, self._usable),
         )

@@ -3,8 +3,10 @@
 What is shown twice tells it by itself (`redundant_combinations`). Otherwise it is the white part of
 the coefficients' power, as far as it cannot be the image: coefficients of images vary as the prior
 expects, times factors of their own with an inverse gamma distribution, so that they are of
-Student's t distribution, with many small values among few large ones; noise is Gaussian. Of
-variances that are nearly as likely the least is taken. A white texture cannot be told from noise.
+Student's t distribution, with many small values among few large ones; noise is Gaussian. The
+standard deviation is the mean over all variances and contrasts, each as probable as the
+coefficients make it, less a share for texture (`TEXTURE`), and 0 where none is the likeliest. A
+white texture cannot be told from noise.
 """
 
 from typing import Any
@@ -23,10 +25,11 @@ FREEDOM = 3.0
 """Degrees of freedom of the t distribution."""
 FACTORS = 4.0 ** np.arange(-2, 3)
 """Factors of the variance."""
-LESS_LIKELY = 0.5
-"""Log likelihood that is given up for less noise."""
+TEXTURE = 0.2
+"""How much of the white part is texture, edges above all: of a variance that is the share s of
+the power, s^0.2 is noise."""
 CONTRASTS = 4.0 ** np.arange(-7, 1.5, 0.5)
-VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 28))
+VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 36))
 """Of signal and noise, over the power of the coefficients."""
 
 
@@ -47,11 +50,15 @@ def variance_by_spectrum(measured: NDArray[Any], expected: Floats) -> float:
     if mean == 0:
         return 0.0
     likelihood = _log_likelihood(power / mean, expected / expected.mean())
-    return mean * float(VARIANCES[np.argmax(likelihood >= likelihood.max() - LESS_LIKELY)])
+    weight = np.exp(likelihood - likelihood.max()).sum(axis=0)
+    if weight.argmax() == 0:
+        return 0.0
+    share = float(np.sqrt(VARIANCES) @ weight / weight.sum()) ** 2
+    return mean * share * min(share, 1.0) ** TEXTURE
 
 
 def _log_likelihood(power: Floats, expected: Floats) -> Floats:
-    """Of each of `VARIANCES`, with the contrast that explains most."""
+    """Of each of `CONTRASTS` with each of `VARIANCES`."""
     from scipy.special import gammaincc  # slow to import
 
     weights = np.diff(gammaincc(FREEDOM / 2, FREEDOM / 2 / _edges()))
@@ -60,7 +67,7 @@ def _log_likelihood(power: Floats, expected: Floats) -> Floats:
     density = np.exp(-power / (2 * variance)) / np.sqrt(variance)
     places = np.searchsorted(scales, np.outer(CONTRASTS, FACTORS).round(12))
     mixed = np.einsum("f,cfvk->cvk", weights, density[places])
-    return np.asarray(np.log(np.maximum(mixed, 1e-300)).sum(axis=-1).max(axis=0))
+    return np.asarray(np.log(np.maximum(mixed, 1e-300)).sum(axis=-1))
 
 
 def _edges() -> Floats:

@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from .prior import fit_scale
+from .contrast import contrasts, shrunk
+
+POWERS = (1.0, 0.5, 1.5, 2.0)
+"""Of the spread of components: exponents of 2, the prior's own, and 1, 3 and 4 of frequency."""
 
 
 class Field:
@@ -36,27 +39,46 @@ class Field:
 
 
 class Posterior:
-    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are; ``contrast`` v.
+    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are.
 
-    ``noise`` (K,) is that of the coefficients, nowhere too small to divide by; ``noise_energy``
-    what it adds to mean^T C^-1 mean, on average.
+    Mean and variance are averages over contrasts and, for what is measured, exponents: the rest is
+    as the prior's own exponent has it. ``contrast`` v is the mean one of that exponent, for which
+    are `own_mean`, `covariance` and ``noise_energy``: what noise adds to own_mean^T C^-1 own_mean,
+    on average. ``noise`` (K,) is that of the coefficients, nowhere too small to divide by.
     """
 
     def __init__(
-        self, measured: NDArray[Any], noise: Floats, rms: float, components: "Components"
+        self,
+        measured: NDArray[Any],
+        noise: Floats,
+        rms: float,
+        components: "Components",
+        expected: float | None,
     ) -> None:
         turned = components.turn @ measured
+        spread = components.spread
+        known = contrasts(turned, components.spreads, rms**2, expected)
+        each = shrunk(known, components.spreads, rms**2)
         self.noise = noise
-        self.contrast = fit_scale(turned, components.spread, rms**2)
-        shrinking = self.contrast / (self.contrast * components.spread + rms**2)
+        self.contrast = float(known.given[0])
+        shrinking = each.gain * components.inverse
         self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
-        self.noise_energy = float((shrinking**2 * components.spread).sum() * rms**2)
-        self._explained = self.contrast * shrinking
-        self._components = components
+        left = each.by_noise + each.between * np.abs(turned) ** 2
+        self._explained = (self.contrast * spread - left) * components.inverse**2
+        own = self.contrast / (self.contrast * spread + rms**2)
+        self.noise_energy = float((own**2 * spread).sum() * rms**2)
+        self._of_one = self.contrast * own
+        self._turned, self._components = own * turned, components
+
+    @property
+    def own_mean(self) -> NDArray[Any]:
+        """The mean (H, W) of contrast v and the prior's own exponent."""
+        components = self._components
+        return np.asarray((self._turned @ components.spectra).reshape(components.shape))
 
     @property
     def variance(self) -> Floats:
-        """Of each pixel (H, W)."""
+        """Of each pixel (H, W), as if what contrasts differ in were independent of each other."""
         components = self._components
         weights = self._explained.astype(np.float32)
         prior = components.pixel_variance
@@ -64,9 +86,9 @@ class Posterior:
         return np.maximum(self.contrast * prior - explained, 0)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """The posterior covariance times a spectrum (H, W)."""
+        """The posterior covariance of contrast v times a spectrum (H, W)."""
         components = self._components
-        explained = (self._explained * (components.spectra @ spectrum.ravel())) @ components.spectra
+        explained = (self._of_one * (components.spectra @ spectrum.ravel())) @ components.spectra
         prior = self.contrast * components.field.variance * spectrum
         return np.asarray(prior - explained.reshape(spectrum.shape))
 
@@ -74,7 +96,9 @@ class Posterior:
 class Components:
     """What varies independently in coefficients of which the noise has ``relative`` size (K,).
 
-    ``spread`` (K,): the l above; ``turn`` (K, K): U^T T^-1; ``spectra`` (K, N): U^T T^-1 R C.
+    ``spread`` (K,): the l above, ``inverse`` (K,) its inverse, 0 for 0; ``turn`` (K, K): U^T T^-1;
+    ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): the same l to several powers, all of
+    the same sum.
     """
 
     def __init__(self, field: Field, rows: Floats, relative: Floats) -> None:
@@ -83,8 +107,12 @@ class Components:
         seen = rows * field.variance.ravel()
         spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
         self.spread: Floats = np.maximum(spread, 0)
+        told = spread > 1e-12 * spread.max()
+        self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=told)
         self.turn: Floats = turn.T / relative
         self.spectra: Floats = self.turn @ seen
+        powers = self.spread ** np.array(POWERS)[:, None]
+        self.spreads: Floats = powers * (self.spread.sum() / powers.sum(axis=1, keepdims=True))
         self.pixel_variance = field.pixel_variance
 
     @cached_property

@@ -1,5 +1,6 @@
 """What is known of the coefficients of an image before they are measured."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -8,24 +9,31 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..operators import MeasurementOperator
-from .dictionary import Dictionary
+from .dictionaries.dct import DICTIONARY
 
 WHITE = np.logspace(-6, 3, 46)
 """White parts that are tried, relative to the mean variance."""
 
 
+Deviation = Callable[[tuple[int, int]], Floats]
+"""Relative standard deviation of the cosines of images of a shape (H, W), 0 for the constant."""
+
+
 class Prior:
     """How much the rows of an operator, other than the level, vary from image to image.
 
-    ``atoms``: what the rows see of the dictionary; ``deviation`` (H, W) of its coefficients;
-    ``expected`` (rows other than the level,): variances up to a common factor.
+    Images are Gaussian fields of independent cosines. ``atoms``: what the rows see of these;
+    ``deviation`` (H, W) of their coefficients; ``expected`` (rows other than the level,): variances
+    up to a common factor.
     """
 
-    def __init__(self, operator: MeasurementOperator, dictionary: Dictionary) -> None:
+    def __init__(
+        self, operator: MeasurementOperator, deviation: Deviation = DICTIONARY.deviation
+    ) -> None:
         height, width = operator.image_shape
         self.varying = operator.varying
-        self.deviation = dictionary.deviation(operator.image_shape)
-        self.atoms = operator.in_atoms(dictionary.atoms(height), dictionary.atoms(width))
+        self.deviation = deviation(operator.image_shape)
+        self.atoms = operator.in_atoms(DICTIONARY.atoms(height), DICTIONARY.atoms(width))
         self.expected: Floats = self.atoms.by_row(self.deviation**2)
 
     @cached_property

@@ -11,8 +11,9 @@ import numpy as np
 from ..arrays import Floats
 from ..operators import MeasurementOperator
 from .coefficients import Coefficients
+from .contrast import ContrastByLevel, contrasts, shrunk
 from .method import Estimate
-from .prior import Prior, fit_scale
+from .prior import Prior
 
 
 class ShrinkingSolver:
@@ -22,6 +23,7 @@ class ShrinkingSolver:
         self._operator = operator
         self._expected: Floats = prior.expected
         self._everything = float((prior.deviation**2).sum())
+        self._expected_contrast = ContrastByLevel(operator, float((prior.deviation**2).mean()))
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image, and one standard deviation for all pixels."""
@@ -33,10 +35,13 @@ class ShrinkingSolver:
         if not measured.any():
             return Estimate(operator.least_energy(coefficients.values))
         expected = self._expected[known]
-        scale = fit_scale(measured, expected, variance)
-        kept = scale * expected / (scale * expected + variance)
+        known_contrasts = contrasts(
+            measured, expected[None], variance, self._expected_contrast(coefficients)
+        )
+        each = shrunk(known_contrasts, expected[None], variance)
         values = coefficients.values.copy()
-        values[np.flatnonzero(seen)[known]] *= kept
-        left = scale * (self._everything - expected.sum()) + (kept * variance).sum()
+        values[np.flatnonzero(seen)[known]] *= each.gain
+        left = known_contrasts.given[0] * (self._everything - expected.sum())
+        left += (each.by_noise + each.between * np.abs(measured) ** 2).sum()
         deviation = np.full(operator.image_shape, np.sqrt(max(left, 0.0) / pixels))
         return Estimate(operator.least_energy(values), deviation)

@@ -1,5 +1,6 @@
 """What decoded readings say of an image: linear operators with orthogonal rows of one length."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -49,10 +50,14 @@ class MeasurementOperator:
     def in_atoms(self, vertical: Floats, horizontal: Floats) -> "SeenAtoms":
         """What rows other than the level see of outer products of atoms.
 
-        ``vertical`` (H, H) and ``horizontal`` (W, W) have an atom in each column.
+        ``vertical`` (H, a) and ``horizontal`` (W, b) have an atom in each column.
         """
-        rows = self.back_project(np.eye(self.shape[0])[self.varying])
-        return SeenAtoms(vertical.T @ rows @ horizontal / self.row_length)
+        return SeenAtoms(vertical.T @ self._unit_rows @ horizontal)
+
+    @cached_property
+    def _unit_rows(self) -> Floats:
+        """Rows other than the level (..., H, W), of length 1."""
+        return self.back_project(np.eye(self.shape[0])[self.varying]) / self.row_length
 
     def _project(self, flat: NDArray[Any]) -> NDArray[Any]:
         raise NotImplementedError
@@ -70,21 +75,21 @@ class MeasurementOperator:
 
 
 class SeenAtoms:
-    """Products of K orthonormal rows with the (H, W) atoms of a separable dictionary."""
+    """Products of K orthonormal rows with outer products (a, b) of atoms."""
 
     def __init__(self, products: Floats) -> None:
-        self._products = products  # (K, H, W)
+        self._products = products  # (K, a, b)
 
     def by_row(self, variance: Floats) -> Floats:
-        """Sum over atoms of squared products times ``variance`` (H, W): (K,)."""
+        """Sum over atoms of squared products times ``variance`` (a, b): (K,)."""
         return np.einsum("khw,hw->k", self._products**2, variance)
 
     def by_atom(self) -> Floats:
-        """Sum over rows of squared products: (H, W)."""
+        """Sum over rows of squared products: (a, b)."""
         return np.asarray((self._products**2).sum(axis=0))
 
     def of(self, atoms: tuple[NDArray[np.intp], ...]) -> Floats:
-        """Products with the atoms at these rows and columns (A,) of the dictionary: (K, A)."""
+        """Products with the atoms at these rows and columns (A,) of the band: (K, A)."""
         return self._products[:, atoms[0], atoms[1]]
 
 

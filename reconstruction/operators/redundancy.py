@@ -2,7 +2,8 @@
 
 A pattern and its complement together are the fully lit display, y+ + y- = all + 2 background, the
 same for each pattern; exposures of one pattern are the same each time. Differences of such sums
-that follow each other are noise, and of slow drifts next to nothing.
+that follow each other are noise, and of slow drifts next to nothing. Where nothing is shown twice,
+more readings than pixels say more than an image and a background can.
 """
 
 from collections import defaultdict
@@ -13,8 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Mask
-from .plan import PatternPlan
+from .plan import PatternPlan, illumination
 from .sparse import SparseRows
+
+MOST_READINGS = 2048
+"""Of which combinations are looked for that no image explains: a matrix of their square."""
 
 Weights = dict[int, float]
 """By reading."""
@@ -29,7 +33,7 @@ BEYOND_DOUBT = 10.0
 def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
     """Combinations (D, M) of usable readings that are 0 but for noise, each of length 1.
 
-    D is 0 where nothing is shown twice. Combinations that follow each other share readings: their
+    D is 0 where nothing is said twice. Combinations that follow each other share readings: their
     errors are not independent.
     """
     rows = [
@@ -37,7 +41,22 @@ def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
         for group in equal_sums(plan, usable)
         for first, second in pairwise(sorted(group, key=min))
     ]
-    return _matrix(rows, plan.exposures)
+    return _matrix(rows, plan.exposures) if rows else _surplus(plan, usable)
+
+
+def _surplus(plan: PatternPlan, usable: Mask) -> SparseRows:
+    """Combinations that are 0 for every image and every steady background."""
+    readings = np.flatnonzero(usable)
+    unknowns = plan.pixels + 1
+    if not unknowns < readings.size <= MOST_READINGS:
+        return _matrix([], plan.exposures)
+    seen = np.ones((readings.size, unknowns))
+    for row, reading in enumerate(readings):
+        seen[row, :-1] = illumination(plan, int(reading)).ravel()
+    left = np.linalg.qr(seen, mode="complete").Q[:, unknowns:].T
+    rows = np.repeat(np.arange(len(left)), readings.size)
+    columns = np.tile(readings, len(left))
+    return SparseRows(rows, columns, left.ravel(), (len(left), plan.exposures))
 
 
 def drift_of(plan: PatternPlan, usable: Mask) -> "Drift | None":

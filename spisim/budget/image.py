@@ -21,7 +21,6 @@ import numpy as np
 from reconstruction.arrays import Floats
 from reconstruction.errors import naming
 from reconstruction.image import Prior
-from reconstruction.image.dictionaries.dct import DICTIONARY
 from reconstruction.operators import Decoder, MeasurementOperator, decoder_for, expose
 from spisim.budget.link import Target, bucket_link
 from spisim.budget.noise import NoiseBudget, bucket_noise
@@ -132,7 +131,7 @@ def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
     pixel = (1 - instrument.projector.dark_level) * signal / plan.pixels
     variance = _coefficient_variance(instrument, decoder, bucket_noise(instrument, link))
     noise = float(np.sqrt(variance.mean())) / operator.row_length
-    prior = Prior(operator, DICTIONARY)
+    prior = Prior(operator)
     seen = float(prior.expected.sum() / np.sum(prior.deviation**2))
     power = plan.pixels * (CONTRAST * pixel) ** 2
     across, down = _resolutions(operator, noise / pixel if pixel else np.inf)

@@ -12,11 +12,12 @@ import numpy as np
 from reconstruction.arrays import Floats
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene
+from spisim.scene.bsdf import Diffuse
 from spisim.transport.backend import with_backend
-from spisim.transport.engine.mirrors import Mirrors
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
 from spisim.transport.meshes import Meshes
+from spisim.transport.mirrors import Mirrors
 from spisim.transport.phase import phase_plugin
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
@@ -32,6 +33,12 @@ class World:
     mirrors: Mirrors | None
     centre_m: Floats  # of a ball around everything, which the fog fills
     radius_m: float
+    diffuse: bool  # all surfaces are Lambertian
+
+    @property
+    def plain(self) -> bool:
+        """Clear air and diffuse surfaces: paths from the pixels alone find all light, and best."""
+        return self.diffuse and not self.media.parts
 
     def first_surface(self, ray: Any) -> tuple[Any, Any]:
         """What a ray meets, and how far it goes; out of the ball if it meets nothing."""
@@ -49,6 +56,7 @@ def build_world(scene: Scene) -> World:
         mirrors=Mirrors.of(scene.objects),
         centre_m=centre,
         radius_m=radius,
+        diffuse=all(isinstance(thing.material.bsdf, Diffuse) for thing in scene.objects),
     )
 
 

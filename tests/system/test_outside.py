@@ -110,7 +110,7 @@ def test_it_is_simulated_reconstructed_and_evaluated(folder):
     *_, evaluated, budget = run(
         folder,
         "simulate closet.yaml -o c.h5 --instrument elsewhere.yaml",
-        "reconstruct c.h5 -o result --image smoothed,pursuit:haar --depth flat,nearest",
+        "reconstruct c.h5 -o result --image smoothed,pursuit:walsh --depth flat,nearest",
         "evaluate c.h5 result --json",
         "budget elsewhere.yaml --json",
     )
@@ -118,8 +118,8 @@ def test_it_is_simulated_reconstructed_and_evaluated(folder):
     assert "Smoothed inverse" in page
     assert "Flat wall" in page
     metrics = json.loads(evaluated)
-    assert list(metrics["images"]) == ["smoothed", "pursuit:haar", "zero-filled"]
-    assert metrics["images"]["pursuit:haar"]["correlation"] > 0.8
+    assert list(metrics["images"]) == ["smoothed", "pursuit:walsh", "zero-filled"]
+    assert metrics["images"]["pursuit:walsh"]["correlation"] > 0.8
     assert list(metrics["depths"]) == ["flat", "nearest"]
     errors = [abs(spot["error_m"]) for spot in metrics["spots"]["stopwatch"]]
     assert max(errors) < 0.1

@@ -37,3 +37,23 @@ def test_deepinv_inverts_it():
     assert float(physics.adjointness_test(image)) == pytest.approx(0, abs=1e-8)
     found = physics.A_dagger(coefficients)[0, 0].numpy()
     np.testing.assert_allclose(found, OPERATOR.least_energy(VALUES), atol=1e-3)
+
+
+def test_spyrit_inverts_it():
+    pytest.importorskip("spyrit")
+    import torch
+    from spyrit.core.inverse import PseudoInverse, Tikhonov
+
+    from reconstruction.adapters.spyrit import linear
+
+    measure = linear(OPERATOR)
+    image = torch.as_tensor(IMAGE, dtype=torch.float32)[None, None]
+    coefficients = measure(image)
+    scaled = coefficients[0, 0].numpy() * OPERATOR.row_length
+    np.testing.assert_allclose(scaled, VALUES, atol=1e-4 * VALUES.max())
+    least = OPERATOR.least_energy(VALUES)
+    np.testing.assert_allclose(PseudoInverse(measure)(coefficients)[0, 0], least, atol=1e-4)
+    white = Tikhonov(measure, torch.eye(256))(coefficients, torch.eye(100))[0, 0]
+    np.testing.assert_allclose(white, least / 2, atol=1e-4)
+    noisy = linear(OPERATOR, noise=0.5)(torch.zeros(50, 16, 16))
+    assert noisy.std() == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(2 * 5000))

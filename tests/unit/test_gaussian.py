@@ -5,10 +5,12 @@ import pytest
 
 from images import correlation, natural_image
 from reconstruction.image import Coefficients, image_method
+from reconstruction.image.contrast import contrasts
 from reconstruction.image.dictionaries.dct import DICTIONARY
 from reconstruction.image.gaussian import Field, GaussianModel
 from reconstruction.image.grid import Grid, band
 from reconstruction.image.methods import least_squares
+from reconstruction.image.posterior import Components
 from reconstruction.operators import decoder_for, make_plan
 
 SHAPE = (8, 16)
@@ -34,6 +36,12 @@ def drawn(field, contrast, seed):
     return np.sqrt(contrast * field.variance) * white
 
 
+def in_pixels(field, covariance):
+    """Variances (N,) of pixels, from the covariance (N, N) of spectra."""
+    pixels = field.image(np.eye(128).reshape(-1, *SHAPE)).reshape(128, 128).T
+    return np.diag(pixels @ covariance @ pixels.T)
+
+
 @pytest.mark.parametrize("noise", ["even", "uneven", "one unknown"])
 def test_the_posterior_is_that_of_the_joint_covariance(field, rows, noise):
     rng = np.random.default_rng(1)
@@ -46,15 +54,46 @@ def test_the_posterior_is_that_of_the_joint_covariance(field, rows, noise):
     prior, seen = posterior.contrast * np.diag(field.variance.ravel()), rows[known]
     gain = np.linalg.solve(seen @ prior @ seen.T + np.diag(sigma[known] ** 2), seen @ prior).T
     covariance = prior - gain @ seen @ prior
-    np.testing.assert_allclose(posterior.mean.ravel(), gain @ measured[known], rtol=1e-4, atol=1e-4)
-    pixels = field.image(np.eye(128).reshape(-1, *SHAPE)).reshape(128, 128).T
-    in_pixels = np.diag(pixels @ covariance @ pixels.T)
-    exact = np.isclose(posterior.variance.ravel(), in_pixels, rtol=1e-4)
-    assert exact.all() if noise == "even" else exact.sum() >= exact.size // 16
+    np.testing.assert_allclose(
+        posterior.own_mean.ravel(), gain @ measured[known], rtol=1e-4, atol=1e-4
+    )
+    if noise != "even":
+        exact = np.isclose(posterior.variance.ravel(), in_pixels(field, covariance), rtol=1e-4)
+        assert exact.sum() >= exact.size // 16
     image = rng.standard_normal(SHAPE)
     np.testing.assert_allclose(
         posterior.covariance(image).ravel(), covariance @ image.ravel(), rtol=1e-3, atol=1e-3
     )
+
+
+@pytest.mark.parametrize("sigma", [2.0, 40.0])
+def test_mean_and_variance_are_averages_over_the_textbook_s(field, rows, sigma):
+    """Over contrasts and exponents, of images of which only what is measured has the latter."""
+    rng = np.random.default_rng(3)
+    measured = rows @ drawn(field, 50.0, 2).ravel() + sigma * rng.standard_normal(39)
+    model, noise = GaussianModel(rows, field), np.full(39, sigma)
+    posterior = model.given(measured, noise, 20.0)
+    parts = Components(field, rows, np.ones(39))
+    known = contrasts(parts.turn @ measured, parts.spreads, sigma**2, 20.0)
+    prior = np.diag(field.variance.ravel())
+    means, variances = [], []
+    basis = parts.spectra.T / parts.spread  # images that measured components stand for
+    for contrasts_of, spread in zip(known.value, parts.spreads, strict=True):
+        for contrast in contrasts_of:
+            tilted = contrast * (prior + basis @ np.diag(spread - parts.spread) @ basis.T)
+            seen = rows @ tilted
+            gain = np.linalg.solve(seen @ rows.T + sigma**2 * np.eye(39), seen).T
+            means.append(gain @ measured)
+            # What is not measured has the mean contrast of the prior's own exponent.
+            rest = (posterior.contrast - contrast) * (prior - basis @ parts.spectra)
+            variances.append(in_pixels(field, tilted - gain @ seen + rest))
+    weights = known.probability.ravel()
+    mean = weights @ means
+    np.testing.assert_allclose(posterior.mean.ravel(), mean, atol=1e-6 * np.abs(mean).max())
+    between = field.image((np.array(means) - mean).reshape(-1, *SHAPE)).reshape(-1, 128) ** 2
+    variance = weights @ (np.array(variances) + between)
+    np.testing.assert_allclose(posterior.variance.mean(), variance.mean(), rtol=0.02)
+    assert np.std(posterior.variance.ravel() / variance) < 0.2
 
 
 def test_errors_have_the_variance_that_is_told(field, rows):

@@ -62,7 +62,7 @@ def test_images_scale_with_their_readings(name):
     np.testing.assert_allclose(1e6 * once, more, rtol=1e-4, atol=1e-3 * more.max())
 
 
-@pytest.mark.parametrize("name", ["least-squares", "edge-preserving"])
+@pytest.mark.parametrize("name", ["least-squares", "edge-preserving", "random-pursuit"])
 def test_without_noise_the_image_agrees_with_the_readings(name):
     image = natural_image(SIDE, 2)
     operator = decoder_for(make_plan(image.shape, PATTERNS, polarity="signed")).operator
@@ -86,7 +86,7 @@ def test_edges_are_worth_following_and_never_cost(snr, least):
     assert np.mean(gains) > least * np.std(gains) / np.sqrt(len(gains))
 
 
-@pytest.mark.parametrize("name", ["least-squares", "edge-preserving"])
+@pytest.mark.parametrize("name", ["least-squares", "edge-preserving", "random-pursuit"])
 @pytest.mark.parametrize("snr", [10, 2])
 def test_deviations_are_the_size_of_errors(name, snr):
     """Images are no Gaussian fields: within a factor, and half to nine tenths within one sigma."""

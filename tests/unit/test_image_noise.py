@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from images import natural_image
+from reconstruction.capture.importers import plan_from_matrix
 from reconstruction.image import Imaging, Prior
-from reconstruction.image.dictionaries.dct import DICTIONARY
 from reconstruction.image.noise import variance_by_repetition, variance_by_spectrum
 from reconstruction.operators import (
     PatternPlan,
@@ -127,7 +127,7 @@ def test_too_few_repetitions_are_none():
 @pytest.mark.parametrize("patterns", [64, 256])
 def test_the_spectrum_tells_strong_noise_and_takes_texture_for_weak_one(patterns):
     operator = decoder_for(make_plan((32, 32), patterns, polarity="signed")).operator
-    expected = Prior(operator, DICTIONARY).expected
+    expected = Prior(operator).expected
     strong, none = [], []
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -138,6 +138,22 @@ def test_the_spectrum_tells_strong_noise_and_takes_texture_for_weak_one(patterns
         none.append(np.sqrt(variance_by_spectrum(signal, expected)) / signal.std())
     assert np.median(strong) == pytest.approx(1, abs=0.25)
     assert np.median(none) < 0.6
+
+
+@pytest.mark.parametrize("patterns", [128, 512])
+def test_noise_that_hides_the_image_is_told_without_bias(patterns):
+    """Of K Gaussian numbers the deviation is known within 1 / sqrt(2 K)."""
+    operator = decoder_for(make_plan((32, 32), patterns, polarity="signed")).operator
+    expected = Prior(operator).expected
+    ratios = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        signal = operator.forward(natural_image(32, seed))[1:] / 32
+        noise = 10 * signal.std()
+        white = noise * rng.standard_normal(signal.shape)
+        ratios.append(np.sqrt(variance_by_spectrum(signal + white, expected)) / noise)
+    assert abs(np.mean(ratios) - 1) < 0.04
+    assert np.std(ratios) < 2 / np.sqrt(2 * patterns)
 
 
 def test_nothing_has_no_noise():
@@ -153,3 +169,21 @@ def test_an_unknown_scale_does_not_change_what_is_told_of_the_noise():
     once, more = (usable.decode(scale * readings, nothing).noise for scale in (1, 1e6))
     np.testing.assert_allclose(1e6 * once, more, rtol=1e-6)
     assert (once > 0).all()
+
+
+def test_more_readings_than_pixels_tell_the_noise():
+    rng = np.random.default_rng(3)
+    shown = rng.integers(0, 2, (180, 120)).astype(np.float64)
+    plan, _ = plan_from_matrix(shown, (10, 12))
+    usable = np.ones(plan.exposures, dtype=bool)
+    usable[7] = False
+    combinations = redundant_combinations(plan, usable)
+    assert combinations.shape == (58, 180)
+    light = expose(plan, rng.random((10, 12))) + 3.0
+    np.testing.assert_allclose(combinations @ light, 0, atol=1e-9)
+    found = [
+        variance_by_repetition(combinations, light + 0.5 * rng.standard_normal(light.shape))
+        for _ in range(200)
+    ]
+    z = (np.mean(np.sqrt(found)) - 0.5) / (np.std(np.sqrt(found)) / np.sqrt(len(found)))
+    assert abs(z) < 4

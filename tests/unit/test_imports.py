@@ -28,13 +28,15 @@ def imported(source: str) -> set[str]:
 def test_its_distribution_asks_for_what_it_imports() -> None:
     project = tomllib.loads((ROOT / "reconstruction" / "pyproject.toml").read_text())["project"]
     required = {re.split(r"\W", line)[0] for line in project["dependencies"]}
-    extras = {"compiled.py": "fast", "in_step.py": "gpu"}
+    extras = {"compiled.py": "fast", "in_step.py": "gpu", "_wavelets.py": "wavelets"}
+    modules = {"PyWavelets": "pywt"}
     for path in sorted((ROOT / "reconstruction").rglob("*.py")):
         if path.parent.name == "adapters":  # each for a library of its own
             continue
         foreign = imported(path.read_text(encoding="utf-8")) - sys.stdlib_module_names
         extra = project["optional-dependencies"].get(extras.get(path.name), [])
-        allowed = required | {line.partition(">")[0].replace("-", "_") for line in extra}
+        names = {line.partition(">")[0] for line in extra}
+        allowed = required | {modules.get(name, name.replace("-", "_")) for name in names}
         assert foreign <= allowed, path
 
 

@@ -137,7 +137,11 @@ def test_an_entry_that_cannot_be_loaded_is_told_with_its_package(
             lambda found: all(issubclass(kind, Spots) for kind in np.atleast_1d(found.reads)),
         ),
         (READINGS, {"cw", "pulsed", "dtof"}, lambda found: issubclass(found, Spots)),
-        (DICTIONARIES, {"dct"}, lambda found: found.atoms(4).shape == (4, 4)),
+        (
+            DICTIONARIES,
+            {"dct", "haar", "db4", "learned"},
+            lambda found: len(found.bands((4, 8))[0].vertical) == 4,
+        ),
         (
             BASES,
             {"hadamard", "dense", "fourier", "scrambled"},

@@ -1,12 +1,12 @@
 """The two-dimensional discrete cosine transform."""
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Floats
+from ..dictionary import Band
 
 
 class Dct:
@@ -14,6 +14,11 @@ class Dct:
 
     D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987).
     """
+
+    def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
+        """All cosines in one band."""
+        vertical, horizontal = (_cosines(side) for side in shape)
+        return [Band(vertical, horizontal, self.deviation(shape))]
 
     def atoms(self, side: int) -> Floats:
         """Orthonormal cosines, the lowest frequency first: (side, side)."""
@@ -26,10 +31,11 @@ class Dct:
         frequency[0, 0] = np.inf
         return 1 / frequency
 
-    def synthesise(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """Image (H, W) of coefficients (H, W)."""
-        height, width = spectrum.shape
-        return np.asarray(_cosines(height) @ spectrum @ _cosines(width).T)
+    def band(self, vertical: Floats, horizontal: Floats) -> Band:
+        """Other atoms (H, a) and (W, b), as strong as they are where cosines are independent."""
+        tall, wide = (_cosines(len(atoms)).T @ atoms for atoms in (vertical, horizontal))
+        power = self.deviation((len(vertical), len(horizontal))) ** 2
+        return Band(vertical, horizontal, np.sqrt(tall.T**2 @ power @ wide**2))
 
 
 @lru_cache(maxsize=8)

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
+from ..contrast import ContrastByLevel
 from ..dictionaries.dct import DICTIONARY
-from ..dictionary import Dictionary
 from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import at_most, band
 from ..method import Estimate
-from ..prior import Prior
+from ..prior import Deviation, Prior
 from ..shrinking import ShrinkingSolver
 
 MOST = 2**23
@@ -32,26 +32,26 @@ SEEN = 0.99
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Posterior mean and deviation of Gaussian images, independent in a dictionary's atoms."""
+    """Posterior mean and deviation of Gaussian images, independent in cosines."""
 
     title = "least squares"
-    dictionary: Dictionary = DICTIONARY
+    deviation: Deviation = DICTIONARY.deviation
 
     def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
         """Solver of one operator's coefficients: the same for all methods that begin with it."""
-        return _compiled(operator, self.dictionary)
+        return _compiled(operator, self.deviation)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _compiled(
-    operator: MeasurementOperator, dictionary: Dictionary
+    operator: MeasurementOperator, deviation: Deviation
 ) -> "LeastSquaresSolver | ShrinkingSolver":
-    prior = Prior(operator, dictionary)
+    prior = Prior(operator, deviation)
     high, wide = band(prior.atoms.by_atom() * prior.deviation**2, SEEN)
     rows = len(prior.expected)
     if rows > MOST_ROWS or rows * high * wide > MOST:
         return ShrinkingSolver(operator, prior)
-    return LeastSquaresSolver(operator, dictionary, prior)
+    return LeastSquaresSolver(operator, prior)
 
 
 class LeastSquaresSolver:
@@ -62,11 +62,11 @@ class LeastSquaresSolver:
     see, over all images; ``precision`` is the inverse of the field's variance.
     """
 
-    def __init__(self, operator: MeasurementOperator, dictionary: Dictionary, prior: Prior) -> None:
+    def __init__(self, operator: MeasurementOperator, prior: Prior) -> None:
         self.operator = operator
         variance = prior.deviation**2
         self.seen: Floats = prior.atoms.by_atom() * variance
-        tall, wide = (dictionary.atoms(side) for side in operator.image_shape)
+        tall, wide = (DICTIONARY.atoms(side) for side in operator.image_shape)
         height, width = shape = _sides(self.seen, len(prior.expected))
         lowest = np.indices(shape).reshape(2, -1)
         self.model = GaussianModel(
@@ -78,6 +78,7 @@ class LeastSquaresSolver:
         higher = variance.copy()
         higher[:height, :width] = 0
         self._higher: Floats = Field(tall, wide, higher).pixel_variance
+        self.expected_contrast = ContrastByLevel(operator, float(variance.mean()))
         self._level_image: Floats | None = None
         if operator.level is not None:
             units = np.eye(1, operator.shape[0], operator.level)
@@ -97,7 +98,9 @@ class LeastSquaresSolver:
     def posterior(self, coefficients: Coefficients) -> Posterior | None:
         """What coefficients other than the level tell; None where all that are known are 0."""
         measured, noise = self.varying(coefficients)
-        return self.model.given(measured, noise) if measured.any() else None
+        if not measured.any():
+            return None
+        return self.model.given(measured, noise, self.expected_contrast(coefficients))
 
     def variance(self, posterior: Posterior) -> Floats:
         """Variance of each pixel (H, W)."""

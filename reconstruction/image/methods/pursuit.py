@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Floats
 from ...operators import MeasurementOperator
+from ..atoms import StrongestAtoms
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
 from ..dictionary import Dictionary
 from ..method import Estimate
 from ..omp import batch_omp
-from ..prior import Prior, fit_variance
+from ..prior import fit_variance
 from .least_squares import METHOD as LEAST_SQUARES
 
 ATOMS = 1024
@@ -44,17 +44,10 @@ class PursuitSolver:
 
     def __init__(self, operator: MeasurementOperator, dictionary: Dictionary) -> None:
         self.operator = operator
-        self.dictionary = dictionary
         self._linear = LEAST_SQUARES.compile(operator)
         self.varying = operator.varying
-        prior = Prior(operator, dictionary)
-        seen = prior.deviation**2 * prior.atoms.by_atom()
-        strongest = np.argsort(-seen, axis=None, kind="stable")[:ATOMS]
-        self.atoms = np.unravel_index(strongest, operator.image_shape)
-        self.deviation = prior.deviation[self.atoms]
-        self.expected_variance = prior.expected
-        self.columns: Floats = prior.atoms.of(self.atoms) * self.deviation
-        self.gram: Floats = self.columns.T @ self.columns
+        self.atoms = StrongestAtoms(operator, dictionary, ATOMS)
+        self.gram = self.atoms.columns.T @ self.atoms.columns
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """Image (H, W) from coefficients (K,).
@@ -67,7 +60,7 @@ class PursuitSolver:
         measured = coefficients.values[seen] / length
         if not measured.any():
             return Estimate(self.operator.least_energy(coefficients.values))
-        columns, gram, expected = self.columns, self.gram, self.expected_variance
+        columns, gram, expected = self.atoms.columns, self.gram, self.atoms.expected
         if measured.size < len(columns):
             rows = coefficients.measured[self.varying]
             columns, expected = columns[rows], expected[rows]
@@ -81,12 +74,10 @@ class PursuitSolver:
             tolerance=measured.size * variance * ridge,
             max_atoms=min(MAX_CHOSEN, measured.size),
         )
-        spectrum = np.zeros(self.operator.image_shape, dtype=measured.dtype)
-        spectrum[self.atoms] = self.deviation * values
         left = coefficients.values.copy()
         left[seen] = (measured - columns @ values) * length
         rest = self._linear(Coefficients(left, coefficients.noise))
-        return Estimate(self.dictionary.synthesise(spectrum) + rest.image)
+        return Estimate(self.atoms.image(values) + rest.image)
 
 
 METHOD = Pursuit()

@@ -15,10 +15,10 @@ from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Detectors, Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
-from spisim.transport.engine.mirrors import reflected
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
+from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
 #: Ends whose rays are followed, and ends that these are connected to.

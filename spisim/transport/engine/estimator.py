@@ -29,7 +29,13 @@ from spisim.transport.engine.tally import (
     Tallies,
 )
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
-from spisim.transport.engine.weights import alone, balanced, second_on, second_on_or_behind_glass
+from spisim.transport.engine.weights import (
+    alone,
+    alone_second_on_or_behind_glass,
+    balanced,
+    second_on,
+    second_on_or_behind_glass,
+)
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 from spisim.transport.world import World
 
@@ -57,7 +63,8 @@ def transport_image(
     """Fraction of each virtual pixel's power that reaches the detectors: `image` (H·W,).
 
     Several detectors are alike, and their light is added up.
-    `budget` counts paths per virtual pixel from each end that takes part. Other
+    `budget` counts paths per virtual pixel from each end that takes part: from both, but where
+    the world is plain. Other
     `outputs` come under the names of `spisim.transport.engine.tally`.
     """
     pixels = projector.pixels
@@ -70,7 +77,8 @@ def transport_image(
         image_light(world, near, far, seeds, tallies.add, strategy, max_vertices, replicas=replicas)
         return tallies.read(detector.area_m2)
 
-    return repeat(launch, budget, pixels, seed, progress, replicas=replicas)
+    ends = 2 if strategy is Strategy.BOTH and not world.plain else 1
+    return repeat(launch, budget, pixels, seed, progress, replicas=replicas, ends=ends)
 
 
 def image_light(
@@ -93,6 +101,8 @@ def image_light(
     outward = inward = alone
     if strategy is Strategy.BOTH:
         outward, inward = second_on_or_behind_glass, second_on
+        if world.plain:
+            strategy, outward = Strategy.PROJECTOR, alone_second_on_or_behind_glass
         direct_light(world, near, far, seeds[2], deposit, replicas=replicas)
         mirrored_light(world, near, far, seeds[2], deposit, replicas=replicas)
         if max_vertices == 1:

@@ -126,11 +126,12 @@ def repeat(
     progress: Callable[[float], None] | None,
     *,
     replicas: int = 1,
+    ends: int = 2,
 ) -> Estimate:
     """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `budget` says.
 
     Each launch makes `replicas` estimates side by side, the first axis of its values: they count
-    as so many launches, and cost one.
+    as so many launches, and cost one. Paths are launched from so many `ends`.
 
     TransportWarning tells how much of the light had to be left out.
     """
@@ -166,7 +167,7 @@ def repeat(
             TransportWarning,
             stacklevel=2,
         )
-    paths = 2 * running.weight * cells
+    paths = ends * running.weight * cells
     return Estimate(running.mean, running.error(), running.count, paths, running.size(), dropped)
 
 

@@ -25,13 +25,13 @@ import mitsuba as mi
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Connection, Detectors, Launch, Projector
 from spisim.transport.engine.lights import Lamp, Sun
-from spisim.transport.engine.mirrors import reflected
 from spisim.transport.engine.path import Path, Ratio, quotient
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Lobe, Turn, Vertex
 from spisim.transport.engine.weights import Weight
 from spisim.transport.geometry import direction_to
+from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
 #: Paths longer than this carry nothing worth following; roulette ends almost all of them earlier.

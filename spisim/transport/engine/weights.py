@@ -39,6 +39,10 @@ def _balanced(others: Any, vertex: Any) -> Any:
 
 #: Of a strategy that is the only one.
 alone = Weight(_all, lambda others, vertex: mi.Float(1))
+#: Of the only one, but for the sum along rays, which finds light scattered once up to a surface.
+alone_second_on_or_behind_glass = Weight(
+    _second_on_or_behind_glass, lambda others, vertex: mi.Float(1)
+)
 #: Of all light.
 balanced = Weight(_all, _balanced)
 #: Of light scattered twice or more; the rest is found elsewhere.

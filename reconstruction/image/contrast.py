@@ -1,0 +1,140 @@
+"""How much images vary, as far as their coefficients and their level tell.
+
+Independent components of coefficients have variances v l_k + s_k^2. The contrast v is hardly told
+where noise is the stronger part: its likelihood is nearly flat, and where it is highest says little
+(often v = 0). So nothing is decided there: everything is averaged over v, each as probable as the
+data make it. The exponent of the spectrum, by which the l_k differ from one scene to the next, is
+treated alike. Before the coefficients are looked at,
+
+* the rms contrast of an image over its mean is `RELATIVE`, give or take the factor e^`SPREAD`,
+  where the mean is measured;
+* otherwise the share of a component that is noise is as likely any number between 0 and 1
+  (W. E. Strawderman, Ann. Math. Statist. 42, 385 (1971); M. J. Daniels, Can. J. Statist. 27, 567
+  (1999)): wherever the data tell anything, this hardly matters.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from ..operators import MeasurementOperator
+from .coefficients import Coefficients
+
+RELATIVE, SPREAD = 0.5, 0.8
+"""Median and logarithmic deviation of rms contrast over mean: scenes that tools/drawn_images.py
+draws to learn from, in clear air and in fog."""
+POINTS, ROUNDS = 12, 3
+"""Contrasts in each round, of which the next looks closer at the likely ones."""
+UNLIKELY = 8.0
+"""Log-density below the highest that is not looked at more closely."""
+LEAST = 1e-3
+"""Least contrast that is looked at, over that at which the strongest component is half noise."""
+NOISELESS = 1e-12
+"""Least variance of noise over the mean power of components."""
+
+
+class Contrasts(NamedTuple):
+    """Contrasts ``value`` (E, J) of each of E spectra, and their ``probability`` (E, J).
+
+    ``given`` (E,): mean contrast, given each spectrum.
+    """
+
+    value: Floats
+    probability: Floats
+    given: Floats
+
+
+class Shrunk(NamedTuple):
+    """Of components (K,), over all contrasts and spectra.
+
+    ``gain``: posterior mean over what was measured. The variance is ``by_noise``, and ``between``
+    contrasts and spectra times the square of what was measured.
+    """
+
+    gain: Floats
+    by_noise: Floats
+    between: Floats
+
+
+class ContrastByLevel:
+    """What the level of an image tells of its contrast before anything else is looked at.
+
+    ``variance``: mean variance of pixels of images of v = 1.
+    """
+
+    def __init__(self, operator: MeasurementOperator, variance: float) -> None:
+        self._level = operator.level
+        self._variance = variance
+        if operator.level is not None:
+            units = np.eye(1, operator.shape[0], operator.level)
+            self._mean = float(operator.least_energy(units[0]).mean())
+
+    def __call__(self, coefficients: Coefficients) -> float | None:
+        """The median v, None where the level is not measured."""
+        if self._level is None or not coefficients.measured[self._level]:
+            return None
+        value, error = coefficients.values[self._level], coefficients.noise[self._level]
+        square = float(abs(value) ** 2 + error**2) * self._mean**2
+        return RELATIVE**2 * square / self._variance or None
+
+
+def contrasts(
+    measured: NDArray[Any], spreads: Floats, noise: Floats | float, expected: float | None
+) -> Contrasts:
+    """Posterior of v, of components (K,), not all 0, with noise of variance ``noise``.
+
+    ``spreads`` (E, K): variances l, of each spectrum; ``expected``: median of v before, if told.
+    A complex component counts as one number, as if all of the image had one phase.
+    """
+    power = np.abs(measured) ** 2
+    usual = spreads.mean(axis=0)
+    seen = usual > 1e-12 * usual.max()
+    noise = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())[seen]
+    power, spreads, usual = power[seen], spreads[:, seen], usual[seen]
+    equal = float((noise / usual).min())  # half of the strongest component is noise
+    most = max(float((power / usual).max()), equal)
+    least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
+    low, high = np.log([min(least, LEAST * equal), 10 * most])
+    logs = np.tile(np.linspace(low, high, POINTS), (len(spreads), 1))
+    for last in np.arange(ROUNDS) == ROUNDS - 1:
+        variance = np.exp(logs)[..., None] * spreads[:, None] + noise
+        density = -(np.log(variance) + power / variance).sum(axis=-1) / 2
+        density += _told(logs, expected) if expected is not None else _untold(logs, equal)
+        if not last:
+            logs = _closer(logs, density)
+    weight = np.exp(density - density.max(axis=1, keepdims=True))
+    values = np.exp(logs)
+    given = (weight * values).sum(axis=1) / weight.sum(axis=1)
+    weight = np.exp(density - density.max()) * (logs[:, 1:2] - logs[:, :1])
+    return Contrasts(values, weight / weight.sum(), given)
+
+
+def _closer(logs: Floats, density: Floats) -> Floats:
+    """As many logarithms (E, J) about the likely ones of each spectrum."""
+    likely = density > density.max(axis=1, keepdims=True) - UNLIKELY
+    first = np.maximum(likely.argmax(axis=1) - 1, 0)
+    last = np.minimum(POINTS - likely[:, ::-1].argmax(axis=1), POINTS - 1)
+    each = np.arange(len(logs))
+    return np.linspace(logs[each, first], logs[each, last], POINTS, axis=1)
+
+
+def _told(logs: Floats, expected: float) -> Floats:
+    """Log-density of logarithms of v before anything but the level is measured."""
+    return np.asarray(-(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2)
+
+
+def _untold(logs: Floats, equal: float) -> Floats:
+    """The same where not even that is."""
+    size = logs - np.log(equal)
+    return np.asarray(size - 2 * np.logaddexp(0, size))
+
+
+def shrunk(known: Contrasts, spreads: Floats, noise: Floats | float) -> Shrunk:
+    """Posterior of components with ``spreads`` (E, K) and noise of variance ``noise``."""
+    signal = known.value[..., None] * spreads[:, None]
+    gains = signal / (signal + noise)
+    gain = np.einsum("ej,ejk->k", known.probability, gains)
+    square = np.einsum("ej,ejk->k", known.probability, gains**2)
+    return Shrunk(gain, gain * noise, np.maximum(square - gain**2, 0))

@@ -1,0 +1,72 @@
+"""Orthonormal wavelets of images of any shape.
+
+S. G. Mallat, IEEE Trans. PAMI 11, 674 (1989); the filters are I. Daubechies's, Comm. Pure Appl.
+Math. 41, 909 (1988). Wavelets are those of the whole plane, cut off at the edges of the image: no
+orthonormal basis any more, yet a tight frame, in which nothing wraps around from one edge to the
+other. Each is as strong as it is in a field of which the power falls with the square of spatial
+frequency.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, log2
+
+import numpy as np
+
+from ...arrays import Floats
+from ...errors import InputError
+from ..dictionary import Band
+from .dct import DICTIONARY as COSINES
+
+
+@dataclass(frozen=True)
+class Wavelets:
+    """Bands of one family of wavelets, by its name in PyWavelets."""
+
+    family: str
+
+    def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
+        """Details of all scales, and what is coarser: the widest are about as wide as the image.
+
+        Raises InputError where PyWavelets is needed and not installed.
+        """
+        low = _low_pass(self.family)
+        high = low[::-1] * (-1.0) ** np.arange(len(low))
+        smooth, found = np.ones(1), []
+        for level in range(max(1, ceil(log2(2 * max(shape) / len(low))))):
+            detail, smooth = (_finer(smooth, taps, 2**level) for taps in (high, low))
+            scale = 2 ** (level + 1)
+            both = [[_shifted(one, scale, side) for one in (smooth, detail)] for side in shape]
+            (tall, tall_detail), (wide, wide_detail) = both
+            pairs = [(tall, wide_detail), (tall_detail, wide), (tall_detail, wide_detail)]
+            found += [COSINES.band(*pair) for pair in pairs]
+        return [*found, COSINES.band(tall, wide)]
+
+
+def _low_pass(family: str) -> Floats:
+    """The filter of a family; it has length 1."""
+    if family == "haar":
+        return np.full(2, np.sqrt(0.5))
+    try:
+        import pywt
+    except ImportError:
+        raise InputError(
+            f"dictionary {family!r} needs PyWavelets: pip install 'spisim[wavelets]'"
+        ) from None
+    return np.asarray(pywt.Wavelet(family).rec_lo)
+
+
+def _finer(smooth: Floats, taps: Floats, step: int) -> Floats:
+    """The function of the next scale: shifts of the ``smooth`` one, by ``step`` pixels each."""
+    spread = np.zeros(step * (len(taps) - 1) + 1)
+    spread[::step] = taps
+    return np.convolve(spread, smooth)
+
+
+def _shifted(function: Floats, step: int, side: int) -> Floats:
+    """All shifts by multiples of ``step`` that touch an axis (side,), one in each column."""
+    first = -((len(function) - 1) // step) * step
+    starts = np.arange(first, side, step)
+    place = np.arange(side)[:, None] - starts
+    inside = (place >= 0) & (place < len(function))
+    return np.where(inside, function[np.clip(place, 0, len(function) - 1)], 0.0)

@@ -1,0 +1,5 @@
+"""Daubechies's wavelets with four vanishing moments."""
+
+from ._wavelets import Wavelets
+
+DICTIONARY = Wavelets("db4")

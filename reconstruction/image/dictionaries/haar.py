@@ -1,0 +1,5 @@
+"""Haar's wavelets: differences of neighbouring blocks."""
+
+from ._wavelets import Wavelets
+
+DICTIONARY = Wavelets("haar")

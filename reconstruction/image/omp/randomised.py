@@ -1,0 +1,71 @@
+"""Pursuits that draw their atoms, by the evidence for each, all of one frame in step."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import Floats
+
+
+def pursue_randomly(
+    gram: Floats,
+    correlation: NDArray[np.inexact],
+    *,
+    ridge: float,
+    odds: float,
+    draws: Floats,
+) -> NDArray[np.inexact]:
+    """Coefficients (F, n) of F pursuits of one frame, from uniform ``draws`` (F, most).
+
+    Measurements have noise of variance 1; atoms there are have coefficients of variance
+    1 / ``ridge``, and are there with probability P: ``odds`` is P / (1 - P). ``gram`` (n, n) and
+    ``correlation`` (n,) are as for `batch_omp`. With c the correlation of an atom with what is left
+    and p what is new of its energy, it makes the measurements
+
+        odds exp(|c|^2 / 2 (p + ridge)) / sqrt(1 + p / ridge)
+
+    times as likely, and the square of that but for the odds if they are complex. Each step takes an
+    atom, or ends the pursuit, with chances in proportion to this and 1; then coefficients are those
+    of least |y - Phi u|^2 + ridge |u|^2, their means.
+    """
+    pursuits, most = draws.shape
+    every = np.arange(pursuits)
+    parts = 1.0 if np.iscomplexobj(correlation) else 0.5
+    left = np.tile(correlation, (pursuits, 1))
+    power = np.tile(np.diag(gram), (pursuits, 1))
+    log_odds = np.full(power.shape, np.log(odds))
+    columns = np.zeros((most, *power.shape))
+    pivots = np.ones((most, pursuits))
+    shares = np.zeros((most, pursuits), correlation.dtype)
+    chosen = np.zeros((most, pursuits), np.intp)
+    going = np.ones(pursuits, dtype=bool)
+    taken = 0
+    for draw in draws.T:
+        explained = np.abs(left) ** 2 / (power + ridge) - np.log1p(power / ridge)
+        atom = drawn(log_odds + parts * explained, draw)
+        going = going & (atom >= 0)
+        if not going.any():
+            break
+        row = columns[:taken, every, atom] / pivots[:taken]
+        new = gram[atom] - np.einsum("sf,sfa->fa", row, columns[:taken])
+        new[~going] = 0
+        pivots[taken] = new[every, atom] + ridge
+        shares[taken] = np.where(going, left[every, atom], 0) / pivots[taken]
+        left -= shares[taken][:, None] * new
+        power = np.maximum(power - new**2 / pivots[taken][:, None], 0)
+        log_odds[every[going], atom[going]] = -np.inf
+        columns[taken], chosen[taken] = new, atom
+        taken += 1
+    found = np.zeros_like(left)
+    for step in reversed(range(taken)):
+        later = (columns[step] * found).sum(axis=1) / pivots[step]
+        found[every, chosen[step]] += shares[step] - later
+    return found
+
+
+def drawn(log_weights: Floats, draws: Floats) -> NDArray[np.intp]:
+    """One of n things (F,), by weights (F, n) and uniform ``draws`` (F,); -1 by a weight of 1."""
+    highest = np.maximum(log_weights.max(axis=1), 0)
+    sums = np.exp(log_weights - highest[:, None]).cumsum(axis=1)
+    at = draws * (sums[:, -1] + np.exp(-highest))
+    place = (sums <= at[:, None]).sum(axis=1)
+    return np.where(place < sums.shape[1], place, -1)

@@ -1,0 +1,116 @@
+"""Contrasts that noise hides: averages over all, against integrals and draws from the prior."""
+
+import numpy as np
+import pytest
+
+from images import natural_image
+from reconstruction.image import Coefficients
+from reconstruction.image.contrast import (
+    RELATIVE,
+    SPREAD,
+    ContrastByLevel,
+    contrasts,
+    shrunk,
+)
+from reconstruction.operators import decoder_for, make_plan
+
+
+def spectra(components):
+    """Variances that fall with two powers of the number."""
+    numbers = np.arange(1, components + 1)
+    return np.array([1.0 / numbers, 1.0 / numbers**2])
+
+
+def drawn(seed, components, noise, expected):
+    """Components, and what is measured of them, of an image that the prior expects."""
+    rng = np.random.default_rng(seed)
+    contrast = expected * np.exp(2 * SPREAD * rng.standard_normal())
+    signal = rng.standard_normal(components) * np.sqrt(
+        contrast * rng.choice(spectra(components), axis=0)
+    )
+    return signal, signal + noise * rng.standard_normal(components)
+
+
+@pytest.mark.parametrize("noise", [0.03, 1.0, 10.0])
+@pytest.mark.parametrize("components", [5, 100])
+def test_errors_of_images_of_the_prior_have_the_variance_that_is_told(components, noise):
+    """Squared errors less the variance are 0 on the mean, however strong the noise."""
+    excess, errors = [], []
+    for seed in range(400):
+        signal, measured = drawn(seed, components, noise, 2.0)
+        known = contrasts(measured, spectra(components), noise**2, 2.0)
+        found = shrunk(known, spectra(components), noise**2)
+        error = (found.gain * measured - signal) ** 2
+        excess.append((error - found.by_noise - found.between * measured**2).sum())
+        errors.append(error.sum())
+    assert abs(np.mean(excess)) < 4 * np.std(excess) / np.sqrt(len(excess))
+    assert np.mean(excess) < 0.25 * np.mean(errors)
+
+
+@pytest.mark.parametrize("expected", [None, 2.0])
+@pytest.mark.parametrize("components", [3, 40, 1000])
+@pytest.mark.parametrize("noise", [1e-4, 1.0, 30.0])
+def test_a_few_contrasts_are_the_integral_over_all(components, noise, expected):
+    _, measured = drawn(1, components, noise, 2.0)
+    spread = spectra(components)[:1]
+    known = contrasts(measured, spread, noise**2, expected)
+    logs = np.linspace(-40, 25, 20_001)
+    variance = np.exp(logs)[:, None] * spread[0] + noise**2
+    density = -(np.log(variance) + measured**2 / variance).sum(axis=1) / 2
+    if expected is None:
+        size = logs + np.log(spread.max() / noise**2)
+        density += size - 2 * np.logaddexp(0, size)
+    else:
+        density -= ((logs - np.log(expected)) / (2 * SPREAD)) ** 2 / 2
+    weight = np.exp(density - density.max())
+    weight /= weight.sum()
+    exact = weight @ (np.exp(logs)[:, None] * spread[0] / variance)
+    found = shrunk(known, spread, noise**2).gain
+    np.testing.assert_allclose(found, exact, rtol=0.1 if expected is None else 0.03)
+
+
+def test_what_is_told_of_the_level_hardly_matters_where_noise_is_weak():
+    _, measured = drawn(0, 300, 1e-3, 2.0)
+    found = [
+        contrasts(measured, spectra(300), 1e-6, expected).given[0] for expected in (None, 0.2, 20.0)
+    ]
+    np.testing.assert_allclose(found, found[0], rtol=0.03)
+
+
+def test_contrasts_have_the_unit_of_what_is_measured():
+    _, measured = drawn(0, 30, 1.0, 2.0)
+    one = contrasts(measured, spectra(30), 1.0, 2.0)
+    other = contrasts(1e6 * measured, spectra(30), 1e12, 2e12)
+    np.testing.assert_allclose(other.value, 1e12 * one.value)
+    np.testing.assert_allclose(other.probability, one.probability, atol=1e-9)
+    phase = contrasts(measured * np.exp(0.7j), spectra(30), 1.0, 2.0)
+    np.testing.assert_allclose(phase.probability, one.probability, atol=1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.0, np.zeros(30)])
+def test_without_noise_nothing_is_shrunk(noise):
+    _, measured = drawn(0, 30, 1.0, 2.0)
+    known = contrasts(measured, spectra(30), noise, None)
+    np.testing.assert_allclose(shrunk(known, spectra(30), noise).gain, 1)
+
+
+def test_the_level_tells_what_contrast_to_expect():
+    image = natural_image(16, 0)
+    operator = decoder_for(make_plan(image.shape, 40, polarity="signed")).operator
+    expect = ContrastByLevel(operator, 3.0)
+    values, noise = operator.forward(image), np.full(40, 2.0)
+    square = image.mean() ** 2 + (2.0 / image.size) ** 2
+    found = expect(Coefficients(values, noise))
+    assert found == pytest.approx(RELATIVE**2 * square / 3.0)
+    noise[operator.level] = np.inf
+    assert expect(Coefficients(values, noise)) is None
+    assert expect(Coefficients(0 * values, np.zeros(40))) is None
+
+
+def test_without_a_level_nothing_is_expected():
+    plan = make_plan((16, 16), 40, polarity="signed")
+    usable = plan.index != plan.patterns.level
+    operator = decoder_for(plan, usable).operator
+    assert operator.level is None
+    coefficients = Coefficients(np.ones(operator.shape[0]), np.ones(operator.shape[0]))
+    assert ContrastByLevel(operator, 1.0)(coefficients) is None
