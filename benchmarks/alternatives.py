@@ -104,7 +104,7 @@ class TransientSpots:
             active=mi.Bool(True),
             add_transient=add,
         )
-        sums = np.append(power.read()["image"], phasor.read()["phasors"])
+        sums = np.append(power.read(1)["image"], phasor.read(1)["phasors"])
         return np.asarray(sums * self._area_m2)
 
 

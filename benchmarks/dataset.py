@@ -10,8 +10,13 @@ patterns and four spots, fog of 50 m visibility, 1 % transport error of the read
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from options import benchmark_options, finish
@@ -22,14 +27,33 @@ from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
 from spisim.paper.checks import Check, Table, surroundings
 
+# isort: split
+import drjit as dr
+
 DOCS = Path(__file__).parents[1] / "docs" / "datasets.md"
 PLAN = """
 name: benchmark
 samples: 1000
 scenes: [{scene: warehouse}, {family: targets}]
 vary: {scene.fog: {kind: moderate-radiation, visibility_m: 50}}
-transport_error: 0.01
+transport_noise_share: 0.5
 """
+
+
+#: Kernels of so many operations walk; those that set up and read out have fewer.
+LARGE_OPERATIONS = 1000
+#: Parts of a sample, by what does them; each stands where it is called from.
+STAGES: dict[str, tuple[str, str]] = {
+    "draw of the plan": ("spisim.dataset.plan", "PlannedSet.sample"),
+    "scene and instrument": ("spisim.dataset.sample", "load"),
+    "truth": ("spisim.simulation", "ground_truth"),
+    "media": ("spisim.transport.solve", "build_world"),
+    "steady light": ("spisim.transport.solve", "_steady_light"),
+    "light of the image": ("spisim.transport.solve", "transport_image"),
+    "light of the spots": ("spisim.transport.solve", "spot_histogram"),
+    "counts": ("spisim.simulation", "record"),
+    "capture file": ("spisim.dataset.sample", "write_capture"),
+}
 
 
 @dataclass(frozen=True)
@@ -39,10 +63,11 @@ class Amounts:
     alone: int  # samples of one worker
     settled: int  # after so many of them its memory should grow no more
     together: int  # samples of two workers
+    taken_apart: int  # samples whose time is told part by part
 
 
-FULL = Amounts(alone=500, settled=50, together=200)
-QUICK = Amounts(alone=20, settled=6, together=20)
+FULL = Amounts(alone=500, settled=50, together=200, taken_apart=60)
+QUICK = Amounts(alone=20, settled=6, together=20, taken_apart=12)
 
 
 @dataclass(frozen=True)
@@ -82,6 +107,7 @@ def main() -> int:
         path = Path(folder) / "plan.yaml"
         path.write_text(PLAN)
         planned = load_plan(path)
+        parts = taken_apart(planned, amounts.taken_apart)
         alone = measure(planned, amounts.alone, 1)
         together = measure(planned, amounts.together, 2)
     table = Table(
@@ -94,7 +120,7 @@ def main() -> int:
         Check("efficiency of two workers", efficiency(alone, together), 0.85, at_least=True),
         Check("growth of a worker's memory, %", growth_percent(alone, amounts.settled), 5),
     ]
-    return finish(options, DOCS, "benchmark", around, [table], checks)
+    return finish(options, DOCS, "benchmark", around, [table, *parts], checks)
 
 
 def measure(planned: PlannedSet, samples: int, workers: int) -> Pace:
@@ -114,6 +140,80 @@ def measure(planned: PlannedSet, samples: int, workers: int) -> Pace:
         raise RuntimeError(f"sample {failed[0].index} failed: {failed[0].error}")
     print(f"{workers} workers: {arrived_s[-1]:.0f} s", file=sys.stderr)
     return Pace(workers, arrived_s, outcomes)
+
+
+def taken_apart(planned: PlannedSet, samples: int) -> list[Table]:
+    """Processor time of each part of a sample, and what Dr.Jit did, on average per sample."""
+    spent = dict.fromkeys(STAGES, 0.0)
+    with tempfile.TemporaryDirectory() as folder:
+        make = Maker(planned, Path(folder))
+        _made(make, range(samples, 2 * samples))  # compile, and fill what is kept
+        with _stopwatches(spent):
+            began = time.process_time()
+            _made(make, range(samples))
+            total_s = time.process_time() - began
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+            dr.kernel_history_clear()
+            _made(make, range(samples))
+            kernels = dr.kernel_history([dr.KernelType.JIT])
+    rest = {"all else": total_s - sum(spent.values()), "together": total_s}
+    rows = [
+        (name, f"{1e3 * seconds / samples:.1f}", f"{100 * seconds / total_s:.0f}")
+        for name, seconds in (spent | rest).items()
+    ]
+    large = [kernel for kernel in kernels if kernel["operation_count"] >= LARGE_OPERATIONS]
+    compiled = sum(not kernel["cache_hit"] for kernel in kernels)
+    codegen_ms = sum(kernel["codegen_time"] for kernel in kernels) / samples
+    counts = (
+        f"{len(kernels) / samples:.0f}",
+        f"{len(large) / samples:.1f}",
+        f"{codegen_ms:.1f}",
+        f"{compiled / samples:.2f}",
+    )
+    return [
+        Table(
+            "Where the processor time of such a sample goes:",
+            ("part", "ms", "% of all"),
+            rows,
+        ),
+        Table(
+            f"Kernels of such a sample (walks have {LARGE_OPERATIONS} operations and more):",
+            ("launched", "of them walks", "writing their code, ms", "compiled anew"),
+            [counts],
+        ),
+    ]
+
+
+def _made(make: Callable[[int], Outcome], indices: range) -> None:
+    for index in indices:
+        outcome = make(index)
+        if not outcome.done:
+            raise RuntimeError(f"sample {index} failed: {outcome.error}")
+
+
+@contextmanager
+def _stopwatches(spent: dict[str, float]) -> Iterator[None]:
+    """Add the processor time of each of `STAGES` to what is spent."""
+
+    def timed(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def run(*args: Any, **kwargs: Any) -> Any:
+            began = time.process_time()
+            try:
+                return function(*args, **kwargs)
+            finally:
+                spent[name] += time.process_time() - began
+
+        return run
+
+    with ExitStack() as stack:
+        for name, (module, path) in STAGES.items():
+            place: Any = import_module(module)
+            *outer, function = path.split(".")
+            for part in outer:
+                place = getattr(place, part)
+            watched = timed(name, getattr(place, function))
+            stack.enter_context(patch.object(place, function, watched))
+        yield
 
 
 def efficiency(alone: Pace, together: Pace) -> float:

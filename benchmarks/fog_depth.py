@@ -60,7 +60,7 @@ def errors_m(name: str, visibility_m: float, instrument: Instrument) -> list[flo
     """Mean absolute errors of the anchored depth map by plain, fitted and true ranges."""
     weather = {"fog": {"visibility_m": visibility_m, "kind": "moderate-radiation"}}
     scene = spisim.load_scene(name, weather | {"rain": None, "snow": None})
-    capture = spisim.simulate(scene, instrument, transport_error=0.02, seed=0).capture
+    capture = spisim.simulate(scene, instrument, transport_noise_share=0.3, seed=0).capture
     found = []
     for method in WAYS[:2]:
         result = Reconstructor(capture.setup, ranging=method, depth="anchored")(capture.frame(0))

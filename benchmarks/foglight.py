@@ -25,14 +25,13 @@ from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
 KEPT = Path(__file__).parents[1] / "out" / "ranging"
-VERSION = 1  # of what is kept: count it up where scenes or transport change
+VERSION = 2  # of what is kept: count it up where scenes or transport change
 NATURAL = ("moderate-radiation", "heavy-radiation", "moderate-advection", "heavy-advection")
 HAZES = ("haze-l", "haze-m", "haze-h", "chu-hogg")
 SMOKES = ("biomass", "glycol-fine", "glycol")
 REFLECTANCES = (0.1, 0.8)
 BOARD = 0.95  # width over the distance of its neighbour's middle, seen from the instrument
 BINS = PathLengthBins.up_to(MAX_PATH_M, 0.02)
-STEADY_PATHS = 2**13
 # Optical frame (x right, y down, z forward) in a world whose z is up.
 POSE = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]], dtype=np.float64)
 #: A uniform sky lights upright boards half as much as the ground.
@@ -196,15 +195,8 @@ def _traced(
     echo = spot_histogram(
         world, placed.beams, placed.tof, BINS, Paths(paths, launches=1), seed=streams[0]
     ).mean["histogram"]
-    daylight_w = daylight_power(
-        scene, instrument, world, placed.tof, paths=STEADY_PATHS, seed=streams[1]
+    daylight = daylight_power(scene, instrument, world, placed.tof, seed=streams[1])
+    patterns = projector_power(
+        world, placed.projector, instrument.mean_powers_w, placed.tof, seed=streams[2]
     )
-    patterns_w = projector_power(
-        world,
-        placed.projector,
-        instrument.mean_powers_w,
-        placed.tof,
-        paths=STEADY_PATHS,
-        seed=streams[2],
-    )
-    return echo, daylight_w, patterns_w
+    return echo, daylight.power_w, patterns.power_w

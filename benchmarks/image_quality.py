@@ -39,7 +39,10 @@ SCENES = HERE.parent / "out" / "image-quality"
 CAR = HERE.parent / "tests" / "data" / "car_buckets_201.npy"
 PACKAGES = ("spisim", "numpy", "scipy", "scikit-image")
 SHARES = (0.03125, 0.0625, 0.125, 0.25)
-METHODS = ("zero-filled", "pursuit", "least-squares", "total-variation", "edge-preserving")
+METHODS = (
+    *("zero-filled", "pursuit", "least-squares", "fitted-covariance", "total-variation"),
+    *("edge-preserving", "learned"),
+)
 REFERENCE, DEFAULT = "least-squares", "edge-preserving"
 PHOTOGRAPHS = (
     *("astronaut", "brick", "camera", "chelsea", "clock", "coffee", "coins", "grass", "gravel"),

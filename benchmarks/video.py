@@ -128,7 +128,7 @@ def promised(of: str, behind: Floats, flight: Gains, cuts: Gains) -> list[Check]
 def traced(scene: Scene, instrument: Instrument, frames: int, spp: int) -> LightSequence:
     """Light of so many frames."""
     return trace(
-        scene, instrument, frames=frames, spp=spp, transport_error=None, seed=1, progress=None
+        scene, instrument, frames=frames, spp=spp, transport_noise_share=None, seed=1, progress=None
     )
 
 

@@ -97,7 +97,9 @@ def warehouse(instrument: Instrument, changes: dict[str, Any], spp: int) -> Row:
     print(f"{instrument.wavelength_nm:g} nm, {changes}", file=sys.stderr)
     scene = load_scene("warehouse", changes, wavelength_nm=instrument.wavelength_nm)
     truth = ground_truth(scene, instrument)
-    light = trace(scene, instrument, frames=1, spp=spp, transport_error=None, seed=0, progress=None)
+    light = trace(
+        scene, instrument, frames=1, spp=spp, transport_noise_share=None, seed=0, progress=None
+    )
     dark = float(background_electrons(instrument, 0.0))
     daylight_w = light.transports[0].daylight_w
 

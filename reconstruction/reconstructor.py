@@ -114,13 +114,15 @@ class Reconstructor:
             coefficients = readings.decode(signal, variance)
         for shared in (coefficients.values, coefficients.noise):
             shared.setflags(write=False)  # by methods, one after the other
-        images, deviations = {}, {}
+        images, deviations, notes = {}, {}, {}
         for name in self._images:
             with timed(timings, f"image {name}"):
                 estimate = self._image(name, readings, coefficients)
             images[name] = estimate.image
             if estimate.deviation is not None:
                 deviations[name] = estimate.deviation
+            if estimate.note is not None:
+                notes[name] = estimate.note
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
@@ -146,6 +148,7 @@ class Reconstructor:
             recording=frame.digest(self.setup),
             frame=frame.first,
             patterns=readings.decoder.index.size,
+            notes=notes,
         )
 
     def _image(self, name: str, readings: UsableReadings, coefficients: Coefficients) -> Estimate:
@@ -162,7 +165,7 @@ class Reconstructor:
                 raise InputError(f"{who} gave values that are not finite")
         if not readings.decoder.level:  # the darkest pixel is taken to be dark
             image = image - image.min()
-        return Estimate(image, deviation)
+        return Estimate(image, deviation, estimate.note)
 
     @property
     def _shape(self) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 """What one frame shows."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,8 @@ class Result:
 
     ``images``: what each virtual pixel contributes to an exposure, (H, W) in ``unit`` (counts where
     their scale is unknown), by method, and ``deviations`` the standard deviation of each pixel, by
-    those methods that can tell. ``rangings``: the four spots, empty without time of flight.
+    those methods that can tell; ``notes``: what the user must know of some images, by method.
+    ``rangings``: the four spots, empty without time of flight.
     ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
     method finds any. ``range_over_depth`` (H, W): length of each pixel's ray per unit of depth,
     None where the optics are unknown. ``timings_s``: seconds per stage. ``recording``: the digest
@@ -39,6 +40,7 @@ class Result:
     recording: str
     frame: int
     patterns: int
+    notes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def image(self) -> Image:

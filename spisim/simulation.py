@@ -1,7 +1,8 @@
 """The whole chain: scene and instrument become light, counts and a capture."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from reconstruction.capture import Capture
 from spisim.instrument import Instrument
 from spisim.measurement import record
 from spisim.scene import Scene
-from spisim.transport import GroundTruth, Transport, ground_truth, trace
+from spisim.transport import GroundTruth, LightSequence, Transport, ground_truth, trace
 from spisim.transport.backend import activate
 
 
@@ -31,7 +32,7 @@ def simulate(
     instrument: Instrument,
     *,
     spp: int = 256,
-    transport_error: float | None = None,
+    transport_noise_share: float | None = None,
     seed: int = 0,
     noise: bool = True,
     frames: int = 1,
@@ -46,8 +47,9 @@ def simulate(
     ----------
     spp
         Light paths per virtual pixel and strategy.
-    transport_error
-        Instead of `spp`: relative standard error of the bucket vector to be reached.
+    transport_noise_share
+        Instead of `spp`: standard error of the light to be reached, as a share of the detectors'
+        noise; see `spisim.transport.solve`.
     seed
         Equal seeds give equal captures on the same machine and backend.
     noise
@@ -69,13 +71,41 @@ def simulate(
         instrument,
         frames=frames,
         spp=spp,
-        transport_error=transport_error,
+        transport_noise_share=transport_noise_share,
         seed=seed,
         progress=progress,
     )
-    budget = {"spp": spp} if transport_error is None else {"transport_error": transport_error}
-    how = {**budget, "backend": activate()}
+    share = transport_noise_share
+    budget = {"spp": spp} if share is None else {"transport_noise_share": share}
+    how = {**budget, "backend": activate(), "light": _told(light)}
     capture = record(
         scene, instrument, light, truths, seed=seed, noise=noise, frames=frames, settings=how
     )
     return Simulation(capture, light.transports[0], truths)
+
+
+def _told(light: LightSequence) -> dict[str, Any]:
+    """How well the light is known, at the worst of the key times."""
+
+    def worst(values: Iterable[float]) -> float:
+        return float(f"{max(values):.3g}")
+
+    keys = light.transports
+    told: dict[str, Any] = {
+        name: sum(getattr(key, name) for key in keys) for name in ("paths", "dropped")
+    }
+    told["noise_share"] = worst(key.noise_share for key in keys)
+    told["spot_noise_share"] = worst(key.spot_noise_share for key in keys)
+    for name in ("daylight", "spot_daylight", "spot_crosstalk"):
+        powers = (
+            (
+                np.atleast_1d(getattr(key, f"{name}_w")),
+                np.atleast_1d(getattr(key, f"{name}_error_w")),
+            )
+            for key in keys
+        )
+        tiny = np.finfo(np.float64).tiny
+        told[f"{name}_relative_error"] = worst(
+            float(np.max(error / np.maximum(power, tiny))) for power, error in powers
+        )
+    return told

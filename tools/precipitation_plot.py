@@ -30,7 +30,9 @@ def main() -> None:
     instrument = spisim.load_instrument("paper")
     scene = replace(spisim.load_scene("warehouse"), atmosphere=CLEAR)
     truth = ground_truth(scene, instrument)
-    light = trace(scene, instrument, frames=1, spp=64, transport_error=None, seed=0, progress=None)
+    light = trace(
+        scene, instrument, frames=1, spp=64, transport_noise_share=None, seed=0, progress=None
+    )
     dry = bucket_light(instrument, light, 1).buckets
     lit = instrument.pattern_plan.polarity > 0  # all but the dark exposure
     shot = 100 / np.sqrt(dry[0, lit].mean())

@@ -1,5 +1,6 @@
 """What is known of the coefficients of an image before they are measured."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +15,10 @@ WHITE = np.logspace(-6, 3, 46)
 """White parts that are tried, relative to the mean variance."""
 
 
+Deviation = Callable[[tuple[int, int]], Floats]
+"""Relative standard deviation of the cosines of images of a shape (H, W), 0 for the constant."""
+
+
 class Prior:
     """How much the rows of an operator, other than the level, vary from image to image.
 
@@ -22,10 +27,12 @@ class Prior:
     up to a common factor.
     """
 
-    def __init__(self, operator: MeasurementOperator) -> None:
+    def __init__(
+        self, operator: MeasurementOperator, deviation: Deviation = DICTIONARY.deviation
+    ) -> None:
         height, width = operator.image_shape
         self.varying = operator.varying
-        self.deviation = DICTIONARY.deviation(operator.image_shape)
+        self.deviation = deviation(operator.image_shape)
         self.atoms = operator.in_atoms(DICTIONARY.atoms(height), DICTIONARY.atoms(width))
         self.expected: Floats = self.atoms.by_row(self.deviation**2)
 

@@ -9,7 +9,13 @@ from spisim.budget.eye_safety import array_risk_group, class_1_power_w, laser_sa
 from spisim.budget.fog import FogBudget, fog_budget
 from spisim.budget.image import ImageBudget, image_budget
 from spisim.budget.link import Target, bucket_link, spot_link
-from spisim.budget.noise import bucket_noise, spot_noise
+from spisim.budget.noise import (
+    bucket_noise,
+    collected_share,
+    exposure_noise,
+    ranging_noise,
+    spot_noise,
+)
 from spisim.budget.ranging import longest_range_m, range_sigma_m
 
 __all__ = [
@@ -22,12 +28,15 @@ __all__ = [
     "bucket_noise",
     "budget_warnings",
     "class_1_power_w",
+    "collected_share",
+    "exposure_noise",
     "fog_budget",
     "image_budget",
     "instrument_warnings",
     "laser_safety",
     "longest_range_m",
     "range_sigma_m",
+    "ranging_noise",
     "spot_link",
     "spot_noise",
 ]

@@ -28,9 +28,14 @@ class NoiseBudget:
     variances: Mapping[str, Floats]
 
     @property
+    def total_variance(self) -> Floats:
+        """In electrons² (...)."""
+        return np.asarray(sum(self.variances.values()))
+
+    @property
     def total_electrons(self) -> Floats:
         """Rms noise (...)."""
-        return np.sqrt(np.asarray(sum(self.variances.values())))
+        return np.sqrt(self.total_variance)
 
     @property
     def snr(self) -> Floats:
@@ -47,18 +52,31 @@ class NoiseBudget:
 
 def bucket_noise(instrument: Instrument, link: BucketLink) -> NoiseBudget:
     """Noise of one exposure with all pixels on; of modulated ones, of the sum over the taps."""
+    return exposure_noise(
+        instrument,
+        {
+            "signal": link.signal_electrons,
+            "daylight": link.daylight_electrons,
+            "dark current": np.asarray(link.dark_electrons),
+        },
+    )
+
+
+def exposure_noise(instrument: Instrument, electrons: Mapping[str, Floats]) -> NoiseBudget:
+    """Noise of exposures with these mean electrons (...) by source; see `bucket_noise`."""
     modulation = instrument.projector.modulation
     taps = None if modulation is None else modulation.taps
-    conversions, share, noise_share = (
-        (1, 1.0, 1.0) if taps is None else (TAPS, TAPS * taps.share, TAPS * taps.noise_share)
-    )
-    light = {
-        "signal": share * link.signal_electrons,
-        "daylight": share * link.daylight_electrons,
-        "dark current": np.asarray(share * link.dark_electrons),
-    }
+    conversions, noise_share = (1, 1.0) if taps is None else (TAPS, TAPS * taps.noise_share)
+    collected = collected_share(instrument)
+    light = {name: collected * mean for name, mean in electrons.items()}
     time_s = noise_share * instrument.exposure_time_s
     return _noise(instrument.detector, light, time_s, conversions=conversions)
+
+
+def collected_share(instrument: Instrument) -> float:
+    """Share of an exposure's light that all taps together collect; all without modulation."""
+    modulation = instrument.projector.modulation
+    return 1.0 if modulation is None else TAPS * modulation.taps.share
 
 
 def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
@@ -66,12 +84,23 @@ def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
 
     What a reading is, each method tells: `Tof.reading`.
     """
+    return ranging_noise(
+        instrument,
+        {
+            "signal": link.echo_per_s,
+            "daylight": link.daylight_per_s,
+            "patterns": link.patterns_per_s,
+            "dark current": np.asarray(link.dark_per_s),
+        },
+    )
+
+
+def ranging_noise(instrument: Instrument, electrons_per_s: Mapping[str, Floats]) -> NoiseBudget:
+    """Noise of readings at these mean rates (..., 4) by source; see `spot_noise`."""
     reading = instrument.tof.reading
     light = {
-        "signal": link.echo_per_s * reading.echo_s,
-        "daylight": link.daylight_per_s * reading.steady_s,
-        "patterns": link.patterns_per_s * reading.steady_s,
-        "dark current": np.asarray(link.dark_per_s * reading.steady_s),
+        name: rate * (reading.echo_s if name == "signal" else reading.steady_s)
+        for name, rate in electrons_per_s.items()
     }
     detector = instrument.tof.detector
     return _noise(detector, light, reading.amplifier_s, conversions=int(reading.converted))

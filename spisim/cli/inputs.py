@@ -90,7 +90,7 @@ def instrument_with(
     interleave: int | None = None,
 ) -> Instrument:
     """Load an instrument; move it and change its pattern plan where the command line says so."""
-    from spisim.config import parse_model
+    from spisim.config import dump_yaml, parse_model
     from spisim.instrument import Instrument, load_instrument
 
     instrument = load_instrument(name)
@@ -107,4 +107,4 @@ def instrument_with(
         return instrument
     fields: dict[str, Any] = yaml.safe_load(instrument.text)
     fields["plan"] |= changes
-    return parse_model(yaml.safe_dump(fields), Instrument, "pattern plan of the command line")
+    return parse_model(dump_yaml(fields), Instrument, "pattern plan of the command line")

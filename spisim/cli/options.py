@@ -52,13 +52,14 @@ Seed = Annotated[int, number_option(0, 2**63 - 1, "Seed of all randomness.")]
 Spp = Annotated[
     int, number_option(1, 2**20, "Light paths per virtual pixel; the error falls as 1/√spp.")
 ]
-TransportError = Annotated[
+NoiseShare = Annotated[
     float | None,
     real_option(
-        "Instead of --spp: trace until the readings' relative standard error is below X.",
-        "--transport-error",
-        least=1e-5,
-        most=1,
+        "Instead of --spp: trace until the light's standard error in coefficients and spots is at "
+        "most this share of the detectors' noise.",
+        "--transport-noise-share",
+        least=1e-3,
+        most=10,
     ),
 ]
 Visibility = Annotated[

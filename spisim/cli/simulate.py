@@ -39,7 +39,7 @@ def command(
     ] = None,
     seed: opt.Seed = 0,
     spp: opt.Spp = 256,
-    transport_error: opt.TransportError = None,
+    transport_noise_share: opt.NoiseShare = None,
     frames: Annotated[int, opt.number_option(1, 10_000, "Frames, one after the other.")] = 1,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False,
     report: Annotated[
@@ -70,7 +70,7 @@ def command(
             place,
             carried,
             spp=spp,
-            transport_error=transport_error,
+            transport_noise_share=transport_noise_share,
             seed=seed,
             noise=not noise_free,
             frames=frames,

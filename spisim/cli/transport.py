@@ -11,7 +11,7 @@ from .inputs import instrument_with, scene_with
 from .outputs import beside, files_read
 from .outputs import output as named
 
-EXAMPLE = "spisim transport warehouse -o warehouse.exr --transport-error 0.002 --frequency 15e6"
+EXAMPLE = "spisim transport warehouse -o warehouse.exr --transport-noise-share 0.1 --frequency 15e6"
 
 
 def command(
@@ -25,7 +25,7 @@ def command(
     clear: opt.Clear = False,
     seed: opt.Seed = 0,
     spp: opt.Spp = 256,
-    transport_error: opt.TransportError = None,
+    transport_noise_share: opt.NoiseShare = None,
     frequency: Annotated[
         list[float] | None,
         opt.real_option(
@@ -77,7 +77,7 @@ def command(
             place,
             carried,
             spp=spp,
-            transport_error=transport_error,
+            transport_noise_share=transport_noise_share,
             seed=seed,
             outputs=outputs,
             progress=advance,

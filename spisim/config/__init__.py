@@ -27,7 +27,7 @@ from spisim.config.reading import (
 from spisim.config.registered import named, one_of
 from spisim.config.shipped import shipped
 from spisim.config.tables import csv_table
-from spisim.config.yaml import load_yaml
+from spisim.config.yaml import dump_yaml, load_yaml
 
 __all__ = [
     "Count",
@@ -40,6 +40,7 @@ __all__ = [
     "Vector",
     "check_fields",
     "csv_table",
+    "dump_yaml",
     "find_named",
     "is_file",
     "load_yaml",

@@ -24,6 +24,7 @@ MAX_DEPTH = 100
 MAX_DIGITS = 320
 
 _PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C where libyaml is there, as usual
+_WRITER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _TAG = "tag:yaml.org,2002:"
 _NUMBERS = {_TAG + "int", _TAG + "float"}
 
@@ -50,6 +51,12 @@ def load_yaml(text: str, source: Path | str) -> Any:
     except (yaml.YAMLError, UnicodeError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{source}: not valid YAML: {reason}") from None
+
+
+def dump_yaml(fields: Any) -> str:
+    """YAML text of plain data, in the order given."""
+    text: str = yaml.dump(fields, Dumper=_WRITER, sort_keys=False, allow_unicode=True)
+    return text
 
 
 class _Refusal(yaml.MarkedYAMLError):

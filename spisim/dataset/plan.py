@@ -24,6 +24,7 @@ from spisim.config import (
     NonNegative,
     Number,
     Section,
+    dump_yaml,
     find_named,
     is_file,
     load_yaml,
@@ -110,6 +111,10 @@ class SceneSource(Section):
                 )
 
 
+#: Error of the light next to the detectors' noise where a plan does not tell: 4 % more noise.
+NOISE_SHARE = 0.3
+
+
 class Keep(Section):
     """What is stored with the readings."""
 
@@ -140,14 +145,26 @@ class Plan(Section):
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
     wavelength_nm: Annotated[Any, BeforeValidator(_wavelengths)] = None
     spp: Annotated[Count, Field(le=2**20)] | None = None
-    transport_error: Annotated[Number, Field(ge=1e-5, le=1)] | None = None
+    transport_noise_share: Annotated[Number, Field(ge=1e-3, le=10)] | None = None
     frames: Count = 1
     keep: Keep = Keep()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _error_next_to_noise(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and "transport_error" in data:
+            raise PydanticCustomError(
+                "plan",
+                "transport_error is told as transport_noise_share, the light's standard error as a "
+                "share of the detectors' noise (usual, {usual}), or as spp",
+                {"usual": NOISE_SHARE},
+            )
+        return data
+
     @model_validator(mode="after")
     def _makes_sense(self) -> Plan:
-        if self.spp is not None and self.transport_error is not None:
-            raise PydanticCustomError("plan", "needs spp or transport_error, not both")
+        if self.spp is not None and self.transport_noise_share is not None:
+            raise PydanticCustomError("plan", "needs spp or transport_noise_share, not both")
         if not 0 < sum(source.weight for source in self.scenes) < math.inf:
             raise PydanticCustomError(
                 "plan", "scenes should not all have weight 0, and their weights a finite sum"
@@ -201,7 +218,8 @@ class Plan(Section):
         """Arguments of `simulate` that say how long to trace light."""
         if self.spp is not None:
             return {"spp": self.spp}
-        return {"transport_error": 0.01 if self.transport_error is None else self.transport_error}
+        share = self.transport_noise_share
+        return {"transport_noise_share": NOISE_SHARE if share is None else share}
 
 
 def _check_path(path: str, value: Any, before: list[str]) -> None:
@@ -283,7 +301,7 @@ class PlannedSet:
 
     def with_samples(self, samples: int) -> PlannedSet:
         """The same plan with another number of samples; its text loses its comments."""
-        text = yaml.safe_dump({**self.fields, "samples": samples}, sort_keys=False)
+        text = dump_yaml({**self.fields, "samples": samples})
         return replace(self, plan=self.plan.model_copy(update={"samples": samples}), text=text)
 
     def sample(self, index: int) -> Sample:
@@ -394,4 +412,4 @@ def _name_drawn(scene: Mapping[str, Any]) -> str | None:
 
 def _dump(fields: Mapping[str, Any]) -> str:
     kept = {name: value for name, value in fields.items() if value is not None}
-    return yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)
+    return dump_yaml(kept)

@@ -8,10 +8,9 @@ from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
-import yaml
 
 from reconstruction.errors import InputError, naming, nearest
-from spisim.config import load_yaml
+from spisim.config import dump_yaml, load_yaml
 from spisim.dataset.plan import PlannedSet, Sample
 from spisim.dataset.sample import Maker, load
 from spisim.scene.materials import shipped_materials
@@ -82,7 +81,7 @@ def _own_materials(sample: Sample) -> set[str]:
     """Materials that its scene uses, had none been put in place of others."""
     fields = load_yaml(sample.scene_text, sample.scene_name)
     del fields["material_swaps"]
-    scene, _ = load(replace(sample, scene_text=yaml.safe_dump(fields)))
+    scene, _ = load(replace(sample, scene_text=dump_yaml(fields)))
     return {thing.material.name for thing in scene.objects}
 
 

@@ -13,25 +13,26 @@ from threading import Lock
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
-import yaml
 from threadpoolctl import threadpool_limits
 
 from reconstruction import Capture, capture_warnings, write_capture
 from reconstruction.errors import InputError, explain
 from reconstruction.files import write_atomically
 from reconstruction.timing import timed
-from spisim.config import load_yaml, parse_model
+from spisim.config import dump_yaml, load_yaml, parse_model
 from spisim.dataset.folder import Layout, Origin, done, fingerprint
 from spisim.dataset.plan import Keep, PlannedSet, Sample
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.instrument import Instrument
 from spisim.scene import Scene, make_scene
+from spisim.scene.stock import Stock
 from spisim.simulation import Simulation, simulate
 from spisim.transport.backend import use_threads
 from spisim.transport.exr import write_exr
 from spisim.transport.light_files import write_histograms
 
 _one_at_a_time = Lock()  # warnings are caught for the whole process
+_stock = Stock()  # of this process
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,7 @@ def load(sample: Sample) -> tuple[Scene, Instrument]:
         sample.scene_folder,
         f"scene {sample.scene_name}",
         wavelength_nm=instrument.wavelength_nm,
+        stock=_stock,
     )
     return scene, instrument
 
@@ -145,9 +147,7 @@ def _of_a_set(capture: Capture, origin: Origin, keep: Keep) -> Capture:
     """The capture that says where it belongs; when it was made would tell equal ones apart."""
     settings = load_yaml(capture.provenance.settings, "settings")
     settings["data_set"] = origin.settings
-    provenance = replace(
-        capture.provenance, created="", settings=yaml.safe_dump(settings, sort_keys=False)
-    )
+    provenance = replace(capture.provenance, created="", settings=dump_yaml(settings))
     truth = capture.truth if keep.truth else None
     return replace(capture, provenance=provenance, truth=truth)
 

@@ -6,14 +6,13 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from pydantic import Field, model_validator
 
 from reconstruction.arrays import Floats
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
 from reconstruction.operators import PatternPlan, mean_illumination
-from spisim.config import Number, Positive, Section, parse_model
+from spisim.config import Number, Positive, Section, dump_yaml, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector
@@ -61,8 +60,11 @@ class Instrument(Section):
     @property
     def text(self) -> str:
         """YAML that loads as this very instrument."""
-        fields = self.model_dump(mode="json", exclude_none=True)
-        return yaml.safe_dump(fields, sort_keys=False)
+        return dump_yaml(self._fields)
+
+    @property
+    def _fields(self) -> dict[str, Any]:
+        return self.model_dump(mode="json", exclude_none=True)
 
     def at_wavelength(self, wavelength_nm: float) -> Instrument:
         """The same instrument built for another wavelength.
@@ -76,7 +78,7 @@ class Instrument(Section):
         moved_nm = wavelength_nm - self.wavelength_nm
         low, high = self.filter.band_nm
         band_nm = low + moved_nm, high + moved_nm
-        fields = yaml.safe_load(self.text)
+        fields = self._fields
         fields["wavelength_nm"] = float(wavelength_nm)
         fields["filter"]["band_nm"] = list(band_nm)
         if self.projector.spectrum is not None:
@@ -85,16 +87,16 @@ class Instrument(Section):
             sensor = detector.sensor.at_band(band_nm, self.wavelength_nm, wavelength_nm)
             part["detector"]["sensor"] = sensor.model_dump(mode="json")
         source = f"instrument at {wavelength_nm:g} nm"
-        return parse_model(yaml.safe_dump(fields), Instrument, source)
+        return parse_model(dump_yaml(fields), Instrument, source)
 
     def with_laser_power(self, power_w: float) -> Instrument:
         """The same instrument with lasers of another power each.
 
         Raises InputError for a power that is not positive and finite.
         """
-        fields = yaml.safe_load(self.text)
+        fields = self._fields
         fields["lasers"]["power_w"] = float(power_w)
-        return parse_model(yaml.safe_dump(fields), Instrument, f"instrument of {power_w:g} W")
+        return parse_model(dump_yaml(fields), Instrument, f"instrument of {power_w:g} W")
 
     @property
     def pattern_plan(self) -> PatternPlan:

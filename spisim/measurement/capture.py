@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-import yaml
 
 from reconstruction.capture import Capture, FrameTruth, Optics, Provenance, Truth
+from spisim.config import dump_yaml
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
 from spisim.measurement.light import bucket_light
@@ -64,7 +64,7 @@ def record(
             instrument=instrument.text,
             scene=scene.text,
             seed=seed,
-            settings=yaml.safe_dump(settings, sort_keys=False),
+            settings=dump_yaml(settings),
         ),
         truth=Truth.of(
             [

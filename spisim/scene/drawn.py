@@ -10,10 +10,11 @@ import trimesh
 from reconstruction.errors import InputError, naming
 from spisim.config import check_fields
 from spisim.scene import families
-from spisim.scene.assemble import Setting, assemble
+from spisim.scene.assemble import assemble
 from spisim.scene.description import DrawnDescription, SceneDescription
 from spisim.scene.layout import OFFERED, layout_problem
 from spisim.scene.model import Scene
+from spisim.scene.setting import Setting
 
 #: Fields that tell how to draw; what they draw takes their place.
 DRAWING = ("family", "seed", "parameters")
@@ -40,14 +41,16 @@ def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
     parameters, and where none of many draws has a sound layout.
     """
     described = check_fields(fields, DrawnDescription, setting.source)
-    draft = _sound_draft(described, setting.source)
+    drawn_from = described.model_dump_json(include=set(DRAWING))
+    draft = setting.stock.draft(drawn_from, lambda: _sound_draft(described, setting))
     whole = whole_file(fields, draft)
     scene = assemble(check_fields(whole, SceneDescription, setting.source), setting, draft.meshes)
     return Drawn(scene, whole, draft.meshes)
 
 
-def _sound_draft(described: DrawnDescription, source: Path | str) -> families.Draft:
+def _sound_draft(described: DrawnDescription, setting: Setting) -> families.Draft:
     """The first one in which a drone can fly, see and range."""
+    source, alone = setting.source, Setting(Path(), "", setting.source, stock=setting.stock)
     with naming(source):
         families.FAMILIES[described.family]
     problem: str | None = ""
@@ -59,8 +62,8 @@ def _sound_draft(described: DrawnDescription, source: Path | str) -> families.Dr
             attempt=attempt,
             source=f"{source}: parameters",
         )
-        alone = SceneDescription.model_validate(whole_file({"family": described.family}, draft))
-        scene = assemble(alone, Setting(Path(), "", source), draft.meshes)
+        whole = SceneDescription.model_validate(whole_file({"family": described.family}, draft))
+        scene = assemble(whole, alone, draft.meshes)
         problem = layout_problem(scene, OFFERED)
         if problem is None:
             return draft

@@ -96,7 +96,7 @@ def _returned(needs: Needs, number: int, triangles: Floats, materials: Sequence[
     0 where less than half of the detector sees it. `triangles` (t, 3, 3) in the optical frame.
     """
     beam = needs.beams[number]
-    distances = hits(np.zeros(3), beam, triangles)
+    (distances,) = hits(np.zeros(3), beam[None], triangles)
     place = int(distances.argmin())
     one, two, three = triangles[place]
     normal = np.cross(two - one, three - one)

@@ -5,14 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from spisim.config import check_fields, find_named, read_mapping, read_text, shipped
-from spisim.scene.assemble import Setting, assemble, check_drone, warn_of_oddities
+from spisim.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
+from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, Moment, SceneDescription
 from spisim.scene.drawn import draw
 from spisim.scene.model import Scene
 from spisim.scene.moment import at_moment
+from spisim.scene.setting import Setting
+from spisim.scene.stock import Stock
 
 
 def scenes_folder() -> Path:
@@ -52,7 +52,7 @@ def load_scene(
         check_fields(fields, kind, file)  # the file has to be one by itself
         sections = {**fields, **changes}
         kept = {name: section for name, section in sections.items() if section is not None}
-        text = yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)
+        text = dump_yaml(kept)
     return make_scene(text, file.parent, file, wavelength_nm=wavelength_nm)
 
 
@@ -70,18 +70,24 @@ def draw_scene(
     `load_scene` does.
     """
     sections = {"family": family, "seed": seed, "parameters": dict(parameters or {})}
-    text = yaml.safe_dump({**sections, **(changes or {})}, sort_keys=False, allow_unicode=True)
+    text = dump_yaml({**sections, **(changes or {})})
     return make_scene(text, Path(), f"family {family}", wavelength_nm=wavelength_nm)
 
 
 def make_scene(
-    text: str, folder: Path, source: Path | str, *, wavelength_nm: float = 1550.0
+    text: str,
+    folder: Path,
+    source: Path | str,
+    *,
+    wavelength_nm: float = 1550.0,
+    stock: Stock | None = None,
 ) -> Scene:
     """Scene from the text of a scene file; the files it names are looked for in `folder`.
 
-    `source` is what error messages call it. Raises and warns as `load_scene` does.
+    `source` is what error messages call it; scenes that share a `stock` share what they have in
+    common. Raises and warns as `load_scene` does.
     """
-    setting = Setting(folder, text, source, wavelength_nm)
+    setting = Setting(folder, text, source, wavelength_nm, stock or Stock())
     fields = read_mapping(text, SceneDescription, source)
     if "family" in fields:
         scene = draw(fields, setting).scene

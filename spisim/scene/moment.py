@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-import yaml
 
-from spisim.config import load_yaml
+from spisim.config import dump_yaml, load_yaml
 from spisim.scene.description import Moment
 from spisim.scene.model import Scene
 from spisim.scene.pose import look_at
@@ -26,5 +25,5 @@ def at_moment(scene: Scene, moment: Moment) -> Scene:
         drone_pose=look_at(moment.position_m, moment.look_at_m, moment.up),
         drone_velocity_m_s=moment.velocity_m_s,
         drone_angular_velocity_rad_s=(x, y, z),
-        text=yaml.safe_dump(fields, sort_keys=False, allow_unicode=True),
+        text=dump_yaml(fields),
     )

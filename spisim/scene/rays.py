@@ -6,27 +6,31 @@ from numpy.typing import ArrayLike
 from reconstruction.arrays import Floats
 from spisim.scene.model import Scene
 
+#: Pairs of rays and triangles at a time, which bounds the memory.
+PAIRS = 2**18
+
 
 def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
     """First hit (n,) of each ray (n, 3) among triangles (t, 3, 3), in ray lengths, else inf."""
-    return np.array([hits(origin, ray, triangles).min(initial=np.inf) for ray in rays])
+    count = max(1, PAIRS // max(1, len(triangles)))
+    parts = [rays[start : start + count] for start in range(0, len(rays), count)]
+    found = [hits(origin, part, triangles).min(axis=1, initial=np.inf) for part in parts]
+    return np.concatenate([np.empty(0), *found])
 
 
-def hits(origin: Floats, ray: Floats, triangles: Floats) -> Floats:
-    """Where a ray (3,) meets each of triangles (t, 3, 3), in ray lengths; inf where it does not.
+def hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
+    """Where each ray (n, 3) meets each triangle (t, 3, 3), (n, t), in ray lengths, else inf.
 
-    Möller & Trumbore (1997).
+    Möller & Trumbore (1997), with all products that are of triangles and origin alone done once.
     """
     corner = triangles[:, 0]
-    edge1, edge2 = triangles[:, 1] - corner, triangles[:, 2] - corner
-    across = np.cross(ray, edge2)
-    determinant = np.einsum("tk,tk->t", edge1, across)
+    edge1, edge2, offset = triangles[:, 1] - corner, triangles[:, 2] - corner, origin - corner
+    normal = np.cross(offset, edge1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        offset = origin - corner
-        u = np.einsum("tk,tk->t", offset, across) / determinant
-        normal = np.cross(offset, edge1)
-        v = normal @ ray / determinant
-        distance = np.einsum("tk,tk->t", edge2, normal) / determinant
+        scale = 1 / (rays @ np.cross(edge2, edge1).T)
+        u = rays @ np.cross(edge2, offset).T * scale
+        v = rays @ normal.T * scale
+        distance = np.einsum("tk,tk->t", edge2, normal) * scale
         met = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0) & np.isfinite(distance)
     return np.where(met, distance, np.inf)
 

@@ -9,7 +9,6 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
@@ -18,6 +17,7 @@ from spisim.config import (
     Count,
     Name,
     Section,
+    dump_yaml,
     find_named,
     load_yaml,
     parse_model,
@@ -161,7 +161,7 @@ class PlannedStudy:
         """The data set alone: what is compared may change without making it anew."""
         fields = {name: value for name, value in self._fields.items() if name != "study"}
         fields["samples"] = self.plan.combinations * self.study.rounds
-        text = yaml.safe_dump(fields, sort_keys=False, allow_unicode=True)
+        text = dump_yaml(fields)
         return PlannedSet(parse_model(text, Plan, self.path), text, self.path)
 
     def quick(self) -> PlannedStudy:
@@ -179,10 +179,10 @@ class PlannedStudy:
                     )
                 changes[name] = {**fields.get(name, {}), **changes[name]}
         if "spp" in changes:
-            fields.pop("transport_error", None)
-        if "transport_error" in changes:
+            fields.pop("transport_noise_share", None)
+        if "transport_noise_share" in changes:
             fields.pop("spp", None)
-        text = yaml.safe_dump({**fields, **changes}, sort_keys=False, allow_unicode=True)
+        text = dump_yaml({**fields, **changes})
         plan = parse_model(text, StudyPlan, f"{self.path}, study.quick")
         return replace(self, plan=plan, text=text)
 

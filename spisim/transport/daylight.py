@@ -1,13 +1,15 @@
 """Steady light on the detectors: sun and sky, and the projector on the ranging detectors.
 
 The sun is parallel light, the sky a uniform upper hemisphere; both come through the fog like all
-light.
+light. They are nowhere close to a path, so that walks from the detectors alone find them with a
+finite variance. The projector is close, and its light is found like that of the image: summed
+along the detectors' rays where it is scattered once, and by all strategies where more often.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import drjit as dr
 import mitsuba as mi
@@ -17,13 +19,39 @@ from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.engine.ends import Detectors, Lamp, Sun
-from spisim.transport.engine.sampling import Paths, repeat
-from spisim.transport.engine.tally import Contribution, ImageTally, Sums, Tallies
-from spisim.transport.engine.walk import Sink, Sky, Walk
-from spisim.transport.engine.weights import alone
+from spisim.transport.engine.direct import direct_light, mirrored_light
+from spisim.transport.engine.ends import Detectors
+from spisim.transport.engine.lights import Lamp, Sun
+from spisim.transport.engine.rays import FogRays
+from spisim.transport.engine.sampling import Gauge, TargetError, repeat
+from spisim.transport.engine.tally import Deposit, ImageTally, Sums, Tallies
+from spisim.transport.engine.walk import Sky, Walk
+from spisim.transport.engine.weights import alone, second_on, second_on_or_behind_glass
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import World
+
+#: Standard error of steady light, relative to it: half as much in the noise that it makes.
+STEADY_ERROR = 0.05
+#: Independent estimates side by side in every launch, from which the error is told.
+REPLICAS = 16
+#: Paths per detector in each of them: in the first launch, and when it is given up.
+FIRST_PATHS, MOST_PATHS = 2**7, 2**20
+
+#: The light of walks that end where they meet the sky differs by their weight alone; they are kept
+#: until they carry less than this share of it (5 times as efficient at an albedo of 0.99).
+DAYLIGHT_ENDING = 0.25
+
+#: Traces paths of all detectors, `samples` each, and deposits their light.
+Trace = Callable[[Detectors, int, Sequence[int], Deposit], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Received:
+    """In-band power on each detector's aperture, W, (detectors,), and its standard error."""
+
+    power_w: Floats
+    error_w: Floats
+    dropped: int = 0  # contributions that were not finite numbers, and are left out
 
 
 def sun_of(scene: Scene, instrument: Instrument, world: World) -> Sun:
@@ -49,14 +77,33 @@ def daylight_power(
     world: World,
     detectors: DetectorView,
     *,
-    paths: int,
+    floor_w: float = 0.0,
+    target: float = STEADY_ERROR,
     seed: np.random.SeedSequence,
-) -> Floats:
-    """In-band power of sun and sky on each detector's aperture, W, (detectors,)."""
+) -> Received:
+    """Power of sun and sky.
+
+    Its standard error is at most `target` of it and of `floor_w`, a light that is there anyway.
+    """
     if scene.ambient.sun_klx == 0 and scene.ambient.sky_klx == 0:
-        return np.zeros(len(detectors.positions_m))
+        return Received(*np.zeros((2, len(detectors.positions_m))))
     sun, sky = sun_of(scene, instrument, world), sky_of(scene, instrument)
-    return _received(world, detectors, sun, sky, paths, seed)
+
+    def trace(ends: Detectors, samples: int, seeds: Sequence[int], deposit: Deposit) -> None:
+        walk = Walk(
+            world,
+            ends,
+            sun,
+            False,
+            alone,
+            deposit,
+            sky=sky,
+            ending=DAYLIGHT_ENDING,
+            replicas=REPLICAS,
+        )
+        walk.run(seeds[0])
+
+    return _received(trace, detectors, floor_w, target, seed)
 
 
 @with_backend
@@ -66,35 +113,50 @@ def projector_power(
     power_w: Floats,
     detectors: DetectorView,
     *,
-    paths: int,
+    floor_w: float = 0.0,
+    target: float = STEADY_ERROR,
     seed: np.random.SeedSequence,
-) -> Floats:
-    """Power that a projector which emits `power_w` (H, W) sends onto each detector, W."""
-    total = power_w.sum()
-    return total * _received(
-        world, detectors, Lamp.of(projector, power_w / total), None, paths, seed
-    )
+) -> Received:
+    """Power of a projector that emits `power_w` (H, W); see `daylight_power`."""
+    total_w = float(power_w.sum())
+    if total_w == 0:
+        return Received(*np.zeros((2, len(detectors.positions_m))))
+
+    def trace(ends: Detectors, samples: int, seeds: Sequence[int], deposit: Deposit) -> None:
+        lamp = Lamp.of(projector, power_w, samples, ends.count)
+        rays = FogRays(world, lamp) if world.media.parts else None
+        direct_light(world, ends, lamp, seeds[2], deposit, replicas=REPLICAS)
+        mirrored_light(world, lamp, ends, seeds[2], deposit, replicas=REPLICAS)
+        inward = second_on_or_behind_glass
+        out = Walk(world, lamp, ends, True, second_on, deposit, rays, replicas=REPLICAS)
+        out.run(seeds[0])
+        back = Walk(world, ends, lamp, False, inward, deposit, rays, replicas=REPLICAS)
+        back.run(seeds[1])
+
+    found = _received(trace, detectors, floor_w / total_w, target, seed)
+    return Received(total_w * found.power_w, total_w * found.error_w, found.dropped)
 
 
 def _received(
-    world: World,
-    detectors: DetectorView,
-    source: Sink,
-    sky: Sky | None,
-    paths: int,
+    trace: Trace,
+    view: DetectorView,
+    floor_w: float,
+    target: float,
     seed: np.random.SeedSequence,
-) -> Floats:
-    count = len(detectors.positions_m)
+) -> Received:
+    """What each detector gets, of estimates side by side."""
+    detectors = len(view.positions_m)
 
     def launch(samples: int, seeds: Sequence[int]) -> Sums:
-        tallies = Tallies(count, [ImageTally(count)])
-        ends = Detectors.of(detectors, samples)
+        tallies = Tallies(detectors, [ImageTally], REPLICAS)
+        trace(Detectors.of(view, samples), samples, seeds, tallies.add)
+        return tallies.read(view.area_m2)
 
-        def deposit(light: Contribution) -> None:
-            lane: Any = dr.arange(mi.UInt32, ends.lanes)
-            tallies.add(light._replace(cell=lane % count))
+    def size(mean_w: Floats, error_w: Floats) -> float:
+        tiny = float(np.finfo(np.float64).tiny)
+        return float(np.max(error_w / np.maximum(mean_w + floor_w, tiny)))
 
-        Walk(world, ends, source, False, alone, deposit, sky=sky).run(seeds[0])
-        return tallies.read(detectors.area_m2)
-
-    return repeat(launch, Paths(paths, launches=1), count, seed, None).mean["image"]
+    gauge = Gauge(lambda sums: sums["image"], size)
+    budget = TargetError(target, gauge, FIRST_PATHS, REPLICAS * MOST_PATHS)
+    found = repeat(launch, budget, detectors, seed, None, replicas=REPLICAS)
+    return Received(found.mean["image"], found.error["image"], found.dropped)

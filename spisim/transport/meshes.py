@@ -7,8 +7,10 @@ a call to one of all shapes and materials.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import drjit as dr
 import mitsuba as mi
@@ -16,7 +18,66 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spisim.scene import SceneObject, texture_coordinates
-from spisim.transport.bsdf import bsdf_dict
+from spisim.scene.content import material_content, surface_content
+from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
+
+
+@dataclass(frozen=True, eq=False)
+class Meshes:
+    """The meshes of some objects in a Mitsuba scene of their own, and which triangle is whose."""
+
+    scene: Any  # mi.Scene
+    see_through: bool  # whether any of them lets light straight through
+    _shapes: NDArray[np.int64]  # of each of Dr.Jit's numbers of a shape, -1 for those of others
+    _first: NDArray[np.int64]  # number of each shape's first triangle
+    _starts: NDArray[np.int64]  # and of each object's, in the order of the shapes
+    _objects: NDArray[np.int64]  # their numbers
+
+    @classmethod
+    def of(cls, objects: Sequence[SceneObject]) -> Meshes:
+        """Those of objects; the last ones made of them, as long as nothing about them changed."""
+        key = str(mi.variant()).encode() + surface_content(objects)
+        content, kept = _KEPT.get(objects[0], (b"", None)) if objects else (b"", None)
+        if kept is None or content != key:
+            _KEPT.clear()
+            kept = cls._made(objects)
+            if objects:
+                _KEPT[objects[0]] = key, kept
+        return kept
+
+    @classmethod
+    def _made(cls, objects: Sequence[SceneObject]) -> Meshes:
+        groups = _by_material(objects)
+        in_order = [number for group in groups for number in group]
+        starts = [0, *accumulate(len(objects[number].mesh.faces) for number in in_order)]
+        places = [0, *accumulate(map(len, groups))]
+        scene = mi.load_dict({"type": "scene", **shapes(objects)})
+        numbers = [int(_registry_ids(mi.ShapePtr(shape))[0]) for shape in scene.shapes()]
+        known = np.full(max(numbers, default=0) + 1, -1)
+        known[numbers] = np.arange(len(numbers))
+        return cls(
+            scene,
+            any(is_null_transmitting(thing.material) for thing in objects),
+            known,
+            np.array([starts[place] for place in places[:-1]], dtype=np.int64),
+            np.array(starts),
+            np.array(in_order, dtype=np.int64),
+        )
+
+    def object_ids(self, si: Any) -> NDArray[np.int64]:
+        """Number of the object that each ray meets, -1 for none."""
+        numbers = _registry_ids(si.shape)
+        shape = np.where(numbers < len(self._shapes), self._shapes[numbers % len(self._shapes)], -1)
+        triangle = self._first[shape] + si.prim_index.numpy()
+        order = np.searchsorted(self._starts, triangle, side="right") - 1
+        met = shape >= 0
+        return np.where(met, self._objects[np.where(met, order, 0)], -1)
+
+
+#: The last ones that were made of objects, by the first of these: they last as long as it does.
+#: There are no more than these, for Dr.Jit makes a kernel for all shapes and materials that there
+#: are, of whatever scene.
+_KEPT: WeakKeyDictionary[SceneObject, tuple[bytes, Meshes]] = WeakKeyDictionary()
 
 
 def shapes(objects: Sequence[SceneObject]) -> dict[str, Any]:
@@ -27,28 +88,12 @@ def shapes(objects: Sequence[SceneObject]) -> dict[str, Any]:
     }
 
 
-def object_ids(objects: Sequence[SceneObject], geometry: Any, si: Any) -> NDArray[np.int64]:
-    """Number of the object that each ray meets, -1 for none.
-
-    `geometry` is a Mitsuba scene of the `shapes` of the objects and nothing else.
-    """
-    groups = _by_material(objects)
-    in_order = [number for group in groups for number in group]
-    starts = [0, *accumulate(len(objects[number].mesh.faces) for number in in_order)]
-    places = [0, *accumulate(map(len, groups))]
-    shape = _shape_numbers(geometry, si.shape)
-    first = np.array([starts[place] for place in places[:-1]])
-    triangle = first[shape] + si.prim_index.numpy()
-    order = np.searchsorted(starts, triangle, side="right") - 1
-    met = shape >= 0
-    return np.where(met, np.array(in_order)[np.where(met, order, 0)], -1)
-
-
 def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
-    """Numbers of the objects that share a material."""
-    groups: dict[int, list[int]] = {}
+    """Numbers of the objects whose materials are alike."""
+    contents = {id(thing.material): material_content(thing.material) for thing in objects}
+    groups: dict[bytes, list[int]] = {}
     for number, thing in enumerate(objects):
-        groups.setdefault(id(thing.material), []).append(number)
+        groups.setdefault(contents[id(thing.material)], []).append(number)
     return list(groups.values())
 
 
@@ -79,15 +124,6 @@ def _mesh(things: Sequence[SceneObject]) -> Any:
         parameters["vertex_texcoords"] = np.float32([0, 1] + uv * [1, -1]).ravel()
     parameters.update()
     return mesh
-
-
-def _shape_numbers(geometry: Any, met: Any) -> NDArray[np.int64]:
-    """Place of each shape met among those of a Mitsuba scene, -1 for none."""
-    registry = [int(_registry_ids(mi.ShapePtr(shape))[0]) for shape in geometry.shapes()]
-    numbers = _registry_ids(met).astype(np.int64)
-    known = np.full(max([*registry, int(numbers.max(initial=0))]) + 1, -1)
-    known[registry] = np.arange(len(registry))
-    return np.asarray(known[numbers])
 
 
 def _registry_ids(pointers: Any) -> Any:

@@ -1,27 +1,42 @@
 """Phase functions as Mitsuba plugins."""
 
+from __future__ import annotations
+
 from typing import Any
+
+import mitsuba as mi
 
 from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Phase, Tabulated
 
 
-def phase_dict(phase: Phase) -> dict[str, Any]:
-    """Mitsuba description of a phase function."""
+def phase_plugin(phase: Phase) -> Any:
+    """A phase function as Mitsuba has it; needs an active variant."""
     match phase:
         case Isotropic():
-            return {"type": "isotropic"}
+            return mi.load_dict({"type": "isotropic"})
         case HenyeyGreenstein(g=g):
-            return {"type": "hg", "g": g}
-        case Tabulated(values=values):
-            return {"type": "tabphase", "values": ",".join(map(repr, values.tolist()))}
+            return mi.load_dict({"type": "hg", "g": g})
+        case Tabulated():
+            return _table(phase)
         case Blend(parts=((_, only),)):
-            return phase_dict(only)
+            return phase_plugin(only)
         case Blend(parts=((weight, first), *others)):
             rest = Blend(tuple((share / (1 - weight), other) for share, other in others))
-            return {
-                "type": "blendphase",
-                "weight": 1 - weight,
-                "first": phase_dict(first),
-                "second": phase_dict(rest),
-            }
+            return mi.load_dict(
+                {
+                    "type": "blendphase",
+                    "weight": 1 - weight,
+                    "first": phase_plugin(first),
+                    "second": phase_plugin(rest),
+                }
+            )
     raise TypeError(f"not a phase function: {phase!r}")
+
+
+def _table(phase: Tabulated) -> Any:
+    """The plugin takes numbers as text, of which a table has megabytes: they are put in after."""
+    plugin = mi.load_dict({"type": "tabphase", "values": "1, 1"})
+    parameters = mi.traverse(plugin)
+    parameters["values"] = mi.Float(phase.values)
+    parameters.update()
+    return plugin

@@ -10,8 +10,9 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import sky_of, sun_of
-from spisim.transport.engine.ends import Lamp, Projector
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import image_light, transport_image
+from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.sampling import Paths, repeat
 from spisim.transport.engine.tally import ImageTally, Sums, Tallies
 from spisim.transport.engine.walk import Walk
@@ -82,9 +83,9 @@ def camera_view(
 
     def launch(samples: int, seeds: Sequence[int]) -> Sums:
         camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
-        ours, rest = (Tallies(view.pixels, [ImageTally(view.pixels)]) for _ in range(2))
+        ours, rest = (Tallies(view.pixels, [ImageTally]) for _ in range(2))
         if total_w > 0:
-            lamp = Lamp.of(placed, power_w / total_w, camera.lanes)
+            lamp = Lamp.of(placed, power_w, camera.lanes)
             image_light(world, camera, lamp, seeds, ours.add)
         if daylight:
             Walk(world, camera, sun, False, alone, rest.add, sky=sky).run(seeds[0] ^ 1)

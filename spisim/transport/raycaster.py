@@ -15,7 +15,7 @@ from reconstruction.arrays import Floats
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
-from spisim.transport.meshes import object_ids, shapes
+from spisim.transport.meshes import Meshes
 
 #: Whole surfaces, or panes, that a line of sight goes through at most.
 MAX_PANES = 8
@@ -41,25 +41,22 @@ class RayCaster:
     """The surfaces of a scene. Rays have origins and unit directions (n, 3), in the world."""
 
     scene: Scene
-    geometry: Any  # mi.Scene
+    meshes: Meshes
 
     @classmethod
     @with_backend
     def of(cls, scene: Scene) -> RayCaster:
         """Hand a scene's surfaces to Mitsuba."""
-        return cls(scene, mi.load_dict({"type": "scene", **shapes(scene.objects)}))
+        return cls(scene, Meshes.of(scene.objects))
 
     def along(self, origins: Floats, directions: Floats) -> Surfaces:
         """What each ray meets first, panes included."""
-        si = self.geometry.ray_intersect(_rays(origins, directions))
+        si = self.meshes.scene.ray_intersect(_rays(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(
             np.asarray(distance.numpy(), dtype=np.float64),
-            self._objects(si),
+            self.meshes.object_ids(si),
         )
-
-    def _objects(self, si: Any) -> NDArray[np.int64]:
-        return object_ids(self.scene.objects, self.geometry, si)
 
     def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
         """Brightness (n,) from 0 to 1 of what each ray sees; nan where it meets nothing.
@@ -79,8 +76,8 @@ class RayCaster:
         lanes = dr.width(ray.d)
         seen, weight, left = np.zeros(lanes), np.zeros(lanes), np.ones(lanes)
         for _ in range(steps):
-            si = self.geometry.ray_intersect(ray)
-            ids = self._objects(si)
+            si = self.meshes.scene.ray_intersect(ray)
+            ids = self.meshes.object_ids(si)
             met = ids >= 0
             passed: Any = si.bsdf().eval_null_transmission(si, si.is_valid()).x
             passed = np.where(met, passed.numpy(), 0.0) if steps > 1 else 0.0
@@ -106,7 +103,7 @@ class RayCaster:
             towards = mi.warp.square_to_cosine_hemisphere(point - dr.floor(point))
             ray = si.spawn_ray(frame.to_world(towards))
             ray.maxt = SKY_REACH_M
-            free += dr.select(self.geometry.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)
+            free += dr.select(self.meshes.scene.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)
         shade: Any = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
         return np.asarray(shade.numpy(), dtype=np.float64)
 

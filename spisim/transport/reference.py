@@ -18,11 +18,12 @@ from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
+from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.engine.ends import Detectors
 from spisim.transport.meshes import shapes
-from spisim.transport.phase import phase_dict
+from spisim.transport.phase import phase_plugin
 from spisim.transport.views import DetectorView, ProjectorView
-from spisim.transport.world import fog_ball, see_through
+from spisim.transport.world import fog_ball
 
 #: Deep enough that what is cut off cannot be measured; roulette ends paths long before.
 MAX_DEPTH = 256
@@ -46,7 +47,9 @@ class Renderer:
         self.scene = mi.load_dict(description)
         self.parameters = mi.traverse(self.scene)
         # Only volpath connects a path to the emitter through panes and masks.
-        clear = fog is None and not see_through(scene)
+        clear = fog is None and not any(
+            is_null_transmitting(thing.material) for thing in scene.objects
+        )
         kind = "path" if clear else "volpath"
         self._integrator = mi.load_dict({"type": kind, "max_depth": MAX_DEPTH})
 
@@ -105,7 +108,7 @@ def _medium(scene: Scene) -> tuple[Any, dict[str, Any] | None]:
             "type": kind,
             "sigma_t": extinction,
             "albedo": optics.albedo,
-            "phase": phase_dict(optics.phase),
+            "phase": phase_plugin(optics.phase),
             "has_spectral_extinction": False,
         }
     )

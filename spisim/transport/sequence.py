@@ -63,7 +63,7 @@ def trace(
     *,
     frames: int,
     spp: int,
-    transport_error: float | None,
+    transport_noise_share: float | None,
     seed: int,
     progress: Callable[[float], None] | None,
 ) -> LightSequence:
@@ -91,7 +91,7 @@ def trace(
             scene.at(time),
             instrument,
             spp=spp,
-            transport_error=transport_error,
+            transport_noise_share=transport_noise_share,
             seed=seed,
             outputs=Outputs(frequencies_hz=instrument.tap_frequencies_hz),
             progress=part(number),

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
-from reconstruction.operators import expose
 from reconstruction.ranging import MAX_PATH_M
-from spisim.instrument import Instrument
+from spisim.instrument import Detector, Instrument
+from spisim.instrument.model import Source
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
+from spisim.transport.effort import image_gauge, spot_gauge
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
@@ -27,10 +28,6 @@ from spisim.transport.world import World, build_world
 BIN_WIDTH_M = 0.02
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
-#: Paths for steady light, which is smooth over the field and felt by its shot noise alone: a share
-#: of the image's, within bounds that find it to about 5 and 2 percent.
-STEADY_SHARE = 1 / 16
-STEADY_PATHS = (2**14, 2**16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +46,15 @@ class Transport:
     spot_histogram_error: Floats
     path_length_m: Floats  # (bins,): whole optical path, emitter to detector
     daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
+    daylight_error_w: float
     spot_daylight_w: Floats  # (4,)
+    spot_daylight_error_w: Floats
     spot_crosstalk_w: Floats  # (4,): mean power of the projector's patterns there
+    spot_crosstalk_error_w: Floats
+    #: Standard errors over the detectors' noise, rms: of decoded coefficients, of spots' phasors.
+    noise_share: float
+    spot_noise_share: float
+    dropped: int  # contributions that were not finite numbers, and are left out
     paths: int
     seconds: float
     extra: Mapping[str, NDArray[Any]]  # as above
@@ -62,7 +66,7 @@ def solve(
     instrument: Instrument,
     *,
     spp: int = 256,
-    transport_error: float | None = None,
+    transport_noise_share: float | None = None,
     seed: int = 0,
     outputs: Outputs = Outputs(),  # noqa: B008
     progress: Callable[[float], None] | None = None,
@@ -73,9 +77,9 @@ def solve(
     ----------
     spp
         Paths per virtual pixel from either end.
-    transport_error
-        Instead of `spp`: go on until the relative standard error of the bucket vector, ‖errors‖ /
-        ‖readings‖, is below this.
+    transport_noise_share
+        Instead of `spp`: go on until the standard errors of the decoded coefficients, and those of
+        the spots' phasors, are at most this share of the detectors' noise there, in the rms.
     seed
         The same seed gives the same bits on the same machine and backend.
     outputs
@@ -99,28 +103,46 @@ def solve(
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
+    steady = _steady_light(scene, instrument, world, placed, streams[2:])
+    dropped = steady.pop("dropped")
+    bins = PathLengthBins.up_to(MAX_PATH_M, BIN_WIDTH_M)
+    longest_m = 2 * instrument.tof.unambiguous_range_m
+    gauges = (
+        image_gauge(instrument, steady["daylight_w"]),
+        spot_gauge(
+            instrument,
+            steady["spot_daylight_w"],
+            steady["spot_crosstalk_w"],
+            2 * np.pi / longest_m * bins.centres_m,
+        ),
+    )
+    budgets: list[SamplingBudget]
+    if transport_noise_share is None:
+        paths = (spp, SPOT_PATHS_PER_SPP * spp)
+        budgets = [Paths(each, gauge=gauge) for each, gauge in zip(paths, gauges, strict=True)]
+    else:
+        budgets = [
+            TargetError(transport_noise_share, gauge, first)
+            for gauge, first in zip(gauges, (1, SPOT_PATHS_PER_SPP), strict=True)
+        ]
     image = transport_image(
         world,
         placed.projector,
         placed.bucket,
-        _budget(instrument, spp, transport_error),
+        budgets[0],
         seed=streams[0],
         outputs=outputs,
-        progress=_part(progress, 0.0, 0.7),
+        progress=_part(progress, 0.1, 0.8),
     )
-    bins = PathLengthBins.up_to(MAX_PATH_M, BIN_WIDTH_M)
     spots = spot_histogram(
         world,
         placed.beams,
         placed.tof,
         bins,
-        Paths(image.paths // (2 * placed.projector.pixels) * SPOT_PATHS_PER_SPP),
+        budgets[1],
         seed=streams[1],
-        progress=_part(progress, 0.7, 0.9),
+        progress=_part(progress, 0.8, 1.0),
     )
-    steady = _steady_light(scene, instrument, world, placed, image.paths, streams[2:])
-    if progress is not None:
-        progress(1.0)
     shape = placed.projector.shape
     return Transport(
         image=image.mean["image"].reshape(shape),
@@ -129,6 +151,9 @@ def solve(
         spot_histogram_error=spots.error["histogram"],
         path_length_m=bins.centres_m,
         **steady,
+        noise_share=image.size,
+        spot_noise_share=spots.size,
+        dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=time.perf_counter() - began,
         extra=_extra(outputs, image.mean, spots.mean, shape),
@@ -140,40 +165,48 @@ def _steady_light(
     instrument: Instrument,
     world: World,
     placed: InstrumentView,
-    image_paths: int,
     streams: Sequence[np.random.SeedSequence],
 ) -> dict[str, Any]:
-    """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots."""
-    paths = int(np.clip(image_paths * STEADY_SHARE, *STEADY_PATHS))
+    """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots.
+
+    Errors that are small next to the dark current do not matter either.
+    """
     bucket, spots = (
-        daylight_power(scene, instrument, world, view, paths=paths, seed=stream)
-        for view, stream in zip((placed.bucket, placed.tof), streams[:2], strict=True)
+        daylight_power(
+            scene,
+            instrument,
+            world,
+            view,
+            floor_w=_dark_power(instrument, detector, "daylight"),
+            seed=stream,
+        )
+        for view, detector, stream in (
+            (placed.bucket, instrument.detector, streams[0]),
+            (placed.tof, instrument.tof.detector, streams[1]),
+        )
     )
     crosstalk = projector_power(
         world,
         placed.projector,
         instrument.mean_powers_w,
         placed.tof,
-        paths=paths,
+        floor_w=_dark_power(instrument, instrument.tof.detector, "projector"),
         seed=streams[2],
     )
     return {
-        "daylight_w": float(bucket.sum()),
-        "spot_daylight_w": spots,
-        "spot_crosstalk_w": crosstalk,
+        "dropped": bucket.dropped + spots.dropped + crosstalk.dropped,
+        "daylight_w": float(bucket.power_w.sum()),
+        "daylight_error_w": float(np.linalg.norm(bucket.error_w)),
+        "spot_daylight_w": spots.power_w,
+        "spot_daylight_error_w": spots.error_w,
+        "spot_crosstalk_w": crosstalk.power_w,
+        "spot_crosstalk_error_w": crosstalk.error_w,
     }
 
 
-def _budget(instrument: Instrument, spp: int, transport_error: float | None) -> SamplingBudget:
-    if transport_error is None:
-        return Paths(spp)
-    plans, power_w = instrument.pattern_plans, instrument.pixel_powers_w
-
-    def buckets(sums: Mapping[str, Floats]) -> Floats:
-        image = sums["image"].reshape(power_w.shape) * power_w
-        return np.concatenate([expose(plan, image) for plan in plans], axis=-1)
-
-    return TargetError(transport_error, buckets)
+def _dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
+    """Light of a source on one aperture that makes as many electrons as the dark current, W."""
+    return detector.sensor.dark_rate_hz / instrument.electrons_per_joule(detector, source)
 
 
 def _extra(

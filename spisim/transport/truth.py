@@ -14,10 +14,9 @@ from reconstruction.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.meshes import object_ids
+from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
-from spisim.transport.world import surfaces
 
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
@@ -53,13 +52,13 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
         If a laser beam hits nothing, or the scene was made for another wavelength.
     """
     placed = InstrumentView.placed(scene, instrument)
-    geometry = surfaces(scene)
-    spots = _trace(geometry, scene.drone_pose[:3, 3], placed.beams.directions)
+    meshes = Meshes.of(scene.objects)
+    spots = _trace(meshes.scene, scene.drone_pose[:3, 3], placed.beams.directions)
     _check_spots(scene, instrument, spots.is_valid().numpy())
     height, width = placed.projector.shape
     rows = max(1, RAYS_AT_A_TIME // (width * SUBPIXELS**2))
     bands = [
-        _band(scene, geometry, placed, np.arange(top, min(top + rows, height)))
+        _band(scene, meshes, placed, np.arange(top, min(top + rows, height)))
         for top in range(0, height, rows)
     ]
     names = tuple(thing.name for thing in scene.objects)
@@ -67,27 +66,25 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
         **{name: np.concatenate([band[name] for band in bands]) for name in bands[0]},
         object_names=names,
         spot_range_m=np.asarray(spots.t.numpy(), dtype=np.float64),
-        spot_object=tuple(names[number] for number in object_ids(scene.objects, geometry, spots)),
+        spot_object=tuple(names[number] for number in meshes.object_ids(spots)),
     )
 
 
 def _band(
-    scene: Scene, geometry: Any, placed: InstrumentView, rows: NDArray[np.int64]
+    scene: Scene, meshes: Meshes, placed: InstrumentView, rows: NDArray[np.int64]
 ) -> dict[str, NDArray[Any]]:
     """The fields of `GroundTruth` that are pictures, of these rows."""
     shape = len(rows), placed.projector.shape[1]
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     local = _pixel_rays(placed, rows, 1)
-    si = _trace(geometry, origin, local @ rotation.T)
+    si = _trace(meshes.scene, origin, local @ rotation.T)
     hit = si.is_valid().numpy().reshape(shape)
-    identity = object_ids(scene.objects, geometry, si).reshape(shape)
+    identity = meshes.object_ids(si).reshape(shape)
     ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
     normals = si.n.numpy().T.reshape(-1, 3) @ rotation
     normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
-    parts = _trace(geometry, origin, _pixel_rays(placed, rows, SUBPIXELS) @ rotation.T)
-    seen = object_ids(scene.objects, geometry, parts).reshape(
-        shape[0], SUBPIXELS, shape[1], SUBPIXELS
-    )
+    parts = _trace(meshes.scene, origin, _pixel_rays(placed, rows, SUBPIXELS) @ rotation.T)
+    seen = meshes.object_ids(parts).reshape(shape[0], SUBPIXELS, shape[1], SUBPIXELS)
     return {
         "range_m": ranges.astype(np.float32),
         "depth_m": (ranges * local[:, 2].reshape(shape)).astype(np.float32),

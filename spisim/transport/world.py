@@ -12,13 +12,13 @@ import numpy as np
 from reconstruction.arrays import Floats
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene
+from spisim.scene.bsdf import Diffuse
 from spisim.transport.backend import with_backend
-from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
-from spisim.transport.meshes import shapes
+from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors
-from spisim.transport.phase import phase_dict
+from spisim.transport.phase import phase_plugin
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
 FOG_MARGIN_M = 15.0
@@ -33,6 +33,12 @@ class World:
     mirrors: Mirrors | None
     centre_m: Floats  # of a ball around everything, which the fog fills
     radius_m: float
+    diffuse: bool  # all surfaces are Lambertian
+
+    @property
+    def plain(self) -> bool:
+        """Clear air and diffuse surfaces: paths from the pixels alone find all light, and best."""
+        return self.diffuse and not self.media.parts
 
     def first_surface(self, ray: Any) -> tuple[Any, Any]:
         """What a ray meets, and how far it goes; out of the ball if it meets nothing."""
@@ -45,17 +51,18 @@ def build_world(scene: Scene) -> World:
     """Hand a scene to Mitsuba."""
     centre, radius = fog_ball(scene)
     return World(
-        geometry=Geometry(scene=surfaces(scene), see_through=see_through(scene)),
+        geometry=_geometry(scene),
         media=_media(scene, centre, radius),
         mirrors=Mirrors.of(scene.objects),
         centre_m=centre,
         radius_m=radius,
+        diffuse=all(isinstance(thing.material.bsdf, Diffuse) for thing in scene.objects),
     )
 
 
-def surfaces(scene: Scene) -> Any:
-    """Mitsuba scene of the objects alone."""
-    return mi.load_dict({"type": "scene", **shapes(scene.objects)})
+def _geometry(scene: Scene) -> Geometry:
+    meshes = Meshes.of(scene.objects)
+    return Geometry(meshes.scene, meshes.see_through)
 
 
 def _media(scene: Scene, centre: Floats, radius_m: float) -> Media:
@@ -82,13 +89,8 @@ def _optics(medium: Atmosphere) -> tuple[Any, Any, Any]:
     return (
         dr.opaque(mi.Float, medium.extinction_per_m),
         dr.opaque(mi.Float, medium.albedo),
-        mi.load_dict(phase_dict(medium.phase)),
+        phase_plugin(medium.phase),
     )
-
-
-def see_through(scene: Scene) -> bool:
-    """Whether any surface lets light straight through."""
-    return any(is_null_transmitting(thing.material) for thing in scene.objects)
 
 
 def fog_ball(scene: Scene) -> tuple[Floats, float]:

@@ -19,7 +19,7 @@ SEEDS = worlds.seeds(10)
 PLACES = np.array([[0.05, 0.0, 0.0], [-0.2, 0.1, 0.0]])
 AXES = np.array([[0.0, 0.0, 1.0], [0.08, 0.0, 1.0]])
 PLAN = make_plan((16, 16), 4, polarity="single-ended")
-PATHS = {Strategy.BOTH: 256, Strategy.PROJECTOR: 2048, Strategy.DETECTOR: 1024}
+PATHS = {Strategy.BOTH: 256, Strategy.PROJECTOR: 2048, Strategy.DETECTOR: 4096}
 #: In clear air the slow tier compares the ends; against Mitsuba, `test_surfaces` does.
 EXTINCTIONS = [pytest.param(0.0, marks=pytest.mark.slow), 0.1]
 

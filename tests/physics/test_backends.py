@@ -8,7 +8,8 @@ import pytest
 
 import worlds
 from spisim.transport.backend import CUDA_VARIANT, LLVM_VARIANT, activate, has_cuda, use_threads
-from spisim.transport.engine.ends import Lamp, Projector
+from spisim.transport.engine.ends import Projector
+from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import ImageTally, Tallies
 from spisim.transport.engine.walk import Walk
 from spisim.transport.engine.weights import alone
@@ -51,9 +52,9 @@ def test_the_engine_agrees_with_mitsuba_without_a_compiler() -> None:
     camera = Projector.of(camera_view, samples)
     ours = []
     for seed in range(len(SEEDS)):
-        tallies = Tallies(camera.pixels, [ImageTally(camera.pixels)])
+        tallies = Tallies(camera.pixels, [ImageTally])
         Walk(world, camera, lamp, False, alone, tallies.add).run(seed)
-        ours.append(tallies.read(1.0).values["image"].reshape(8, 8))
+        ours.append(tallies.read(1.0).values["image"].reshape(8, 8) * VIEW.pixels)
     with variant("scalar_rgb"):
         film = {"width": 8, "height": 8, "pixel_format": "luminance", "rfilter": {"type": "box"}}
         scene = mi.load_dict(

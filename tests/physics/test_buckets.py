@@ -25,7 +25,9 @@ FRAMES = 1000
 
 @cache
 def still(instrument: Instrument, place: Scene = PLACE) -> LightSequence:
-    return trace(place, instrument, frames=1, spp=16, transport_error=None, seed=0, progress=None)
+    return trace(
+        place, instrument, frames=1, spp=16, transport_noise_share=None, seed=0, progress=None
+    )
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +157,7 @@ def test_taps_of_every_pattern_hold_the_range_of_every_pixel() -> None:
     place = worlds.scene(worlds.plane(4.0, 0.5))
     truth = ground_truth(place, instrument)
     light = trace(
-        place, instrument, frames=1, spp=1024, transport_error=None, seed=0, progress=None
+        place, instrument, frames=1, spp=1024, transport_noise_share=None, seed=0, progress=None
     )
     capture = record(place, instrument, light, [truth], seed=0, noise=False)
     taps = capture.pattern_taps

@@ -30,7 +30,9 @@ def wall(distance_m=4.0, **motion) -> Scene:
 
 
 def sequence(scene, paper, frames=1):
-    return trace(scene, paper, frames=frames, spp=16, transport_error=None, seed=0, progress=None)
+    return trace(
+        scene, paper, frames=frames, spp=16, transport_noise_share=None, seed=0, progress=None
+    )
 
 
 def test_what_stands_still_is_solved_once(paper):
@@ -123,10 +125,13 @@ def any_light(instrument):
         image=np.ones(shape),
         image_error=np.zeros(shape),
         daylight_w=1e-9,
+        daylight_error_w=0.0,
         spot_histogram=np.ones((4, 10)),
         path_length_m=np.arange(10.0),
         spot_daylight_w=np.ones(4),
+        spot_daylight_error_w=np.zeros(4),
         spot_crosstalk_w=np.ones(4),
+        spot_crosstalk_error_w=np.zeros(4),
     )
 
 

@@ -7,8 +7,9 @@ import worlds
 from spisim.instrument import load_instrument
 from spisim.scene import load_scene
 from spisim.transport import camera_view
-from spisim.transport.engine.ends import Lamp, Projector
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import image_light
+from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import ImageTally, Tallies
 from spisim.transport.engine.walk import Walk
 from spisim.transport.engine.weights import alone
@@ -28,13 +29,13 @@ def test_both_ends_see_what_the_camera_alone_sees(extinction: float) -> None:
 
     def picture(seed: int, both: bool) -> np.ndarray:
         camera = Projector.of(CAMERA, 256 if both else 2048)
-        tallies = Tallies(camera.pixels, [ImageTally(camera.pixels)])
+        tallies = Tallies(camera.pixels, [ImageTally])
         lamp = Lamp.of(VIEW, PATTERN, camera.lanes)
         if both:
             image_light(world, camera, lamp, [3 * seed, 3 * seed + 1, 3 * seed + 2], tallies.add)
         else:
             Walk(world, camera, lamp, False, alone, tallies.add).run(1000 + seed)
-        return tallies.read(1.0).values["image"]
+        return tallies.read(1.0).values["image"][0]
 
     ours, theirs = (np.array([picture(n, both) for n in range(RUNS)]) for both in (True, False))
     assert np.all(np.abs(worlds.z_score(ours, theirs)) < 5)

@@ -14,7 +14,7 @@ from spisim.transport.backend import activate
 from spisim.transport.engine import sampling
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import FIRST_PATHS, MIN_LAUNCHES, Paths, TargetError, repeat
+from spisim.transport.engine.sampling import MIN_LAUNCHES, Gauge, Paths, TargetError, repeat
 from spisim.transport.engine.tally import PathLengthBins, Sums
 from spisim.transport.world import build_world
 
@@ -23,6 +23,13 @@ import drjit as dr
 
 END = worlds.detector([0.05, 0.0, 0.0], area_m2=2e-6, half_angle_deg=14)
 VIEW = worlds.projector()
+
+
+#: ‖standard errors‖ / ‖means‖ of the image.
+RELATIVE = Gauge(
+    lambda sums: sums["image"],
+    lambda mean, error: float(np.linalg.norm(error) / np.linalg.norm(mean)),
+)
 
 
 def room(extinction=0.1, albedo=0.98):
@@ -35,7 +42,7 @@ def test_the_error_is_what_was_asked_for():
     world = build_world(room())
 
     def estimate(seed):
-        budget = TargetError(target, lambda sums: sums["image"])
+        budget = TargetError(target, RELATIVE)
         return transport_image(world, VIEW, END, budget, seed=seed)
 
     estimates = [estimate(seed) for seed in worlds.seeds(12)]
@@ -51,9 +58,7 @@ def test_the_error_is_what_was_asked_for():
 def test_a_third_of_the_error_takes_nine_times_the_paths():
     world = build_world(room())
     paths = [
-        transport_image(
-            world, VIEW, END, TargetError(t, lambda s: s["image"]), seed=worlds.seeds(1)[0]
-        ).paths
+        transport_image(world, VIEW, END, TargetError(t, RELATIVE), seed=worlds.seeds(1)[0]).paths
         for t in (0.03, 0.01)
     ]
     assert 5 < paths[1] / paths[0] < 16
@@ -66,11 +71,12 @@ def test_launches_of_different_sizes_count_by_their_paths():
         rng = np.random.default_rng(number)
 
         def launch(samples, seeds, rng=rng):
-            return Sums({"image": rng.normal(1, 1 / np.sqrt(samples), 8)})
+            return Sums({"image": rng.normal(1, 1 / np.sqrt(samples), (1, 8))})
 
-        budget = TargetError(0.05, lambda sums: sums["image"])
+        budget = TargetError(0.05, RELATIVE)
         found = repeat(launch, budget, 8, np.random.SeedSequence(number), None)
-        assert found.paths > 2 * 8 * 8 * FIRST_PATHS  # larger launches follow the first ones
+        assert found.launches > MIN_LAUNCHES  # larger launches follow the first ones
+        assert found.size <= 0.05
         errors.append(found.mean["image"] - 1)
         claimed.append(found.error["image"] ** 2)
         assert found.paths == pytest.approx(2 * 8 / np.mean(claimed[-1]), rel=0.8)
@@ -95,27 +101,43 @@ def test_paths_are_split_into_launches_without_changing_the_mean(monkeypatch):
     few = transport_image(world, VIEW, END, Paths(256), seed=worlds.seeds(1)[0])
     monkeypatch.setattr(sampling, "MAX_LANES", 10 * VIEW.pixels)
     many = transport_image(world, VIEW, END, Paths(256), seed=worlds.seeds(2)[1])
-    assert (few.launches, many.launches) == (MIN_LAUNCHES, 26)
-    assert few.paths == 2 * VIEW.pixels * 256
-    assert many.paths == 2 * VIEW.pixels * 260  # ten in each
+    assert (few.launches, many.launches) == (MIN_LAUNCHES, 256)  # of one path in each of eight
+    assert few.paths == many.paths == VIEW.pixels * 256  # from one end
     np.testing.assert_allclose(few.mean["image"].sum(), many.mean["image"].sum(), rtol=0.01)
 
 
-def test_no_launch_has_more_lanes_than_fit(monkeypatch):
+@pytest.mark.parametrize("replicas", [1, 2])
+def test_no_launch_has_more_lanes_than_fit(monkeypatch, replicas):
     monkeypatch.setattr(sampling, "MAX_LANES", 100)
     launched = []
 
     def launch(samples, seeds):
         launched.append(samples)
-        return Sums({"image": np.random.default_rng(seeds[0]).normal(1, 0.5, 30)})
+        return Sums({"image": np.random.default_rng(seeds[0]).normal(1, 0.5, (replicas, 30))})
 
-    budgets = [Paths(1), Paths(24), Paths(100), TargetError(0.05, lambda sums: sums["image"])]
+    budgets = [Paths(1), Paths(24), Paths(100), TargetError(0.05, RELATIVE)]
     for budget in budgets:
         launched.clear()
-        found = repeat(launch, budget, 30, np.random.SeedSequence(0), None)
-        assert found.launches == len(launched) >= MIN_LAUNCHES
-        assert max(launched) * 30 <= 100
-        assert found.paths == 2 * 30 * sum(launched)
+        seed = np.random.SeedSequence(0)
+        found = repeat(launch, budget, 30, seed, None, replicas=replicas)
+        assert found.launches == replicas * len(launched) >= MIN_LAUNCHES
+        assert max(launched) * replicas * 30 <= 100
+        assert found.paths == 2 * 30 * replicas * sum(launched)
+
+
+def test_estimates_side_by_side_are_independent_and_make_one_launch():
+    """What each finds is another estimate, and their mean that of as many launches."""
+    world = build_world(room())
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        counts = []
+        for launches in (1, MIN_LAUNCHES):
+            dr.kernel_history_clear()
+            budget = Paths(2 * launches, launches)
+            found = transport_image(world, VIEW, END, budget, seed=worlds.seeds(1)[0])
+            counts.append(len(dr.kernel_history([dr.KernelType.JIT])))
+    assert found.launches == MIN_LAUNCHES
+    assert counts[0] == counts[1]
+    assert np.median(found.error["image"] / found.mean["image"]) > 0.01  # no copies of each other
 
 
 def test_progress_rises_to_one():
@@ -132,21 +154,21 @@ def test_progress_rises_to_one():
     [Outputs(), Outputs(orders=True, frequencies_hz=(15e6,), bins=PathLengthBins(100, 0.1))],
     ids=["image", "everything"],
 )
-def test_poses_densities_and_seeds_compile_nothing_new(outputs):
+def test_poses_densities_seeds_and_paths_compile_nothing_new(outputs):
     activate()
 
-    def trace(extinction, albedo, position, seed):
+    def trace(extinction, albedo, position, seed, paths):
         world = build_world(room(extinction, albedo))
         view = worlds.projector(pose=worlds.pose_at(position))
         entropy = np.random.SeedSequence(seed)
-        transport_image(world, view, END, Paths(64), seed=entropy, outputs=outputs)
+        transport_image(world, view, END, Paths(paths), seed=entropy, outputs=outputs)
         beams = worlds.beams([0.05, 0.02 * seed, 1.0])
-        worlds.histogram(world, beams, END, (500, 0.1), 256, np.random.SeedSequence(seed))
+        worlds.histogram(world, beams, END, (500, 0.1), 8 * paths, np.random.SeedSequence(seed))
 
-    trace(0.1, 0.98, (0, 0, 0), 1)
+    trace(0.1, 0.98, (0, 0, 0), 1, 64)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         dr.kernel_history_clear()
-        trace(0.2, 0.9, (0.1, 0, 0.2), 2)
+        trace(0.2, 0.9, (0.1, 0, 0.2), 2, 48)
         history = dr.kernel_history([dr.KernelType.JIT])
     assert len(history) > 0
     assert [kernel for kernel in history if not kernel["cache_hit"]] == []

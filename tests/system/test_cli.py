@@ -174,7 +174,9 @@ def test_simulate_keeps_what_makes_the_capture_again(tmp_path: Path) -> None:
     assert "visibility_m: 30" in a.provenance.scene
     assert "patterns: 64" in a.provenance.instrument
     settings = yaml.safe_load(a.provenance.settings)
-    media = settings.pop("media")
+    light, media = settings.pop("light"), settings.pop("media")
+    assert 0 < light["noise_share"] < 1
+    assert light["paths"] > 0
     assert media == json.loads(first.stdout)["media"]
     assert media[0]["visibility_m"] == 30
     assert settings | {"backend": ""} == {"spp": 8, "backend": "", "noise": True, "frames": 2}

@@ -1,6 +1,7 @@
 """Sums of light: exact, or an error."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,27 +12,43 @@ from spisim.scene import Material
 from spisim.transport import TransportWarning
 from spisim.transport.backend import activate
 from spisim.transport.engine.sampling import Paths, repeat
-from spisim.transport.engine.tally import Contribution, ImageTally, Sums, Tallies
+from spisim.transport.engine.tally import (
+    Contribution,
+    HistogramTally,
+    ImageTally,
+    PathLengthBins,
+    PhasorTally,
+    Sums,
+    Tallies,
+)
 from spisim.transport.world import build_world
 
 # isort: split
 import mitsuba as mi
 
 SEED = np.random.SeedSequence(0)
+BINS = PathLengthBins(4, 0.5)
 
 
-def added(values: list[float]) -> Sums:
+def added(values: list[float], length_m: float = 0.0) -> Sums:
     """Contributions of these sizes to the second of two cells."""
     activate()
-    tallies = Tallies(2, [ImageTally(2)])
-    value = mi.Float(np.array(values, dtype=np.float32))
-    tallies.add(Contribution(value, mi.UInt32(1), mi.Float(0), mi.UInt32(0), mi.Bool(True)))
+    tallies = Tallies(
+        2,
+        [
+            ImageTally,
+            partial(PhasorTally, frequencies_hz=[1e6]),
+            partial(HistogramTally, bins=BINS),
+        ],
+    )
+    value, length = mi.Float(np.array(values, dtype=np.float32)), mi.Float(length_m)
+    tallies.add(Contribution(value, mi.UInt32(1), length, mi.UInt32(0), mi.Bool(True)))
     return tallies.read(area_m2=0.5)
 
 
 def test_sums_are_exact_up_to_the_limit() -> None:
     found = added([2.0**14, 2.0**13, 2.0**-48])
-    np.testing.assert_array_equal(found.values["image"], [0, 2.0**13 + 2.0**12 + 2.0**-49])
+    np.testing.assert_array_equal(found.values["image"], [[0, 2.0**13 + 2.0**12 + 2.0**-49]])
     assert found.dropped == 0
 
 
@@ -47,8 +64,16 @@ def test_a_sum_beyond_the_limit_is_an_error(values: list[float]) -> None:
 
 def test_what_is_not_finite_is_left_out_and_counted() -> None:
     found = added([1.0, np.nan, np.inf, -np.inf, 2.0])
-    np.testing.assert_array_equal(found.values["image"], [0, 1.5])
+    np.testing.assert_array_equal(found.values["image"], [[0, 1.5]])
     assert found.dropped == 3
+
+
+@pytest.mark.parametrize("length_m", [np.nan, np.inf])
+def test_light_of_no_path_length_is_left_out_and_counted(length_m: float) -> None:
+    found = added([1.0, 2.0], length_m)
+    assert found.dropped == 2
+    for values in found.values.values():
+        np.testing.assert_array_equal(values, np.zeros_like(values))
 
 
 def test_what_was_left_out_is_told_once() -> None:
@@ -58,6 +83,7 @@ def test_what_was_left_out_is_told_once() -> None:
     with pytest.warns(TransportWarning, match="^8 contributions of light were not finite") as told:
         found = repeat(launch, Paths(8), 2, SEED, None)
     assert len(told) == 1
+    assert found.dropped == 8
     np.testing.assert_array_equal(found.mean["image"], [0, 0.5])
 
 

@@ -47,7 +47,7 @@ vary:
 materials: {concrete: {choice: [cardboard, wood-dry], weights: [1, 2]}}
 instrument: {grid: [paper, paper]}
 wavelength_nm: {uniform: [1500, 1560]}
-transport_error: 0.01
+transport_noise_share: 0.3
 frames: 2
 keep: {transport: true}
 """

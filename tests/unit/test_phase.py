@@ -59,7 +59,7 @@ def test_henyey_greenstein_by_hand() -> None:
 @pytest.mark.parametrize("phase", PHASES, ids=lambda phase: type(phase).__name__)
 def test_mitsuba_agrees(phase: Phase) -> None:
     from spisim.transport.backend import activate
-    from spisim.transport.phase import phase_dict
+    from spisim.transport.phase import phase_plugin
 
     activate()
     import mitsuba as mi
@@ -70,7 +70,7 @@ def test_mitsuba_agrees(phase: Phase) -> None:
     interaction.wi = mi.Vector3f(0, 0, -1)  # light travels along +z
     interaction.sh_frame = mi.Frame3f(interaction.wi)
     outgoing = mi.Vector3f(np.array([sin, 0 * sin, cos], dtype=np.float32))
-    plugin = mi.load_dict(phase_dict(phase))
+    plugin = phase_plugin(phase)
     value, _ = plugin.eval_pdf(mi.PhaseFunctionContext(), interaction, outgoing)
     # The cosine of a float32 vector is off by 1e-7, times the slope of the steepest table.
     np.testing.assert_allclose(value.x.numpy() * np.ones(41), phase.density(cos), rtol=1e-4)

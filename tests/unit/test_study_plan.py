@@ -82,9 +82,13 @@ def test_every_view_of_the_studies_that_are_shipped_can_be_made(name: str) -> No
 
 
 def test_a_quick_setting_changes_what_it_names(tmp_path: Path) -> None:
-    quick = {"transport_error": 0.1, "study": {"rounds": 1}, "vary": {"scene.fog.kind": "haze-l"}}
+    quick = {
+        "transport_noise_share": 0.1,
+        "study": {"rounds": 1},
+        "vary": {"scene.fog.kind": "haze-l"},
+    }
     small = planned(tmp_path, study={"quick": quick}).quick()
-    assert small.plan.sampling_budget == {"transport_error": 0.1}
+    assert small.plan.sampling_budget == {"transport_noise_share": 0.1}
     assert small.study.rounds == 1
     assert small.study.metrics == ("range_bias_m",)
     assert list(small.plan.vary) == ["scene.fog.visibility_m", "scene.fog.kind"]
@@ -144,10 +148,10 @@ def test_a_plan_without_a_study_or_a_quick_setting_is_told(tmp_path: Path) -> No
     (tmp_path / "set.yaml").write_text(yaml.safe_dump({**PLAN, "study": None}))
     with pytest.raises(InputError, match="study: should be a mapping of fields"):
         load_study(tmp_path / "set.yaml")
-    bad = planned(tmp_path, study={"quick": {"transport_eror": 0.1}})
+    bad = planned(tmp_path, study={"quick": {"transport_noise": 0.1}})
     with pytest.raises(
         InputError,
-        match=r"study.quick: unknown field 'transport_eror': did you mean 'transport_error'",
+        match=r"study.quick: unknown field 'transport_noise': did you mean 'transport_noise_share'",
     ):
         bad.quick()
     with pytest.raises(InputError, match=r"study.quick.vary: should be a mapping of fields; found"):

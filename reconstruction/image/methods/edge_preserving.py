@@ -10,9 +10,9 @@ what the estimate does not show, the next round minimises
 
     sum_k (R x - m)_k^2 / s_k^2 + c sum_pixels grad x^T (T / t)^-1 grad x,    t = mean trace T / 2.
 
-Were T the same everywhere this would be the 1/f prior of the least-squares image, whose contrast
-gives c. It is anisotropic diffusion (J. Weickert, Anisotropic Diffusion in Image Processing,
-Teubner 1998) that agrees with the readings. The rounds begin at the least-squares image, whose
+Were T the same everywhere this would be the 1/f prior. It is anisotropic diffusion (J. Weickert,
+Anisotropic Diffusion in Image Processing, Teubner 1998) that agrees with the readings. The rounds
+begin at the least-squares image of the fitted covariance, whose contrast gives c and whose
 posterior covariance is the preconditioner, on a grid no finer than what the patterns can tell. As
 edges of noise are worth nothing, what the last round differs from the first in is added to the
 least-squares image only as far as the gradients of the first are not noise.
@@ -32,7 +32,7 @@ from ..dictionaries.dct import DICTIONARY
 from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import Grid, at_most, band
 from ..method import Estimate, ImageSolver
-from .least_squares import METHOD as LEAST_SQUARES
+from .fitted_covariance import METHOD as FITTED_COVARIANCE
 from .least_squares import LeastSquaresSolver
 
 Linear = Callable[[NDArray[Any]], NDArray[Any]]
@@ -57,7 +57,7 @@ class EdgePreserving:
 
         Of more than least squares reckons with that is the same: little is left to guess.
         """
-        linear = LEAST_SQUARES.compile(operator)
+        linear = FITTED_COVARIANCE.compile(operator)
         if not isinstance(linear, LeastSquaresSolver):
             return linear
         return EdgePreservingSolver(linear)
@@ -67,7 +67,7 @@ class EdgePreservingSolver:
     """Holds what depends on the operator alone."""
 
     def __init__(self, linear: LeastSquaresSolver) -> None:
-        self._linear = linear
+        self.linear = linear
         model = linear.model
         sides = linear.operator.image_shape
         all_of_them = model.field.shape
@@ -88,33 +88,38 @@ class EdgePreservingSolver:
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image whose edges agree with itself."""
-        linear = self._linear
-        start = linear.posterior(coefficients)
+        start = self.linear.posterior(coefficients)
         if start is None:
-            return linear.flat(coefficients)
+            return self.linear.flat(coefficients)
+        spectrum, variance = self.followed(start, coefficients)
+        return self.linear.estimate(spectrum, variance, coefficients)
+
+    def followed(self, start: Posterior, coefficients: Coefficients) -> tuple[NDArray[Any], Floats]:
+        """Spectrum whose edges agree with itself, from least squares, and variance of pixels."""
+        linear = self.linear
         measured, noise = linear.varying(coefficients)
         height, width = self._grid.shape
         higher = start.mean.copy()
         higher[:height, :width] = 0
         low = measured - linear.model.rows @ higher.ravel()
         first = self._model.given(low, noise, linear.expected_contrast(coefficients))
-        followed = self._followed(low, first)
-        energy = self._slopes.tensors(followed).energy
+        edges = self._rounds(low, first)
+        energy = self._slopes.tensors(edges).energy
         trusted = self._trusted(first)
         spectrum = start.mean.copy()
-        spectrum[:height, :width] += trusted * (followed - first.own_mean)
+        spectrum[:height, :width] += trusted * (edges - first.own_mean)
         unevenness = 1 + trusted * (self._grid.finer_density(energy / energy.mean()) - 1)
-        return linear.estimate(spectrum, linear.variance(start) * unevenness, coefficients)
+        return spectrum, linear.variance(start) * unevenness
 
     def _trusted(self, first: Posterior) -> float:
         """How far edges are followed: the square of the share of gradients that is no noise.
 
-        Of the 1/f prior, x^T C^-1 x is the energy of the gradients up to a factor.
+        Of a prior near 1/f, x^T C^-1 x is about the energy of the gradients, up to a factor.
         """
         energy = float((np.abs(first.own_mean) ** 2 * self._precision).sum())
         return max(0.0, 1 - first.noise_energy / energy) ** 2 if energy > 0 else 0.0
 
-    def _followed(self, measured: NDArray[Any], first: Posterior) -> NDArray[Any]:
+    def _rounds(self, measured: NDArray[Any], first: Posterior) -> NDArray[Any]:
         """Spectrum on the grid after the last round."""
         spectrum = first.own_mean
         for _ in range(ROUNDS):
@@ -132,7 +137,7 @@ class EdgePreservingSolver:
     ) -> NDArray[Any]:
         """Some steps of conjugate gradients, preconditioned by the first posterior covariance P.
 
-        The matrix of this round is P^-1 less the 1/f prior's precision plus the stiffness. With
+        The matrix of this round is P^-1 less the first prior's precision plus the stiffness. With
         P^-1 of the step at hand, carried along as the step itself is, readings do not enter.
         """
         precision = self._precision / start.contrast

@@ -19,7 +19,7 @@ from ..dictionaries.dct import DICTIONARY
 from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import at_most, band
 from ..method import Estimate
-from ..prior import Prior
+from ..prior import Deviation, Prior
 from ..shrinking import ShrinkingSolver
 
 MOST = 2**23
@@ -35,15 +35,18 @@ class LeastSquares:
     """Posterior mean and deviation of Gaussian images, independent in cosines."""
 
     title = "least squares"
+    deviation: Deviation = DICTIONARY.deviation
 
     def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
         """Solver of one operator's coefficients: the same for all methods that begin with it."""
-        return _compiled(operator)
+        return _compiled(operator, self.deviation)
 
 
-@lru_cache(maxsize=2)
-def _compiled(operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
-    prior = Prior(operator)
+@lru_cache(maxsize=4)
+def _compiled(
+    operator: MeasurementOperator, deviation: Deviation
+) -> "LeastSquaresSolver | ShrinkingSolver":
+    prior = Prior(operator, deviation)
     high, wide = band(prior.atoms.by_atom() * prior.deviation**2, SEEN)
     rows = len(prior.expected)
     if rows > MOST_ROWS or rows * high * wide > MOST:

@@ -34,8 +34,8 @@ def command(
     To simulate a drawn scene, no files are needed: a scene file of two lines, "family: targets" and
     "seed: 7", is drawn when it is loaded.
     """
-    from spisim.scene.assemble import Setting
     from spisim.scene.drawn import draw
+    from spisim.scene.setting import Setting
     from spisim.scene.write import check_free, write_scene
 
     check_free(output, overwrite)

@@ -10,7 +10,6 @@ import trimesh
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
-from spisim.scene.assemble import MAX_COORDINATE_M
 from spisim.scene.importing import drone as drones
 from spisim.scene.importing.drone import DronePose
 from spisim.scene.importing.files import Folders
@@ -22,6 +21,7 @@ from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
 from spisim.scene.importing.write import scene_fields
 from spisim.scene.model import Vector3
+from spisim.scene.placing import MAX_COORDINATE_M
 from spisim.scene.shapes import check_triangles
 from spisim.scene.write import Written, check_free, write_scene
 

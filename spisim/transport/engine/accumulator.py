@@ -44,9 +44,9 @@ class Check:
         self._cells = cells
         self._coarse = dr.zeros(mi.Int64, cells + 1)  # and a count of what is not finite
 
-    def passed(self, value: Any, cell: Any, active: Any) -> Any:
-        """Lanes whose contribution is finite."""
-        finite = dr.isfinite(value)
+    def passed(self, value: Any, length_m: Any, cell: Any, active: Any) -> Any:
+        """Lanes whose contribution is finite, and so its path length, on which phasors depend."""
+        finite = dr.isfinite(value) & dr.isfinite(length_m)
         size = dr.minimum(dr.abs(value), 2 * MAX_SUM_PER_M2) * (1.0 / COARSE_PER_M2)
         amount = dr.select(finite, mi.Int64(dr.ceil(size)), 1)
         place = dr.select(finite, mi.UInt32(cell), self._cells)

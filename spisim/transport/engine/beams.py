@@ -54,6 +54,7 @@ class Beams:
     waist_m: Any  # standard deviation of the place of exit, per axis
     count: int
     samples: int
+    rate: Any  # see `Projector`
 
     @classmethod
     def of(cls, world: World, view: BeamView, samples: int) -> Beams:
@@ -69,6 +70,7 @@ class Beams:
             waist_m=dr.opaque(mi.Float, view.waist_m),
             count=len(view.origins_m),
             samples=samples,
+            rate=dr.opaque(mi.Float, samples),
         )
 
     @property
@@ -102,12 +104,12 @@ class Beams:
         return Launch(
             origin=dr.select(in_fog, point, outgoing.o),
             direction=dr.select(in_fog, scattered, outgoing.d),
-            beta=weight / self.samples,
+            beta=weight / self.rate,
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             state=_State(
                 beam,
-                self.samples * self._arrival(ray, point, distance, in_fog) * density,
+                self.rate * self._arrival(ray, point, distance, in_fog) * density,
                 in_fog,
                 distance,
             ),
@@ -146,14 +148,17 @@ class Beams:
         return Connection(
             point=point,
             importance=seen * strength * through * lobe,
-            density=self.samples * seen * density * self._arrival(ray, point, distance, in_fog),
+            density=self.rate * seen * density * self._arrival(ray, point, distance, in_fog),
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             cell=self.cell(lane),
         )
 
-    def pencil(self, lane: Any, sampler: Any) -> Any:
-        """One pencil of the lane's laser, as a ray."""
+    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+        """One pencil of the lane's laser, as a ray, and its weight."""
+        return self._pencil(lane, sampler), dr.rcp(self.rate)
+
+    def _pencil(self, lane: Any, sampler: Any) -> Any:
         cell = self.cell(lane)
         frame = dr.gather(mi.Frame3f, self.frames, cell)
         tilt = mi.warp.square_to_std_normal(sampler.next_2d()) * self.divergence_rad
@@ -165,7 +170,7 @@ class Beams:
         )
 
     def _beam(self, lane: Any, sampler: Any) -> _Beam:
-        ray = self.pencil(lane, sampler)
+        ray = self._pencil(lane, sampler)
         si, reach = self.world.first_surface(ray)
         return _Beam(ray, si, reach)
 

@@ -1,7 +1,7 @@
-"""Light scattered once: by the surface that a ray of light meets, and along its way through fog.
+"""Light scattered once: by the surface that a ray meets, and along its way through fog.
 
 Nothing about these paths is left to chance but the place on the ray: the transmittance to the
-surface is known, and the fog is sampled where the detector looks.
+surface is known, and the fog is sampled where the other end looks.
 """
 
 from __future__ import annotations
@@ -12,51 +12,59 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.ends import Detectors, Lamp, Projector
+from spisim.transport.engine.ends import Detectors, Projector
 from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
 from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
+#: Ends whose rays are followed, and ends that these are connected to.
+Source = Projector | Beams | Detectors
+Sink = Detectors | Lamp
+
 
 class _Pencil(NamedTuple):
-    """A ray, the surface it meets, how far it goes, and the detector that looks at it."""
+    """A ray, the surface it meets, how far it goes, and which of the other ends looks at it."""
 
     ray: Any
     si: Any
     reach: Any
-    detector: Any  # its number
+    number: Any  # of the other end
 
 
 def direct_light(
-    world: World,
-    source: Projector | Beams,
-    detectors: Detectors | Lamp,
-    seed: int,
-    deposit: Deposit,
+    world: World, this: Source, other: Sink, seed: int, deposit: Deposit, *, replicas: int = 1
 ) -> None:
-    """Deposit what each lane's ray sends to one of the detectors by scattering once.
+    """Deposit what each lane's ray sends to the other end by scattering once.
 
-    The ray is followed to the first surface, be it a pane or not.
+    The ray is followed to the first surface, be it a pane or not. The end with the narrower field
+    is the one to follow rays from: they should lie in the field of the other.
     """
-    lane, cell, sampler = _low_discrepancy(source, seed)
-    ray = source.pencil(lane, sampler)
+    lane, cell, replica, sampler = _low_discrepancy(this, replicas, seed)
+    ray, weight = this.pencil(lane, sampler)
     si, reach = world.first_surface(ray)
-    pencil = _Pencil(ray, si, reach, detectors.choose(lane, sampler))
+    pencil = _Pencil(ray, si, reach, other.choose(lane, sampler))
 
     def add(value: Any, length_m: Any, scatterings: int, lit: Any) -> None:
-        light = value / source.samples
-        deposit(Contribution(light, cell, length_m, mi.UInt32(scatterings), lit))
+        order = mi.UInt32(scatterings)
+        deposit(Contribution(value * weight, cell, length_m, order, lit, replica))
 
-    aperture_point = _off_surface(world, pencil, detectors, sampler, add)
+    far_point = _off_surface(world, pencil, other, sampler, add)
     if world.media.parts:
-        _off_fog(world, pencil, detectors, aperture_point, sampler, add)
+        _off_fog(world, pencil, other, far_point, sampler, add)
 
 
 def mirrored_light(
-    world: World, source: Projector, detectors: Detectors | Lamp, seed: int, deposit: Deposit
+    world: World,
+    source: Projector | Lamp,
+    detectors: Sink,
+    seed: int,
+    deposit: Deposit,
+    *,
+    replicas: int = 1,
 ) -> None:
     """Deposit the light that a plane mirror throws from the source straight onto a detector.
 
@@ -64,31 +72,32 @@ def mirrored_light(
     """
     if world.mirrors is None:
         return
-    lane, _, sampler = _low_discrepancy(source, seed)
+    lane, cell, replica, sampler = _low_discrepancy(source, replicas, seed)
     plane = world.mirrors.choose(sampler)
-    middle = plane.image(source.to_world @ mi.Point3f(0))
+    middle = plane.image(source.middle)
     detector = detectors.choose(lane, sampler)
     end = detectors.connect_to(detector, middle, sampler)
     response = end.importance * dr.squared_norm(middle - end.point)
     image = plane.image(end.point)
     start = source.connect(lane, image, sampler)
     towards, length_m = direction_to(start.point, image)
-    value = start.importance * response / (plane.probability * source.lanes)
+    value = start.importance * response / (plane.probability * source.paths)
     lit = carries_light(value)
     ray = mi.Ray3f(start.point, towards)
     value *= reflected(world.geometry, world.media, plane, ray, length_m, sampler, lit)
     lit &= carries_light(value)
-    deposit(Contribution(value, start.cell, length_m, mi.UInt32(0), lit))
+    place = cell if start.cell is None else start.cell
+    deposit(Contribution(value, place, length_m, mi.UInt32(0), lit, replica))
 
 
-def _off_surface(
-    world: World, pencil: _Pencil, detectors: Detectors | Lamp, sampler: Any, add: Any
-) -> Any:
-    """Light that the surface scatters; returns the place on the aperture that it goes to."""
-    ray, si, reach, detector = pencil
-    end = detectors.connect_to(detector, si.p, sampler)
+def _off_surface(world: World, pencil: _Pencil, other: Sink, sampler: Any, add: Any) -> Any:
+    """Light that the surface scatters; returns the place of the other end that it goes to."""
+    ray, si, reach, number = pencil
+    end = other.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
-    context = mi.BSDFContext(mi.TransportMode.Importance)
+    outward = isinstance(other, Detectors)
+    mode = mi.TransportMode.Importance if outward else mi.TransportMode.Radiance
+    context = mi.BSDFContext(mode)
     reflected = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
     value = reflected.x * end.importance
     lit = carries_light(value) & si.is_valid()
@@ -100,22 +109,17 @@ def _off_surface(
 
 
 def _off_fog(
-    world: World,
-    pencil: _Pencil,
-    detectors: Detectors | Lamp,
-    aperture_point: Any,
-    sampler: Any,
-    add: Any,
+    world: World, pencil: _Pencil, other: Sink, far_point: Any, sampler: Any, add: Any
 ) -> None:
-    """Light that the fog scatters, at one point per lane where the detector's field covers the ray.
+    """Light that the fog scatters, at one point per lane where the other's field covers the ray.
 
-    Equi-angular about the detector, which is right near the instrument, or uniform, which is right
+    Equi-angular about the other end, which is right near the instrument, or uniform, which is right
     far away.
     """
     media = world.media
-    ray, _, reach, detector = pencil
-    near, far = detectors.overlap(detector, ray, reach)
-    angular = EquiAngular.about(aperture_point, ray, far, near)
+    ray, _, reach, number = pencil
+    near, far = other.overlap(number, ray, reach)
+    angular = EquiAngular.about(far_point, ray, far, near)
     choice = sampler.next_1d()
     distance = dr.select(
         sampler.next_1d() < 0.5, angular.sample(choice), dr.lerp(near, far, choice)
@@ -123,7 +127,7 @@ def _off_fog(
     density = 0.5 * (angular.density(distance) + dr.rcp(far - near))
     point = mi.Point3f(ray(distance))
     medium = media.pick(point, sampler.next_1d())
-    end = detectors.connect_to(detector, point, sampler)
+    end = other.connect_to(number, point, sampler)
     towards, gap = direction_to(point, end.point)
     value = media.albedo(medium) * media.extinction_at(point) * end.importance / density
     lit = carries_light(value) & (far > near)
@@ -134,9 +138,11 @@ def _off_fog(
     add(value, distance + gap, 1, lit)
 
 
-def _low_discrepancy(source: Projector | Beams, seed: int) -> tuple[Any, Any, Any]:
-    """Lane numbers, their cells, and a low-discrepancy sequence for every cell."""
-    lane = dr.arange(mi.UInt32, source.lanes)
-    cell = source.cell(lane)
-    cells = source.lanes // source.samples
-    return lane, cell, Points.of(lane // cells, cell, dr.opaque(mi.UInt32, seed))
+def _low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> tuple[Any, Any, Any, Any]:
+    """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
+    number: Any = dr.arange(mi.UInt32, replicas * this.lanes)
+    lane, replica = number // replicas, number % replicas
+    cell = this.cell(lane)
+    cells = this.lanes // this.samples
+    points = Points.of(lane // cells, cell * replicas + replica, dr.opaque(mi.UInt32, seed))
+    return lane, cell, replica, points

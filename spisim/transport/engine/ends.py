@@ -1,4 +1,4 @@
-"""The ends of every light path: projector, detectors and the sun.
+"""The ends of every light path: projector and detectors; `lights` has more.
 
 An end is described by its importance W(ω): a path p → x₁ → … → xₙ → y carries the fraction
 
@@ -21,7 +21,6 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from reconstruction.arrays import Floats
 from spisim.transport.geometry import transform
 from spisim.transport.views import DetectorView, ProjectorView
 
@@ -36,6 +35,7 @@ class Launch(NamedTuple):
     scatterings: Any  # in fog, before `origin`
     state: Any  # what `density` needs to know
     cell: Any  # accumulator cell, None where the other end tells it
+    replica: Any = 0  # which of the estimates side by side the path is part of
 
 
 class Connection(NamedTuple):
@@ -46,6 +46,15 @@ class Connection(NamedTuple):
     density: Any  # number density / distance² with which the end itself launches paths that way
     length_m: Any  # optical path from `point` on to the emitter
     scatterings: Any  # in fog, from `point` on to the emitter
+    cell: Any  # accumulator cell, None where the other end tells it
+
+
+class RandomRay(NamedTuple):
+    """A ray out of the whole field of an end."""
+
+    ray: Any
+    weight: Any  # W / density
+    launched: Any  # number density of paths that are launched, over this one
     cell: Any  # accumulator cell, None where the other end tells it
 
 
@@ -66,6 +75,7 @@ class Projector:
     lens_radius_m: Any
     focus_m: Any
     samples: int
+    rate: Any  # the same for kernels, which then do for any number
 
     @classmethod
     def of(cls, view: ProjectorView, samples: int) -> Projector:
@@ -79,6 +89,7 @@ class Projector:
             lens_radius_m=dr.opaque(mi.Float, view.lens_radius_m),
             focus_m=dr.opaque(mi.Float, view.focus_m),
             samples=samples,
+            rate=dr.opaque(mi.Float, samples),
         )
 
     @property
@@ -89,12 +100,22 @@ class Projector:
     def lanes(self) -> int:
         return self.pixels * self.samples
 
+    @property
+    def paths(self) -> Any:
+        """Paths of a launch that may reach one and the same detector."""
+        return self.pixels * self.rate
+
+    @property
+    def middle(self) -> Any:
+        """Of the lens."""
+        return self.to_world @ mi.Point3f(0)
+
     def cell(self, lane: Any) -> Any:
         return lane % self.pixels
 
-    def pencil(self, lane: Any, sampler: Any) -> Any:
-        """A ray through the lane's pixel."""
-        return self._through(lane, sampler.next_2d(), sampler)
+    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+        """A ray through the lane's pixel, and its weight."""
+        return self._through(lane, sampler.next_2d(), sampler), dr.rcp(self.rate)
 
     def _through(self, lane: Any, jitter: Any, sampler: Any) -> Any:
         """A ray through a place in the lane's pixel."""
@@ -110,10 +131,10 @@ class Projector:
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=mi.Float(1 / self.samples),
+            beta=dr.rcp(self.rate),
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
-            state=self.samples * self.importance_of(ray.d),
+            state=self.rate * self.importance_of(ray.d),
             cell=self.cell(lane),
         )
 
@@ -129,24 +150,56 @@ class Projector:
         v = (focal.y / self.half_height + 1) * (0.5 * height)
         inside = (towards.z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
         squared = dr.squared_norm(towards)
-        importance = dr.select(inside, self._importance(towards.z * dr.rsqrt(squared)) / squared, 0)
+        importance = dr.select(
+            inside, self.importance_at(towards.z * dr.rsqrt(squared)) / squared, 0
+        )
         return Connection(
             point=self.to_world @ lens,
             importance=importance,
-            density=self.samples * importance,
+            density=self.rate * importance,
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
             cell=dr.select(inside, mi.UInt32(v) * width + mi.UInt32(u), 0),
         )
 
-    def random_ray(self, sampler: Any) -> tuple[Any, Any]:
-        """A ray through a random point of the field, and its pixel."""
+    def random_ray(self, sampler: Any) -> RandomRay:
+        """A ray through a random point of the field."""
+        ray, pixel = self.ray_at(sampler.next_2d(), sampler)
+        return RandomRay(ray, mi.Float(self.pixels), self.paths, pixel)
+
+    def random_ray_density(self, direction: Any, lens: Any) -> Any:
+        """Of `random_ray`, 1/sr, for a ray that leaves the lens at a place (world)."""
+        return self.importance_towards(direction, lens) / self.pixels
+
+    def ray_at(self, place: Any, sampler: Any) -> tuple[Any, Any]:
+        """The ray through a place of the field, a point of the unit square, and its pixel."""
         height, width = self.shape
-        place = sampler.next_2d()
         x, y = 2 * place.x - 1, 2 * place.y - 1
-        cell = mi.UInt32(place.y * height) * width + mi.UInt32(place.x * width)
+        pixel = mi.UInt32(place.y * height) * width + mi.UInt32(place.x * width)
         ray = self._ray(x * self.half_width, y * self.half_height, sampler)
-        return ray, dr.minimum(cell, self.pixels - 1)
+        return ray, dr.minimum(pixel, self.pixels - 1)
+
+    def overlap(self, ray: Any, reach: Any) -> tuple[Any, Any]:
+        """Part (near, far) of a ray that may be lit: within the four sides of the field.
+
+        |x| ≤ z tan α + r (1 + z / f) of a lens of radius r that is focused at f, and y likewise.
+        """
+        start = self.to_optical @ mi.Point3f(ray.o)
+        step = self.to_optical @ mi.Vector3f(ray.d)
+        near, far = mi.Float(0), mi.Float(reach)
+        blur = self.lens_radius_m / self.focus_m
+        for half, begin, slope in (
+            (self.half_width, start.x, step.x),
+            (self.half_height, start.y, step.y),
+        ):
+            for side in (-1, 1):
+                # Inside where room + opening · distance is positive
+                room = (half + blur) * start.z + self.lens_radius_m + side * begin
+                opening = (half + blur) * step.z + side * slope
+                crossing = -room / opening
+                near = dr.select(opening > 0, dr.maximum(near, crossing), near)
+                far = dr.select(opening < 0, dr.minimum(far, crossing), far)
+        return near, far
 
     def _ray(self, x: Any, y: Any, sampler: Any) -> Any:
         """From a point of the lens towards (x, y) on the image plane at unit distance."""
@@ -156,7 +209,7 @@ class Projector:
 
     def importance_of(self, direction: Any) -> Any:
         """W of a ray that was drawn: in the field, though rounding may put it on the edge."""
-        return self._importance((self.to_optical @ mi.Vector3f(direction)).z)
+        return self.importance_at((self.to_optical @ mi.Vector3f(direction)).z)
 
     def importance_towards(self, direction: Any, lens: Any) -> Any:
         """W of the ray that leaves the lens at a place (world); 0 outside the field."""
@@ -168,13 +221,14 @@ class Projector:
             & (dr.abs(focal.x) < self.half_width)
             & (dr.abs(focal.y) < self.half_height)
         )
-        return dr.select(inside, self._importance(local.z), 0)
+        return dr.select(inside, self.importance_at(local.z), 0)
 
     def _lens_point(self, sampler: Any) -> Any:
         disc = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * self.lens_radius_m
         return mi.Point3f(disc.x, disc.y, 0)
 
-    def _importance(self, cosine: Any) -> Any:
+    def importance_at(self, cosine: Any) -> Any:
+        """W by the cosine to the axis, inside the field."""
         pixel_area = 4 * self.half_width * self.half_height / self.pixels
         return dr.rcp(pixel_area * cosine**3)
 
@@ -195,6 +249,7 @@ class Detectors:
     vignetting: Any  # m
     count: int
     samples: int
+    rate: Any  # see `Projector`
 
     @classmethod
     def of(cls, view: DetectorView, samples: int) -> Self:
@@ -210,28 +265,45 @@ class Detectors:
             vignetting=dr.opaque(mi.Float, view.vignetting),
             count=len(view.positions_m),
             samples=samples,
+            rate=dr.opaque(mi.Float, samples),
         )
 
     @property
     def lanes(self) -> int:
         return self.count * self.samples
 
+    def cell(self, lane: Any) -> Any:
+        return lane % self.count
+
     def launch(self, lane: Any, sampler: Any) -> Launch:
-        number = lane % self.count
-        frame = self._frame(number)
-        disc = mi.warp.square_to_uniform_disk_concentric(
-            stratified(lane // self.count, self.samples, sampler)
-        ) * dr.sqrt(self.sine2)
-        cosine = dr.safe_sqrt(1 - dr.squared_norm(disc))
+        place = stratified(lane // self.count, self.samples, sampler)
+        ray, cosine = self._ray(lane % self.count, place, sampler)
         return Launch(
-            origin=self._aperture_point(number, frame, sampler),
-            direction=frame.to_world(mi.Vector3f(disc.x, disc.y, cosine)),
-            beta=dr.pi * self.sine2 / self.samples * self._response(cosine),
+            origin=ray.o,
+            direction=ray.d,
+            beta=self._launched(cosine),
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
             state=self._density(cosine),
-            cell=None,
+            cell=self._launch_cell(lane),
         )
+
+    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+        """A ray in the field of the lane's detector, and its weight."""
+        ray, cosine = self._ray(lane % self.count, sampler.next_2d(), sampler)
+        return ray, self._launched(cosine)
+
+    def _ray(self, number: Any, place: Any, sampler: Any) -> tuple[Any, Any]:
+        """From the aperture in the direction of a point of the unit square; cosine to the axis."""
+        frame = self._frame(number)
+        disc = mi.warp.square_to_uniform_disk_concentric(place) * dr.sqrt(self.sine2)
+        cosine = dr.safe_sqrt(1 - dr.squared_norm(disc))
+        origin = self._aperture_point(number, frame, sampler)
+        return mi.Ray3f(origin, frame.to_world(mi.Vector3f(disc.x, disc.y, cosine))), cosine
+
+    def _launched(self, cosine: Any) -> Any:
+        """Weight of a path that is launched."""
+        return dr.pi * self.sine2 / self.rate * self._response(cosine)
 
     def density(self, launch: Launch, first_vertex: Any) -> Any:
         return launch.state
@@ -247,6 +319,9 @@ class Detectors:
     def choose(self, lane: Any, sampler: Any) -> Any:
         """Number of the detector that the lane's path is connected to."""
         return lane % self.count
+
+    def _launch_cell(self, lane: Any) -> Any:
+        return self.cell(lane)
 
     def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
         """The detector that was chosen, as seen from a vertex."""
@@ -287,7 +362,7 @@ class Detectors:
         return near, reach
 
     def _density(self, cosine: Any) -> Any:
-        return cosine * (self.choices * self.samples * dr.inv_pi) / self.sine2
+        return cosine * (self.choices * dr.inv_pi) * self.rate / self.sine2
 
     def _response(self, cosine: Any) -> Any:
         return dr.power(dr.maximum(cosine, 1e-6), self.vignetting)
@@ -317,89 +392,14 @@ class JointDetectors(Detectors):
             return mi.UInt32(0)
         return dr.minimum(mi.UInt32(sampler.next_1d() * self.count), self.count - 1)
 
-
-@dataclass(frozen=True, eq=False)
-class Lamp:
-    """A projector that shows one pattern: W is that of the pixels times their power.
-
-    `lanes` paths are launched at a time, from pixels as often as they are bright.
-    """
-
-    projector: Projector
-    power_w: Any  # of each virtual pixel
-    pixels: Any  # drawn in proportion to it
-    total_w: Any
-    lanes: int
-
-    @classmethod
-    def of(cls, view: ProjectorView, power_w: Floats, lanes: int = 1) -> Lamp:
-        """`power_w` (H, W): what each virtual pixel emits."""
-        power = mi.Float(power_w.astype(np.float32).ravel())
-        dr.make_opaque(power)
-        pixels = mi.DiscreteDistribution(power)
-        total_w = dr.opaque(mi.Float, float(power_w.sum()))
-        return cls(Projector.of(view, 1), power, pixels, total_w, lanes)
-
-    def launch(self, lane: Any, sampler: Any) -> Launch:
-        pixel = self.pixels.sample((mi.Float(lane) + sampler.next_1d()) / self.lanes)
-        ray = self.projector.pencil(pixel, sampler)
-        importance = self.projector.importance_of(ray.d) * dr.gather(mi.Float, self.power_w, pixel)
-        return Launch(
-            origin=ray.o,
-            direction=ray.d,
-            beta=self.total_w / self.lanes,
-            length_m=mi.Float(0),
-            scatterings=mi.UInt32(0),
-            state=self._density(importance),
-            cell=None,
-        )
-
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
-        return launch.state
-
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
-        end = self.projector.connect(lane, vertex, sampler)
-        importance = end.importance * dr.gather(mi.Float, self.power_w, end.cell)
-        return end._replace(importance=importance, density=self._density(importance), cell=None)
-
-    def choose(self, lane: Any, sampler: Any) -> Any:
-        return mi.UInt32(0)
-
-    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
-        """The lamp, the only one that there is, as seen from a vertex."""
-        return self.connect(number, vertex, sampler)
-
-    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
-        """Part (near, far) of a ray that may be lit."""
-        return mi.Float(0), reach
-
-    def _density(self, importance: Any) -> Any:
-        return importance * (self.lanes / self.total_w)
-
-
-@dataclass(frozen=True, eq=False)
-class Sun:
-    """Parallel light; paths end in it, and are never launched from it."""
-
-    irradiance: Any  # W/m² on a surface that faces it
-    direction: Any  # from the sun, unit
-    distance_m: Any  # further than anything in the scene
-
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
-        return Connection(
-            point=vertex - self.direction * self.distance_m,
-            importance=mi.Float(self.irradiance),
-            density=mi.Float(0),
-            length_m=mi.Float(0),
-            scatterings=mi.UInt32(0),
-            cell=None,
-        )
+    def _launch_cell(self, lane: Any) -> Any:
+        return None
 
 
 def stratified(index: Any, count: int, sampler: Any) -> Any:
     """Jittered point of the unit square in stratum `index` of a grid of `count` strata."""
-    rows = next(side for side in range(int(np.sqrt(count)), 0, -1) if count % side == 0)
-    columns = count // rows
+    across = next(side for side in range(int(np.sqrt(count)), 0, -1) if count % side == 0)
+    rows, columns = (dr.opaque(mi.UInt32, side) for side in (across, count // across))
     jitter = sampler.next_2d()
     return mi.Point2f(
         (mi.Float(index % columns) + jitter.x) / columns,

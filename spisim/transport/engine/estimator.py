@@ -15,10 +15,11 @@ import numpy as np
 
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.direct import direct_light, mirrored_light
-from spisim.transport.engine.ends import Detectors, JointDetectors, Lamp, Projector
+from spisim.transport.engine.ends import Detectors, JointDetectors, Projector
+from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.rays import FogRays
-from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat
+from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat, replicas_of
 from spisim.transport.engine.tally import (
     Deposit,
     HistogramTally,
@@ -28,7 +29,13 @@ from spisim.transport.engine.tally import (
     Tallies,
 )
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
-from spisim.transport.engine.weights import alone, balanced, second_on, second_on_or_behind_glass
+from spisim.transport.engine.weights import (
+    alone,
+    alone_second_on_or_behind_glass,
+    balanced,
+    second_on,
+    second_on_or_behind_glass,
+)
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 from spisim.transport.world import World
 
@@ -56,19 +63,22 @@ def transport_image(
     """Fraction of each virtual pixel's power that reaches the detectors: `image` (H·W,).
 
     Several detectors are alike, and their light is added up.
-    `budget` counts paths per virtual pixel from each end that takes part. Other
+    `budget` counts paths per virtual pixel from each end that takes part: from both, but where
+    the world is plain. Other
     `outputs` come under the names of `spisim.transport.engine.tally`.
     """
     pixels = projector.pixels
+    replicas = 1 if outputs.bins is not None else replicas_of(pixels)  # cubes fill the memory
 
     def launch(samples: int, seeds: Sequence[int]) -> Sums:
-        tallies = outputs.tallies(pixels)
+        tallies = outputs.tallies(pixels, replicas)
         near = Projector.of(projector, samples)
         far = JointDetectors.of(detector, -(-samples * pixels // len(detector.positions_m)))
-        image_light(world, near, far, seeds, tallies.add, strategy, max_vertices)
+        image_light(world, near, far, seeds, tallies.add, strategy, max_vertices, replicas=replicas)
         return tallies.read(detector.area_m2)
 
-    return repeat(launch, budget, pixels, seed, progress)
+    ends = 2 if strategy is Strategy.BOTH and not world.plain else 1
+    return repeat(launch, budget, pixels, seed, progress, replicas=replicas, ends=ends)
 
 
 def image_light(
@@ -79,6 +89,7 @@ def image_light(
     deposit: Deposit,
     strategy: Strategy = Strategy.BOTH,
     max_vertices: int = MAX_VERTICES,
+    replicas: int = 1,
 ) -> None:
     """Deposit one launch of all light between the pixels of one end and the whole of the other.
 
@@ -90,14 +101,18 @@ def image_light(
     outward = inward = alone
     if strategy is Strategy.BOTH:
         outward, inward = second_on_or_behind_glass, second_on
-        direct_light(world, near, far, seeds[2], deposit)
-        mirrored_light(world, near, far, seeds[2], deposit)
+        if world.plain:
+            strategy, outward = Strategy.PROJECTOR, alone_second_on_or_behind_glass
+        direct_light(world, near, far, seeds[2], deposit, replicas=replicas)
+        mirrored_light(world, near, far, seeds[2], deposit, replicas=replicas)
         if max_vertices == 1:
             return
     if strategy is not Strategy.DETECTOR:
-        Walk(world, near, far, True, outward, deposit, rays).run(seeds[0], max_vertices)
+        out = Walk(world, near, far, True, outward, deposit, rays, replicas=replicas)
+        out.run(seeds[0], max_vertices)
     if strategy is not Strategy.PROJECTOR:
-        Walk(world, far, near, False, inward, deposit, rays).run(seeds[1], max_vertices)
+        back = Walk(world, far, near, False, inward, deposit, rays, replicas=replicas)
+        back.run(seeds[1], max_vertices)
 
 
 def spot_histogram(
@@ -118,20 +133,22 @@ def spot_histogram(
     from each end.
     """
     count = len(beams.origins_m)
+    replicas = replicas_of(count)
+    histograms = partial(OrderTally, make=partial(HistogramTally, bins=bins))
 
     def launch(samples: int, seeds: Sequence[int]) -> Sums:
-        tallies = Tallies(count, [OrderTally(count, partial(HistogramTally, bins=bins))])
+        tallies = Tallies(count, [histograms], replicas)
         near = Beams.of(world, beams, samples)
         far = Detectors.of(detectors, samples)
-        direct_light(world, near, far, seeds[2], tallies.add)
+        direct_light(world, near, far, seeds[2], tallies.add, replicas=replicas)
         if max_vertices > 1:
             weight = balanced if strategy is Strategy.BOTH else alone
             if strategy is not Strategy.DETECTOR:
-                out = Walk(world, near, far, True, weight, tallies.add)
+                out = Walk(world, near, far, True, weight, tallies.add, replicas=replicas)
                 out.run(seeds[0], max_vertices - 1)
             if strategy is not Strategy.PROJECTOR:
-                back = Walk(world, far, near, False, weight, tallies.add)
+                back = Walk(world, far, near, False, weight, tallies.add, replicas=replicas)
                 back.run(seeds[1], max_vertices - 1)
         return tallies.read(detectors.area_m2)
 
-    return repeat(launch, budget, count, seed, progress)
+    return repeat(launch, budget, count, seed, progress, replicas=replicas)

@@ -38,7 +38,7 @@ class Outputs:
                     f"resolves the phase of 0 to {MAX_FREQUENCY_HZ:g} Hz"
                 )
 
-    def tallies(self, cells: int) -> Tallies:
+    def tallies(self, cells: int, replicas: int) -> Tallies:
         """Empty sums for one launch."""
         kinds: list[Callable[[int], Tally]] = [ImageTally]
         if self.frequencies_hz:
@@ -46,5 +46,5 @@ class Outputs:
         if self.bins is not None:
             kinds.append(partial(HistogramTally, bins=self.bins))
         if self.orders:
-            return Tallies(cells, [OrderTally(cells, kind) for kind in kinds])
-        return Tallies(cells, [kind(cells) for kind in kinds])
+            kinds = [partial(OrderTally, make=kind) for kind in kinds]
+        return Tallies(cells, kinds, replicas)

@@ -15,6 +15,7 @@ import mitsuba as mi
 
 from spisim.transport.engine.ends import Connection, Projector
 from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.engine.lights import Lamp
 from spisim.transport.geometry import direction_to
 from spisim.transport.world import World
 
@@ -24,13 +25,13 @@ class FogRays:
     """Rays through random points of the projector's field."""
 
     world: World
-    projector: Projector
+    projector: Projector | Lamp
 
     def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
         """A point in fog on a random ray, and the `density` of its place."""
         media = self.world.media
-        ray, cell = self.projector.random_ray(sampler)
-        importance = self.projector.importance_towards(ray.d, ray.o)
+        ray, weight, launched, cell = self.projector.random_ray(sampler)
+        density = self.projector.random_ray_density(ray.d, ray.o)
         angular = EquiAngular.about(vertex, ray, mi.Float(dr.inf))
         distance = angular.sample(sampler.next_1d())
         point = mi.Point3f(ray(distance))
@@ -43,24 +44,23 @@ class FogRays:
         through = media.transmittance(ray.o, ray.d, distance, sampler, clear > 0)
         known = media.known_transmittance(ray.o, ray.d, distance)
         place = angular.density(distance)
-        pixels = self.projector.pixels
         strength = clear * through * media.albedo(medium) * extinction * phase / (place * gap * gap)
         end = Connection(
             point=point,
-            importance=dr.select(inside, pixels * strength, 0),
-            density=self.projector.lanes * known * extinction * phase / (place * gap * gap),
+            importance=dr.select(inside, weight * strength, 0),
+            density=launched * known * extinction * phase / (place * gap * gap),
             length_m=distance,
             scatterings=mi.UInt32(1),
             cell=cell,
         )
-        return end, importance / pixels * place / (distance * distance * extinction)
+        return end, density * place / (distance * distance * extinction)
 
     def density(self, ray: Any, distance: Any, second: Any) -> Any:
         """Number density with which `connect` picks the place `distance` along a ray, seen from
         `second`, over that of a free flight's collision there, times distance²; 0 where no such
         ray is."""
         angular = EquiAngular.about(second, ray, mi.Float(dr.inf))
-        importance = self.projector.importance_towards(ray.d, ray.o)
+        towards = self.projector.random_ray_density(ray.d, ray.o)
         extinction = self.world.media.extinction_at(ray(distance))
-        density = importance / self.projector.pixels * angular.density(distance) / extinction
+        density = towards * angular.density(distance) / extinction
         return dr.select(extinction > 0, density, 0)

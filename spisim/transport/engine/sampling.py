@@ -1,8 +1,10 @@
 """How long to go on: a number of paths, or an error to reach."""
 
+import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -14,18 +16,27 @@ from spisim.transport.engine.tally import Sums
 MIN_LAUNCHES = 8
 #: Lanes of one launch, per strategy: bounds memory.
 MAX_LANES = 2**20
-#: Where no number of paths is given: per cell in each of the first launches, which often are
-#: enough, and in each after them; and launches before giving up.
-FIRST_PATHS = 4
-PATHS_PER_LAUNCH = 16
-MAX_LAUNCHES = 2**16
+#: And at least, on the way to an error, if not a third of all before: a launch has its price.
+LEAST_LANES = 2**14
 
 
 class TransportWarning(UserWarning):
     """Light that could not be summed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Gauge:
+    """How large errors are, in a measure that falls with one over the square root of the paths.
+
+    `readings` turns what was estimated into the numbers that matter, such as decoded coefficients;
+    `size` measures their standard errors, given their means.
+    """
+
+    readings: Callable[[Mapping[str, Floats]], Floats]
+    size: Callable[[Floats, Floats], float]
+
+
+@dataclass(frozen=True, eq=False)
 class Paths:
     """A fixed number of paths per cell (virtual pixel, beam) and strategy.
 
@@ -34,18 +45,20 @@ class Paths:
 
     per_cell: int
     launches: int = MIN_LAUNCHES  # at least
+    gauge: Gauge | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class TargetError:
-    """Go on until the relative standard error of some readings is below `target`.
+    """Go on until errors are at most `target` by their gauge, or there are `most` paths per cell.
 
-    `readings` turns what was estimated into the numbers that matter, such as the bucket vector;
-    their relative error is ‖standard errors‖ / ‖means‖.
+    From `first` paths per cell and launch on, they are at most doubled at a time.
     """
 
     target: float
-    readings: Callable[[Mapping[str, Floats]], Floats]
+    gauge: Gauge
+    first: int = 1
+    most: int = 2**20
 
 
 SamplingBudget = Paths | TargetError
@@ -60,6 +73,8 @@ class Estimate:
     error: Mapping[str, Floats]
     launches: int
     paths: int
+    size: float  # of the errors, by their gauge; nan without
+    dropped: int  # contributions that were not finite numbers
 
 
 class _Running:
@@ -69,11 +84,13 @@ class _Running:
     (West 1979; without weights, Welford.)
     """
 
-    def __init__(self) -> None:
+    def __init__(self, gauge: Gauge | None = None) -> None:
         self.count = 0
         self.weight = 0
         self.mean: dict[str, Floats] = {}
         self._squares: dict[str, Floats] = {}
+        self._gauge = gauge
+        self._readings = None if gauge is None else _Running()
 
     def add(self, values: Mapping[str, Floats], weight: int) -> None:
         self.count += 1
@@ -84,10 +101,21 @@ class _Running:
             self.mean[name] = mean + step * (weight / self.weight)
             before = self._squares.get(name, np.zeros(()))
             self._squares[name] = before + weight * step * (value - self.mean[name])
+        if self._gauge is not None and self._readings is not None:
+            self._readings.add({"readings": self._gauge.readings(values)}, weight)
 
     def error(self) -> dict[str, Floats]:
         spread = max(self.count - 1, 1) * self.weight
         return {name: np.sqrt(squares / spread) for name, squares in self._squares.items()}
+
+    def size(self) -> float:
+        """Of the errors, by the gauge."""
+        if self._gauge is None or self._readings is None:
+            return math.nan
+        if self.count < 2:
+            return math.inf
+        readings = self._readings
+        return self._gauge.size(readings.mean["readings"], readings.error()["readings"])
 
 
 def repeat(
@@ -96,33 +124,42 @@ def repeat(
     cells: int,
     seed: np.random.SeedSequence,
     progress: Callable[[float], None] | None,
+    *,
+    replicas: int = 1,
+    ends: int = 2,
 ) -> Estimate:
     """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `budget` says.
 
+    Each launch makes `replicas` estimates side by side, the first axis of its values: they count
+    as so many launches, and cost one. Paths are launched from so many `ends`.
+
     TransportWarning tells how much of the light had to be left out.
     """
-    most = max(1, MAX_LANES // cells)
+    most = max(1, MAX_LANES // (cells * replicas))
+    running, dropped = _Running(budget.gauge), 0
     if isinstance(budget, Paths):
-        launches = max(budget.launches, -(-budget.per_cell // most))
-        first = later = max(1, round(budget.per_cell / launches))
+        launches = replicas * -(-max(budget.launches, -(-budget.per_cell // most)) // replicas)
+        samples = max(1, round(budget.per_cell / launches))
     else:
-        launches, first, later = MAX_LAUNCHES, min(FIRST_PATHS, most), min(PATHS_PER_LAUNCH, most)
-    running, readings, dropped = _Running(), _Running(), 0
-    for step in range(launches):
-        samples = first if step < MIN_LAUNCHES else later
+        samples = min(budget.first, most)
+    done = 0.0
+    for step in count():
         values, unsummed = launch(samples, _seeds(seed, step))
         dropped += unsummed
-        running.add(values, samples)
-        done = (step + 1) / launches
-        if isinstance(budget, TargetError):
-            readings.add({"readings": budget.readings(values)}, samples)
-            done = (budget.target / max(_relative(readings), budget.target)) ** 2
-            if step + 1 < MIN_LAUNCHES:
-                done = min(done, (step + 1) / MIN_LAUNCHES)
+        for each in _split(values, replicas):
+            running.add(each, samples)
+        if isinstance(budget, Paths):
+            done = running.count / launches
+        else:
+            done = max(done, _share_done(budget, running))
         if progress is not None:
             progress(done)
         if done >= 1:
             break
+        if isinstance(budget, TargetError) and running.count >= MIN_LAUNCHES:
+            least = min(running.weight / 3, LEAST_LANES / cells)
+            missing = max(running.weight * (1 / max(done, 0.5) - 1), least)
+            samples = int(np.clip(np.ceil(missing / replicas), 1, most))
     if dropped:
         warnings.warn(
             f"{dropped} contributions of light were not finite numbers and are left out: a "
@@ -130,14 +167,29 @@ def repeat(
             TransportWarning,
             stacklevel=2,
         )
-    paths = 2 * running.weight * cells
-    return Estimate(running.mean, running.error(), running.count, paths)
+    paths = ends * running.weight * cells
+    return Estimate(running.mean, running.error(), running.count, paths, running.size(), dropped)
 
 
-def _relative(readings: _Running) -> float:
-    norm = np.linalg.norm(readings.mean["readings"])
-    error = np.linalg.norm(readings.error()["readings"])
-    return float(error / norm) if norm > 0 and readings.count > 1 else np.inf
+def replicas_of(cells: int) -> int:
+    """As many estimates side by side as make an error, or fit into a launch: a power of two."""
+    fitting = max(1, MAX_LANES // cells)
+    return min(MIN_LAUNCHES, 1 << (fitting.bit_length() - 1))
+
+
+def _share_done(budget: TargetError, running: _Running) -> float:
+    """Share of the paths that it will take, as far as is known."""
+    if running.weight >= budget.most:
+        return 1.0
+    share = (budget.target / max(running.size(), budget.target)) ** 2
+    if running.count < MIN_LAUNCHES:
+        return float(min(share, running.count / MIN_LAUNCHES))
+    return float(share)
+
+
+def _split(values: Mapping[str, Floats], replicas: int) -> Iterator[Mapping[str, Floats]]:
+    for number in range(replicas):
+        yield {name: value[number] for name, value in values.items()}
 
 
 def _seeds(seed: np.random.SeedSequence, step: int) -> list[int]:

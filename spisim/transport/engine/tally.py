@@ -27,6 +27,7 @@ class Contribution(NamedTuple):
     length_m: Any  # whole optical path
     scatterings: Any  # in fog, along the whole path
     active: Any
+    replica: Any = 0  # which of the estimates side by side it is part of
 
 
 Deposit = Callable[[Contribution], None]
@@ -38,20 +39,20 @@ def carries_light(value: Any) -> Any:
 
 
 class Sums(NamedTuple):
-    """What one launch found."""
+    """What one launch found: (replicas, ...), estimates side by side, independent of each other."""
 
     values: Mapping[str, Floats]
     dropped: int = 0  # contributions that were not finite, and are not in the values
 
 
 class Tally(Protocol):
-    """Sums contributions over one launch."""
+    """Sums contributions over one launch; its cells are those of all replicas, in turn."""
 
     def add(self, light: Contribution) -> None:
         """Take one contribution per lane."""
 
-    def read(self) -> Mapping[str, Floats]:
-        """Named sums (cells, ...), per unit detector area."""
+    def read(self, replicas: int) -> Mapping[str, Floats]:
+        """Named sums (replicas, cells, ...), per unit detector area."""
 
 
 class ImageTally:
@@ -64,16 +65,15 @@ class ImageTally:
         """See `Tally`."""
         self._sum.add(light.value, light.cell, light.active)
 
-    def read(self) -> Mapping[str, Floats]:
+    def read(self, replicas: int) -> Mapping[str, Floats]:
         """See `Tally`."""
-        return {"image": self._sum.read()}
+        return {"image": self._sum.read().reshape(replicas, -1)}
 
 
 class PhasorTally:
     """Σ value · exp(2πi f L / c) per cell and frequency: `phasors` (cells, F, 2), real and imag."""
 
     def __init__(self, cells: int, frequencies_hz: Sequence[float]) -> None:
-        self._cells = cells
         self._wave_numbers = [
             dr.opaque(mi.Float, 2 * np.pi * frequency / c) for frequency in frequencies_hz
         ]
@@ -87,9 +87,10 @@ class PhasorTally:
             self._sum.add(light.value * cosine, place, light.active)
             self._sum.add(light.value * sine, place + 1, light.active)
 
-    def read(self) -> Mapping[str, Floats]:
+    def read(self, replicas: int) -> Mapping[str, Floats]:
         """See `Tally`."""
-        return {"phasors": self._sum.read().reshape(self._cells, len(self._wave_numbers), 2)}
+        shape = (replicas, -1, len(self._wave_numbers), 2)
+        return {"phasors": self._sum.read().reshape(shape)}
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class HistogramTally:
     """
 
     def __init__(self, cells: int, bins: PathLengthBins) -> None:
-        self._cells, self._bins = cells, bins
+        self._bins = bins
         self._sum = Accumulator(cells * bins.count)
 
     def add(self, light: Contribution) -> None:
@@ -140,9 +141,9 @@ class HistogramTally:
         self._sum.add(light.value * (1 - upper), cell, light.active)
         self._sum.add(light.value * upper, cell + 1, light.active)
 
-    def read(self) -> Mapping[str, Floats]:
+    def read(self, replicas: int) -> Mapping[str, Floats]:
         """See `Tally`."""
-        return {"histogram": self._sum.read().reshape(self._cells, self._bins.count)}
+        return {"histogram": self._sum.read().reshape(replicas, -1, self._bins.count)}
 
 
 class OrderTally:
@@ -161,31 +162,35 @@ class OrderTally:
         order = dr.minimum(light.scatterings, len(ORDERS) - 1)
         self._parts.add(light._replace(cell=order * self._cells + light.cell))
 
-    def read(self) -> Mapping[str, Floats]:
+    def read(self, replicas: int) -> Mapping[str, Floats]:
         """See `Tally`."""
         sums: dict[str, Floats] = {}
-        for name, values in self._parts.read().items():
-            parts = values.reshape(len(ORDERS), self._cells, *values.shape[1:])
-            sums |= {name: parts.sum(axis=0), f"{name}_orders": parts}
+        for name, values in self._parts.read(len(ORDERS) * replicas).items():
+            parts = values.reshape(len(ORDERS), replicas, *values.shape[1:]).swapaxes(0, 1)
+            sums |= {name: parts.sum(axis=1), f"{name}_orders": parts}
         return sums
 
 
 class Tallies:
     """Everything that is summed in one launch, behind a check of what can be."""
 
-    def __init__(self, cells: int, tallies: Sequence[Tally]) -> None:
-        self._tallies = tallies
-        self._check = Check(cells)
+    def __init__(
+        self, cells: int, kinds: Sequence[Callable[[int], Tally]], replicas: int = 1
+    ) -> None:
+        self._cells, self._replicas = cells, replicas
+        self._tallies = [kind(replicas * cells) for kind in kinds]
+        self._check = Check(replicas * cells)
 
     def add(self, light: Contribution) -> None:
         """See `Tally`."""
-        passed = self._check.passed(light.value, light.cell, light.active)
+        cell = light.cell + light.replica * self._cells
+        passed = self._check.passed(light.value, light.length_m, cell, light.active)
         for tally in self._tallies:
-            tally.add(light._replace(active=passed))
+            tally.add(light._replace(cell=cell, active=passed))
 
     def read(self, area_m2: float) -> Sums:
         """Sums over detectors of this area; InputError if one is too large to be exact."""
         dropped = self._check.read()
-        sums = (tally.read() for tally in self._tallies)
+        sums = (tally.read(self._replicas) for tally in self._tallies)
         values = {name: value * area_m2 for one in sums for name, value in one.items()}
         return Sums(values, dropped)

@@ -1,40 +1,55 @@
 """Weights of the strategies that find the same light (balance heuristic, Veach 1997, §9.2).
 
-A weight follows from `others`, the sum of the other strategies' densities relative to that of the
-one that found the light, the number of the vertex at which it did, and whether the path has passed
-straight through a surface before.
+A strategy has a part in some of the light, by the number of the vertex at which it found it and
+whether the path has passed straight through a surface before. Its share there follows from
+`others`, the sum of the other strategies' densities relative to its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 
-Weight = Callable[[Any, Any, Any], Any]
+
+class Weight(NamedTuple):
+    """Of one strategy: in which light it has a part, and how large its share is there."""
+
+    part: Callable[[Any, Any], Any]  # (vertex, crossed)
+    share: Callable[[Any, Any], Any]  # (others, vertex)
 
 
-def alone(others: Any, vertex: Any, crossed: Any) -> Any:
-    """Of a strategy that is the only one."""
-    return mi.Float(1)
+def _all(vertex: Any, crossed: Any) -> Any:
+    return mi.Bool(True)
 
 
-def balanced(others: Any, vertex: Any, crossed: Any) -> Any:
-    """Of all light."""
+def _second_on(vertex: Any, crossed: Any) -> Any:
+    return vertex > 1
+
+
+def _second_on_or_behind_glass(vertex: Any, crossed: Any) -> Any:
+    return (vertex > 1) | crossed
+
+
+def _balanced(others: Any, vertex: Any) -> Any:
     return dr.rcp(1 + others)
 
 
-def second_on(others: Any, vertex: Any, crossed: Any) -> Any:
-    """Of light scattered twice or more; the rest is found elsewhere."""
-    return dr.select(vertex == 1, 0, balanced(others, vertex, crossed))
-
-
-def second_on_or_behind_glass(others: Any, vertex: Any, crossed: Any) -> Any:
-    """The same, and all light scattered once behind a surface that it went straight through.
-
-    The sum along the projector's rays ends at the first surface.
-    """
-    once = dr.select(crossed, 1, 0)
-    return dr.select(vertex == 1, once, balanced(others, vertex, crossed))
+#: Of a strategy that is the only one.
+alone = Weight(_all, lambda others, vertex: mi.Float(1))
+#: Of the only one, but for the sum along rays, which finds light scattered once up to a surface.
+alone_second_on_or_behind_glass = Weight(
+    _second_on_or_behind_glass, lambda others, vertex: mi.Float(1)
+)
+#: Of all light.
+balanced = Weight(_all, _balanced)
+#: Of light scattered twice or more; the rest is found elsewhere.
+second_on = Weight(_second_on, _balanced)
+#: The same, and alone all light scattered once behind a surface that it went straight through: the
+#: sum along rays ends at the first surface.
+second_on_or_behind_glass = Weight(
+    _second_on_or_behind_glass,
+    lambda others, vertex: dr.select(vertex == 1, 1, _balanced(others, vertex)),
+)

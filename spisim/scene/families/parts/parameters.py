@@ -10,6 +10,8 @@ from reconstruction.errors import nearest
 from spisim.config import Section, check_fields
 from spisim.config.distributions import Choice, Distribution, LogUniform, Uniform, stream
 
+_DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Distribution)
+
 
 class Parameters(Section):
     """Base of the parameters of every family; fields are made by `drawn`, `drawn_log`, `one_of`."""
@@ -74,6 +76,6 @@ def draw_parameters(
     values = dict(given)
     for name, text in ranges(model).items():
         if name not in values:
-            distribution: Distribution = TypeAdapter(Distribution).validate_python(text)
+            distribution = _DISTRIBUTION.validate_python(text)
             values[name] = distribution.draw(stream(seed, attempt, name))
     return check_fields(values, model, source)

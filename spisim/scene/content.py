@@ -1,0 +1,43 @@
+"""What meshes and surfaces hold, as digests: equal for equal ones, however they came about."""
+
+from collections.abc import Sequence
+from hashlib import blake2b
+
+import numpy as np
+import trimesh
+
+from spisim.scene.materials import Material
+from spisim.scene.model import SceneObject
+from spisim.scene.shapes import texture_coordinates
+
+
+def surface_content(objects: Sequence[SceneObject]) -> bytes:
+    """Digest of all that light and rays can tell of objects, in their order; not of their names."""
+    found = blake2b()
+    materials = {id(thing.material): thing.material for thing in objects}
+    contents = {number: material_content(each) for number, each in materials.items()}
+    for thing in objects:
+        found.update(contents[id(thing.material)] + mesh_content(thing.mesh))
+    return found.digest()
+
+
+def mesh_content(mesh: trimesh.Trimesh) -> bytes:
+    """Digest of triangles and texture coordinates."""
+    return _digest(mesh.vertices, mesh.faces, texture_coordinates(mesh))
+
+
+def material_content(material: Material) -> bytes:
+    """Digest of how a surface scatters light."""
+    numbers = repr((material.bsdf, float(material.reflectance)))
+    opacity = material.opacity
+    pictured = opacity if opacity is None else np.asarray(opacity)
+    return _digest(np.frombuffer(numbers.encode(), np.uint8), material.texture, pictured)
+
+
+def _digest(*arrays: np.ndarray | None) -> bytes:
+    found = blake2b()
+    for array in arrays:
+        found.update(b"none" if array is None else f"{array.dtype} {array.shape}".encode())
+        if array is not None:
+            found.update(np.ascontiguousarray(array).data)
+    return found.digest()

@@ -1,0 +1,124 @@
+"""Lights that detectors receive as a whole: what a projector shows on average, and the sun."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from reconstruction.arrays import Floats
+from spisim.transport.engine.ends import Connection, Launch, Projector, RandomRay
+from spisim.transport.views import ProjectorView
+
+
+@dataclass(frozen=True, eq=False)
+class Lamp:
+    """A projector that shows one picture and emits unit power.
+
+    Paths are launched from pixels as often as they are bright: `samples` per launch, or as many for
+    each of the `cells`, detectors that the lane tells the number of, as it does in `Detectors`.
+    """
+
+    projector: Projector
+    shares: Any  # of the power, by virtual pixel
+    pixels: Any  # drawn in proportion to it
+    samples: int
+    rate: Any  # see `Projector`
+    cells: int | None
+
+    @classmethod
+    def of(
+        cls, view: ProjectorView, power: Floats, samples: int = 1, cells: int | None = None
+    ) -> Lamp:
+        """`power` (H, W) of each virtual pixel, in any unit."""
+        shares = mi.Float((power / power.sum()).astype(np.float32).ravel())
+        dr.make_opaque(shares)
+        pixels, rate = mi.DiscreteDistribution(shares), dr.opaque(mi.Float, samples)
+        return cls(Projector.of(view, 1), shares, pixels, samples, rate, cells)
+
+    @property
+    def lanes(self) -> int:
+        return self.samples * (self.cells or 1)
+
+    @property
+    def paths(self) -> Any:
+        """Paths of a launch that may reach one and the same detector."""
+        return self.rate
+
+    @property
+    def middle(self) -> Any:
+        """Of the lens."""
+        return self.projector.middle
+
+    def cell(self, lane: Any) -> Any:
+        return None if self.cells is None else lane % self.cells
+
+    def launch(self, lane: Any, sampler: Any) -> Launch:
+        index = lane // (self.cells or 1)
+        pixel = self.pixels.sample((mi.Float(index) + sampler.next_1d()) / self.rate)
+        ray, _ = self.projector.pencil(pixel, sampler)
+        importance = self.projector.importance_of(ray.d) * dr.gather(mi.Float, self.shares, pixel)
+        return Launch(
+            origin=ray.o,
+            direction=ray.d,
+            beta=dr.rcp(self.rate),
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            state=importance * self.rate,
+            cell=self.cell(lane),
+        )
+
+    def density(self, launch: Launch, first_vertex: Any) -> Any:
+        return launch.state
+
+    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+        end = self.projector.connect(lane, vertex, sampler)
+        importance = end.importance * dr.gather(mi.Float, self.shares, end.cell)
+        return end._replace(importance=importance, density=importance * self.rate, cell=None)
+
+    def random_ray(self, sampler: Any) -> RandomRay:
+        """A ray through a random point of the field."""
+        ray, pixel = self.projector.ray_at(sampler.next_2d(), sampler)
+        weight = dr.gather(mi.Float, self.shares, pixel) * self.projector.pixels
+        return RandomRay(ray, weight, weight * self.rate, None)
+
+    def random_ray_density(self, direction: Any, lens: Any) -> Any:
+        """See `Projector`."""
+        return self.projector.random_ray_density(direction, lens)
+
+    def choose(self, lane: Any, sampler: Any) -> Any:
+        """There is one lamp for all lanes."""
+        return mi.UInt32(0)
+
+    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+        """See `connect`."""
+        return self.connect(number, vertex, sampler)
+
+    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+        """Part (near, far) of a ray that lies in the field."""
+        return self.projector.overlap(ray, reach)
+
+
+@dataclass(frozen=True, eq=False)
+class Sun:
+    """Parallel light; paths end in it, and are never launched from it.
+
+    It is nowhere close, so that paths of the other side alone have a finite variance.
+    """
+
+    irradiance: Any  # W/m² on a surface that faces it
+    direction: Any  # from the sun, unit
+    distance_m: Any  # further than anything in the scene
+
+    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+        return Connection(
+            point=vertex - self.direction * self.distance_m,
+            importance=mi.Float(self.irradiance),
+            density=mi.Float(0),
+            length_m=mi.Float(0),
+            scatterings=mi.UInt32(0),
+            cell=None,
+        )
