@@ -24,7 +24,7 @@ from spisim.transport.media import Media
 #: Largest planes (area x reflectance) that images are looked for in; curved mirrors have more.
 MAX_PLANES = 64
 #: Triangles lie in one plane if their normals and distances from the origin agree to this.
-SAME_NORMAL, SAME_PLACE_M = 1e-4, 1e-3
+SAME_NORMAL, SAME_PLACE_M = 2e-3, 1e-3
 
 
 class Plane(NamedTuple):
@@ -38,9 +38,10 @@ class Plane(NamedTuple):
         """The mirror image of a point."""
         return point - 2 * (dr.dot(self.normal, point) - self.offset_m) * self.normal
 
-    def holds(self, point: Any) -> Any:
-        """Whether a point lies in the plane, to single precision."""
-        return dr.abs(dr.dot(self.normal, point) - self.offset_m) < 2 * SAME_PLACE_M
+    def holds(self, si: Any) -> Any:
+        """Whether a place on a surface belongs to the plane: it may cross others there."""
+        near = dr.abs(dr.dot(self.normal, si.p) - self.offset_m) < 2 * SAME_PLACE_M
+        return near & (dr.abs(dr.dot(self.normal, si.n)) > 1 - SAME_NORMAL**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +55,11 @@ class Mirrors:
     @classmethod
     def of(cls, objects: Sequence[SceneObject]) -> Mirrors | None:
         """Those of a scene; None where nothing mirrors."""
-        found = [_planes(thing) for thing in objects if _mirrors(thing)]
-        if not found:
+        mirrors = [thing for thing in objects if _mirrors(thing)]
+        planes, strength = _planes(mirrors) if mirrors else (np.zeros((0, 4)), np.zeros(0))
+        if not strength.size:
             return None
-        every = np.concatenate(found)
-        grain = [SAME_NORMAL, SAME_NORMAL, SAME_NORMAL, SAME_PLACE_M]
-        _, first, group = np.unique(
-            np.round(every[:, :4] / grain), axis=0, return_index=True, return_inverse=True
-        )
-        strength = np.bincount(group.ravel(), every[:, 4])
-        kept = np.argsort(-strength, kind="stable")[:MAX_PLANES]
-        planes, strength = every[first[kept], :4].astype(np.float32), strength[kept]
+        planes = planes.astype(np.float32)
         normals, offsets_m = mi.Normal3f(planes[:, :3].T), mi.Float(planes[:, 3])
         weights = mi.Float(strength.astype(np.float32))
         dr.make_opaque(normals, offsets_m, weights)
@@ -91,7 +86,7 @@ def reflected(
     `length_m` is that of the whole path, unfolded. Nothing but fog may lie before the mirror.
     """
     si = geometry.scene.ray_intersect(ray, active)
-    met = active & si.is_valid() & (si.t < length_m) & plane.holds(si.p)
+    met = active & si.is_valid() & (si.t < length_m) & plane.holds(si)
     # The first choice of every mirror and pane is to reflect.
     sample, weight = si.bsdf().sample(
         mi.BSDFContext(mi.TransportMode.Importance), si, mi.Float(0), mi.Point2f(0.5), met
@@ -110,12 +105,26 @@ def _mirrors(thing: SceneObject) -> bool:
     return smooth and thing.material.opacity is None
 
 
-def _planes(thing: SceneObject) -> Floats:
-    """Unit normal, offset and area x reflectance of each triangle, (triangles, 5)."""
-    normals, area = thing.mesh.face_normals, thing.mesh.area_faces
-    largest = np.abs(normals).argmax(axis=1)
-    side = np.sign(np.take_along_axis(normals, largest[:, None], axis=1))
-    normals = normals * side  # both sides are one plane
-    offsets = np.sum(normals * thing.mesh.triangles[:, 0], axis=1)
-    strength = area * thing.material.reflectance
-    return np.column_stack([normals, offsets, strength])[strength > 0]
+def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
+    """Unit normal and offset (planes, 4) of those that triangles lie in, and area x reflectance."""
+    triangles = np.concatenate([thing.mesh.triangles for thing in things])
+    normals = np.concatenate([thing.mesh.face_normals for thing in things])
+    strength = np.concatenate(
+        [thing.mesh.area_faces * thing.material.reflectance for thing in things]
+    )
+    left = np.argsort(-strength, kind="stable")
+    left = left[strength[left] > 0]
+    found: list[Floats] = []
+    total: list[float] = []
+    while left.size and len(found) < 4 * MAX_PLANES:
+        normal = normals[left[0]]
+        offset = float(normal @ triangles[left[0], 0])
+        aligned = np.abs(normals[left] @ normal) > 1 - SAME_NORMAL**2 / 2
+        flush = np.abs(triangles[left] @ normal - offset).max(axis=1) < SAME_PLACE_M
+        same = aligned & flush
+        same[0] = True
+        found.append(np.append(normal, offset))
+        total.append(float(strength[left[same]].sum()))
+        left = left[~same]
+    strongest = np.argsort(-np.array(total), kind="stable")[:MAX_PLANES]
+    return np.array(found)[strongest], np.array(total)[strongest]

@@ -108,5 +108,20 @@ def test_a_room_with_a_mirror_in_fog_against_the_reference_engine() -> None:
     assert all(total.std() < 0.05 * total.mean() for total in totals)
 
 
+def test_a_mirror_of_many_triangles_is_one_plane() -> None:
+    """Askew, so that rounding tells its triangles apart."""
+    plain = mirror(2.0, 0.01, 3.0)
+    turn = trimesh.transformations.rotation_matrix(0.003, [1, 0, 0], [0, 0, 2])
+    plain.mesh.apply_transform(turn)
+    fine = replace(plain, mesh=plain.mesh.subdivide().subdivide().subdivide())
+    view = worlds.projector(30, shape=(8, 8))
+    whole, parts = (
+        worlds.image(build_world(worlds.scene(thing)), view, NEAR, 64, SEEDS[0])
+        for thing in (plain, fine)
+    )
+    assert len(build_world(worlds.scene(fine)).mirrors.offsets_m) == 1
+    assert parts.sum() == pytest.approx(whole.sum(), rel=1e-3, abs=0)
+
+
 def test_no_mirror_costs_nothing() -> None:
     assert build_world(worlds.scene(*worlds.room())).mirrors is None

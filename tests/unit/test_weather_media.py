@@ -48,14 +48,14 @@ def test_table_for_the_transport_keeps_asymmetry_and_echo(kind: str) -> None:
 def test_mitsuba_keeps_asymmetry_and_echo(kind: str) -> None:
     """Of its own interpolation: the mean cosine of its samples, by z-score, and its value back."""
     from spisim.transport.backend import activate
-    from spisim.transport.phase import phase_dict
+    from spisim.transport.phase import phase_plugin
 
     activate()
     import drjit as dr
     import mitsuba as mi
 
     optics = look_up(FOGS[kind], 1550)
-    plugin = mi.load_dict(phase_dict(fog(100, kind).phase))
+    plugin = phase_plugin(fog(100, kind).phase)
     interaction = dr.zeros(mi.MediumInteraction3f)
     interaction.wi = mi.Vector3f(0, 0, -1)
     interaction.sh_frame = mi.Frame3f(interaction.wi)

@@ -72,7 +72,9 @@ def mirrored_light(
     """
     if world.mirrors is None:
         return
-    lane, cell, replica, sampler = _low_discrepancy(source, replicas, seed)
+    lane, cell, replica, sampler = _low_discrepancy(
+        source, replicas, seed ^ 1
+    )  # not of direct light
     plane = world.mirrors.choose(sampler)
     middle = plane.image(source.middle)
     detector = detectors.choose(lane, sampler)
