@@ -3,7 +3,7 @@
     python benchmarks/dataset.py [--quick] [--json] [--markdown]
 
 Half of the samples are of the warehouse, half are calibration targets: 64 × 64 pixels, 128
-patterns and four spots, fog of 50 m visibility, 1 % transport error of the readings.
+patterns and four spots, fog of 50 m visibility, a transport noise share of 0.5.
 `--markdown` pastes the tables into docs/datasets.md.
 """
 
@@ -111,7 +111,7 @@ def main() -> int:
         alone = measure(planned, amounts.alone, 1)
         together = measure(planned, amounts.together, 2)
     table = Table(
-        "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, 1 % error:",
+        "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, a noise share of 0.5:",
         ("workers", "samples", "per minute", "median, s", "slowest, s", "peak memory, MB"),
         [alone.row(), together.row()],
     )
