@@ -98,9 +98,11 @@ def contrasts(
     least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
     low, high = np.log([min(least, LEAST * equal), 10 * most])
     logs = np.tile(np.linspace(low, high, POINTS), (len(spreads), 1))
+    signal, power = (spreads / noise).T[..., None], power / noise
     for last in np.arange(ROUNDS) == ROUNDS - 1:
-        variance = np.exp(logs)[..., None] * spreads[:, None] + noise
-        density = -(np.log(variance) + power / variance).sum(axis=-1) / 2
+        variance = np.exp(logs) * signal + 1  # (K, E, J), over that of noise
+        misfit = (power @ (1 / variance).reshape(power.size, -1)).reshape(logs.shape)
+        density = -(_sum_of_logs(variance) + misfit) / 2
         density += _told(logs, expected) if expected is not None else _untold(logs, equal)
         if not last:
             logs = _closer(logs, density)
@@ -109,6 +111,12 @@ def contrasts(
     given = (weight * values).sum(axis=1) / weight.sum(axis=1)
     weight = np.exp(density - density.max()) * (logs[:, 1:2] - logs[:, :1])
     return Contrasts(values, weight / weight.sum(), given)
+
+
+def _sum_of_logs(values: Floats) -> Floats:
+    """Along the first axis, of numbers from 1 to 1e30: products of eight take fewer logarithms."""
+    products = np.multiply.reduceat(values, np.arange(0, len(values), 8), axis=0)
+    return np.asarray(np.log(products).sum(axis=0))
 
 
 def _closer(logs: Floats, density: Floats) -> Floats:
