@@ -111,7 +111,7 @@ def main() -> int:
         alone = measure(planned, amounts.alone, 1)
         together = measure(planned, amounts.together, 2)
     table = Table(
-        "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, a noise share of 0.5:",
+        "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, noise share 0.5:",
         ("workers", "samples", "per minute", "median, s", "slowest, s", "peak memory, MB"),
         [alone.row(), together.row()],
     )
