@@ -167,7 +167,7 @@ class MaterialDescription(Section):
     k: NumberSpectrum | None = None
     metallic: Number | None = None
     specular: Number | None = None
-    returned: Number | None = None
+    returned: NumberSpectrum | None = None
     texture: Name | None = None
     opacity: Fraction | Name | None = None
 

@@ -83,6 +83,10 @@ def material_of(folder: Path, fields: str, item: str = "") -> Material:
         ("bsdf: thin-pane", ThinPane(1.5)),
         ("reflectance: 0.5, bsdf: principled, metallic: 0.3", Principled(metallic=0.3)),
         ("reflectance: 0.5, bsdf: retroreflector, returned: 0.2", Retroreflector(0.2)),
+        (
+            "reflectance: 0.5, bsdf: retroreflector, returned: {850: 0.3, 1550: 0.1}",
+            Retroreflector(0.1),
+        ),
     ],
 )
 def test_every_bsdf_by_its_name(folder: Path, fields: str, bsdf: Bsdf) -> None:
