@@ -134,7 +134,7 @@ def theirs(scene: Scene, instrument: Instrument) -> Renders:
     def render(seed: int) -> NDArray[np.float64]:
         sampler: Any = mi.load_dict({"type": "independent"})
         sampler.seed(dr.opaque(mi.UInt32, seed), lanes)
-        ray = Projector.of(camera, count).pencil(dr.arange(mi.UInt32, lanes), sampler)
+        ray, _ = Projector.of(camera, count).pencil(dr.arange(mi.UInt32, lanes), sampler)
         radiance = renderer.radiance(ray.o, ray.d, sampler).numpy()
         return np.asarray(radiance, float).reshape(count, SIDE, SIDE).mean(axis=0)
 

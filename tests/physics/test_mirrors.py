@@ -99,7 +99,7 @@ def test_a_room_with_a_mirror_in_fog_against_the_reference_engine() -> None:
     for seed in range(len(SEEDS)):
         sampler = mi.load_dict({"type": "independent"})
         sampler.seed(dr.opaque(mi.UInt32, seed), source.lanes)
-        ray = source.pencil(dr.arange(mi.UInt32, source.lanes), sampler)
+        ray, _ = source.pencil(dr.arange(mi.UInt32, source.lanes), sampler)
         radiance = renderer.radiance(ray.o, ray.d, sampler).numpy()
         theirs.append(radiance.reshape(samples, *VIEW.shape).mean(axis=0))
     assert np.all(np.abs(worlds.z_score(ours, theirs)) < 5)
