@@ -85,7 +85,7 @@ def test_a_room_with_a_mirror_in_fog_against_the_reference_engine() -> None:
     radius_m = 0.2
     end = worlds.detector([0.25, 0, 0.5], area_m2=np.pi * radius_m**2)
     room = worlds.scene(*worlds.room(), mirror(3.0, 0.3, 0.7), volumes=worlds.bank(0.1, 0.95, 0.7))
-    ours = [worlds.image(build_world(room), VIEW, end, 512, seed) for seed in SEEDS]
+    ours = [worlds.image(build_world(room), VIEW, end, 2048, seed) for seed in SEEDS]
     place = mi.ScalarTransform4f().translate([0.25, 0, 0.5]).scale(radius_m)
     lamp = {
         "type": "disk",
