@@ -126,9 +126,8 @@ def test_one_end_and_what_only_the_other_finds_is_all_light_in_fog(name, monkeyp
 
     everything = totals(Strategy.BOTH, 1024)
     outward = totals(Strategy.PROJECTOR, 2048)
-    monkeypatch.setattr(
-        estimator, "alone", lambda others, vertex, crossed: dr.select(others == 0, 1.0, 0.0)
-    )
+    unique = estimator.alone._replace(share=lambda others, vertex: dr.select(others == 0, 1.0, 0.0))
+    monkeypatch.setattr(estimator, "alone", unique)
     only_inward = totals(Strategy.DETECTOR, 2048)
     assert abs(worlds.z_score(outward + only_inward, everything)) < 4
     assert only_inward.mean() > 0.01 * everything.mean()
