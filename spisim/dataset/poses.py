@@ -79,7 +79,8 @@ class View:
                 drone = _told(fields.get("drone") or {}, offset_m.tolist(), turn_deg.tolist())
                 return replace(seen, text=dump_yaml({**fields, "drone": drone}))
         raise InputError(
-            f"scene {scene.name!r}: none of {ATTEMPTS} poses is one to fly in; in the last, {problem}"
+            f"scene {scene.name!r}: none of {ATTEMPTS} poses is one to fly in; in the last, "
+            f"{problem}"
         )
 
 
