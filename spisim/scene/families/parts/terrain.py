@@ -116,20 +116,16 @@ def hills(rng: np.random.Generator, start_m: float, height_m: float) -> Relief:
 
 
 def patchwork(
-    rng: np.random.Generator, land: Terrain, kinds: int, size_m: float, count: int = 60
+    rng: np.random.Generator, land: Terrain, kinds: int, size_m: float, count: int = 150
 ) -> NDArray[np.int64]:
     """A kind (n - 1, m - 1) for each cell: fields around random places, larger when farther."""
-    radius = size_m * np.exp(rng.uniform(-1, 5, count))
-    angle = rng.uniform(-np.pi, np.pi, count)
-    places = radius * np.array([np.cos(angle), np.sin(angle)])
-    x, y = (_compressed(line, size_m) for line in land.centres())
-    own_x, own_y = (_compressed(line, size_m) for line in places)
-    nearest = np.hypot(x[..., None] - own_x, y[..., None] - own_y).argmin(axis=-1)
-    return rng.integers(0, kinds, count)[nearest]
-
-
-def _compressed(line: Floats, size_m: float) -> Floats:
-    return np.arcsinh(line / size_m)
+    steps, angles = rng.uniform(0, 7, count), rng.uniform(-np.pi, np.pi, count)
+    ahead = rng.random(count) < 0.6
+    angles[ahead] /= 6
+    x, y = land.centres()
+    step, angle = np.log1p(np.hypot(x, y) / size_m), np.arctan2(y, x)
+    away = np.hypot(step[..., None] - steps, 2 * np.sin((angle[..., None] - angles) / 2))
+    return rng.integers(0, kinds, count)[away.argmin(axis=-1)]
 
 
 def _cell(lines: Floats, at: Floats) -> tuple[NDArray[np.int64], Floats]:

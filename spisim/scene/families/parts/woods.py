@@ -18,7 +18,7 @@ NEAR_M, MOST_NEAR = 14.0, 3
 #: Kinds of the trees that are copied.
 COPIED = 3
 #: Leaves of a tree near by and of one farther off, and their size.
-FINE, COARSE = (5000, 0.16), (800, 0.4)
+FINE, COARSE = (6000, 0.13), (800, 0.4)
 
 
 class Tree(NamedTuple):
@@ -153,14 +153,19 @@ def tree_line(
 
 
 def add_far_woods(
-    draft: Draft, rng: np.random.Generator, land: Terrain, count: int, nearest_m: float
+    draft: Draft,
+    rng: np.random.Generator,
+    land: Terrain,
+    count: int,
+    nearest_m: float,
+    heading_deg: float = 0.0,
 ) -> None:
     """Strips of wood here and there ahead, the farther the longer."""
     strips = []
     for distance in nearest_m * np.exp(rng.uniform(0, 3.0, count)):
-        angle = np.radians(rng.uniform(-14, 14))
+        angle = np.radians(heading_deg + rng.uniform(-14, 14))
         middle = distance * np.array([np.cos(angle), np.sin(angle)])
-        turn = np.radians(90 + rng.uniform(-50, 50))
+        turn = np.radians(heading_deg + 90 + rng.uniform(-50, 50))
         half = distance * rng.uniform(0.03, 0.3) * np.array([np.cos(turn), np.sin(turn)])
         bend = 0.1 * distance * rng.normal(size=(3, 2)) * 0.2
         path = middle + np.array([1, 0, -1])[:, None] * half + bend
@@ -198,8 +203,9 @@ def in_view(
     near_m: float,
     far_m: float,
     half_deg: float = 14.0,
+    heading_deg: float = 0.0,
 ) -> Floats:
-    """Random places (n, 3) on the land ahead, within an angle to both sides."""
+    """Random places (n, 3) on the land ahead, within an angle to both sides of a heading."""
     distance = near_m * (far_m / near_m) ** rng.random(count)
-    angle = np.radians(rng.uniform(-half_deg, half_deg, count))
+    angle = np.radians(heading_deg + rng.uniform(-half_deg, half_deg, count))
     return land.places(distance * np.cos(angle), distance * np.sin(angle))
