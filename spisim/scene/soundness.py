@@ -15,7 +15,7 @@ from spisim.scene.model import Scene
 from spisim.scene.rays import winding_number
 from spisim.scene.warning import SceneWarning
 
-#: Widths of what a drone meets; sheets, such as ground and water, may reach to the horizon.
+#: Widths of what a drone meets.
 PLAUSIBLE_M = (0.001, 300.0)
 #: Beyond this single precision, in which light is traced, is poor.
 FAR_M = 10_000.0
@@ -46,11 +46,8 @@ def warn_of_odd_sizes(scene: Scene) -> None:
     sizes = {thing.name: float(thing.mesh.extents.max()) for thing in scene.objects}
     away = {thing.name: float(np.abs(thing.mesh.bounds).max()) for thing in scene.objects}
     low, high = PLAUSIBLE_M
-    told = [
-        f"{thing.name!r} is {sizes[thing.name]:.3g} m wide"
-        for thing in scene.objects
-        if sizes[thing.name] < low or (sizes[thing.name] >= high and not _is_sheet(thing.mesh))
-    ]
+    told = [f"{name!r} is {size:.3g} m wide" for name, size in sizes.items()
+            if not low <= size < high]  # fmt: skip
     told += [
         f"{name!r} is {far:.3g} m from the origin" for name, far in away.items() if far > FAR_M
     ]
@@ -84,11 +81,6 @@ def fault(mesh: trimesh.Trimesh) -> str | None:
         return INCONSISTENT
     volume, area = _volume_and_area(mesh.triangles)
     return INVERTED if volume < -1e-9 * area**1.5 else None
-
-
-def _is_sheet(mesh: trimesh.Trimesh) -> bool:
-    triangles, _ = _edge_counts(mesh)
-    return bool((triangles < 2).any())
 
 
 def _volume_and_area(triangles: Floats) -> tuple[float, float]:

@@ -115,6 +115,26 @@ def hills(rng: np.random.Generator, start_m: float, height_m: float) -> Relief:
     return relief
 
 
+def add_shore(
+    draft: Draft,
+    land: Terrain,
+    level_m: float,
+    materials: Sequence[str],
+    kinds: NDArray[np.int64],
+) -> Terrain:
+    """Add land of some kinds (n - 1, m - 1) of material, and water up to a level.
+
+    At 1550 nm water is opaque and reflects 2 %: its body absorbs what its surface lets in. Returns
+    the land with the water's surface as what one stands on.
+    """
+    flooded = Terrain(land.x_m, land.y_m, np.maximum(land.z_m, level_m))
+    z = flooded.z_m
+    highest = np.maximum(np.maximum(z[:-1, :-1], z[1:, :-1]), np.maximum(z[:-1, 1:], z[1:, 1:]))
+    kinds = np.where(highest > level_m, kinds, len(materials))
+    flooded.add(draft, [*materials, "water"], kinds)
+    return flooded
+
+
 def patchwork(
     rng: np.random.Generator, land: Terrain, kinds: int, size_m: float, count: int = 150
 ) -> NDArray[np.int64]:
