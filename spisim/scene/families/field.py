@@ -330,4 +330,5 @@ FAMILY = Family(
     "An open field: poles, fences, bales, bushes, animals and machines, far hills",
     FieldParameters,
     build,
+    least_spots=1,
 )

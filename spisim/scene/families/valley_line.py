@@ -300,4 +300,5 @@ FAMILY = Family(
     "A power line, cable car or chairlift across a valley, far slopes behind",
     ValleyLineParameters,
     build,
+    least_spots=1,
 )
