@@ -112,9 +112,9 @@ def _krige(
     to_pixels[..., :count] = covariance(
         squared_distances(brightness.shape, anchors), brightness[..., None] - at_anchors
     )
-    inverse = np.linalg.inv(system)
-    told = ((to_pixels @ inverse) * to_pixels).sum(axis=-1)
-    return to_pixels @ (inverse @ np.append(values, 0)), (1 + prior.nugget) * variance - told
+    weights = to_pixels @ np.linalg.inv(system)
+    told = np.einsum("hwk,hwk->hw", weights, to_pixels)
+    return weights @ np.append(values, 0), (1 + prior.nugget) * variance - told
 
 
 METHOD = Anchored()
