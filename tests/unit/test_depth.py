@@ -1,5 +1,6 @@
 """The depth map: better than the nearest anchor on average, sane on bad input; point clouds."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy import ndimage
 from images import image_from
 from reconstruction.capture import Optics
 from reconstruction.depth import pixel_of, pixel_rays, point_cloud_ply
-from reconstruction.depth.anchored_prior import fitted_prior
+from reconstruction.depth.anchored_prior import FITTED, fitted_prior
 from reconstruction.depth.methods import anchored
 from reconstruction.depth.methods.inverse_distance import weighted_range
 from reconstruction.depth.methods.nearest import nearest_range
@@ -236,6 +237,16 @@ def test_deviations_are_those_of_kriging():
     simple = 1.1 * variance - cross @ inverse @ cross
     of_mean = (1 - ones @ inverse @ cross) ** 2 / (ones @ inverse @ ones)
     assert found.deviation[20, 30] == pytest.approx(np.sqrt(simple + of_mean))
+
+
+def test_the_prior_rests_on_other_families_than_those_that_judge_it():
+    told = json.loads(FITTED.read_text())
+    learn, judge = (set(told[part]["families"]) for part in ("learn", "judge"))
+    assert learn
+    assert judge
+    assert not learn & judge
+    assert told["taken"] == (told["judge"]["error_fitted"] < told["judge"]["error_before"])
+    assert 0.92 <= told["judge"]["within_2_sigma"] <= 0.99
 
 
 def test_rays_and_pixels_are_each_others_inverse():
