@@ -82,9 +82,7 @@ class View:
         )
 
 
-def _told(
-    drone: Mapping[str, Any], offset_m: list[float], turn_deg: list[float]
-) -> dict[str, Any]:
+def _told(drone: Mapping[str, Any], offset_m: list[float], turn_deg: list[float]) -> dict[str, Any]:
     """Fields of the drone that add an offset and a turn to those it has."""
     own_turn, own_offset = drone.get("turn_deg", (0, 0, 0)), drone.get("offset_m", (0, 0, 0))
     if any(own_turn) or any(own_offset):

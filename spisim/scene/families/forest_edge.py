@@ -26,7 +26,7 @@ class ForestEdgeParameters(Parameters):
     """The drone flies over the field and looks towards the wood, along it, or past its end."""
 
     drone_height_m: float = drawn_log(1.3, 9.0, "above the field")
-    pitch_deg: float = drawn(-4.0, 14.0, "of the line of sight, down is positive")
+    pitch_deg: float = drawn(-9.0, 13.0, "of the line of sight, down is positive")
     edge_m: float = drawn_log(4.5, 30.0, "along the line of sight to the wood")
     edge_angle_deg: float = drawn(-75.0, 75.0, "of the edge from square to the line of sight")
     gap_deg: float = drawn(-16.0, 16.0, "at which the wood has a gap or its end, to the left")

@@ -29,7 +29,7 @@ class LandingApproachParameters(Parameters):
 
     place: str = one_of("pad", "road", "roof", "runway", text="to land on")
     height_m: float = drawn_log(1.2, 8.0, "of the drone above the place")
-    slant_deg: float = drawn(0.0, 28.0, "of the line of sight below the horizon")
+    slant_deg: float = drawn(0.0, 24.0, "of the line of sight below the horizon")
     turn_deg: float = drawn(-90.0, 90.0, "of the place to the line of sight")
     roll_deg: float = drawn(-6.0, 6.0, "of the drone as it turns in")
     aside_deg: float = drawn(-7.0, 7.0, "of the middle of the place, to the left")
