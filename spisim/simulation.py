@@ -1,18 +1,25 @@
 """The whole chain: scene and instrument become light, counts and a capture."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from reconstruction.capture import Capture
+from reconstruction.capture import SURROGATE, Capture
+from spisim.config import LightSource
 from spisim.instrument import Instrument
 from spisim.measurement import record
 from spisim.scene import Scene
-from spisim.transport import GroundTruth, LightSequence, Transport, ground_truth, trace
+from spisim.transport import (
+    GroundTruth,
+    LightSequence,
+    Transport,
+    ground_truth,
+    surrogate_light,
+    trace,
+)
 from spisim.transport.backend import activate
-
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
@@ -31,6 +38,7 @@ def simulate(
     scene: Scene,
     instrument: Instrument,
     *,
+    light: LightSource = "traced",
     spp: int = 256,
     transport_noise_share: float | None = None,
     seed: int = 0,
@@ -45,6 +53,9 @@ def simulate(
 
     Parameters
     ----------
+    light
+        "surrogate": not traced but guessed, thirty times as fast, for data sets to learn from; spp
+        and transport_noise_share are of no account then.
     spp
         Light paths per virtual pixel and strategy.
     transport_noise_share
@@ -66,22 +77,29 @@ def simulate(
     """
     middles_s = (np.arange(frames if scene.moves else 1) + 0.5) * instrument.frame_time_s
     truths = tuple(ground_truth(scene.at(time_s), instrument) for time_s in middles_s.tolist())
-    light = trace(
-        scene,
-        instrument,
-        frames=frames,
-        spp=spp,
-        transport_noise_share=transport_noise_share,
-        seed=seed,
-        progress=progress,
-    )
-    share = transport_noise_share
-    budget = {"spp": spp} if share is None else {"transport_noise_share": share}
-    how = {**budget, "backend": activate(), "light": _told(light)}
+    share, budget = transport_noise_share, {}
+    if light == "surrogate":
+        found = surrogate_light(scene, instrument, frames=frames, seed=seed, progress=progress)
+    else:
+        budget = {"spp": spp} if share is None else {"transport_noise_share": share}
+        found = trace(
+            scene,
+            instrument,
+            frames=frames,
+            spp=spp,
+            transport_noise_share=share,
+            seed=seed,
+            progress=progress,
+        )
+    how = {**budget, "backend": activate(), "light": {"source": light, **_told(found)}}
     capture = record(
-        scene, instrument, light, truths, seed=seed, noise=noise, frames=frames, settings=how
+        scene, instrument, found, truths, seed=seed, noise=noise, frames=frames, settings=how
     )
-    return Simulation(capture, light.transports[0], truths)
+    if light == "surrogate":
+        provenance = capture.provenance
+        told = f"{provenance.software}, {SURROGATE}"
+        capture = replace(capture, provenance=replace(provenance, software=told))
+    return Simulation(capture, found.transports[0], truths)
 
 
 def _told(light: LightSequence) -> dict[str, Any]:

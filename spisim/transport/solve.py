@@ -177,7 +177,7 @@ def _steady_light(
             instrument,
             world,
             view,
-            floor_w=_dark_power(instrument, detector, "daylight"),
+            floor_w=dark_power(instrument, detector, "daylight"),
             seed=stream,
         )
         for view, detector, stream in (
@@ -190,7 +190,7 @@ def _steady_light(
         placed.projector,
         instrument.mean_powers_w,
         placed.tof,
-        floor_w=_dark_power(instrument, instrument.tof.detector, "projector"),
+        floor_w=dark_power(instrument, instrument.tof.detector, "projector"),
         seed=streams[2],
     )
     return {
@@ -204,7 +204,7 @@ def _steady_light(
     }
 
 
-def _dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
+def dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
     """Light of a source on one aperture that makes as many electrons as the dark current, W."""
     return detector.sensor.dark_rate_hz / instrument.electrons_per_joule(detector, source)
 
