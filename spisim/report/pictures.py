@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from reconstruction import Capture
 from reconstruction.arrays import Floats
+from reconstruction.depth import REACH_M
 from reconstruction.files import mark, write_atomically
+from reconstruction.outputs.pictures import NOTHING
 
 MIN_PLAIN = 1e-4
 """Smaller numbers take an exponent, and much of a narrow scale."""
@@ -37,15 +39,22 @@ class Scale:
         share = np.nan_to_num((np.asarray(values, float) - self.low) / span)
         return np.asarray(np.clip(share, 0, 1) ** self.exponent)
 
-    def rgba(self, image: ArrayLike) -> NDArray[np.uint8]:
-        """Colours of an image, (H, W, 4); what is not finite is transparent."""
+    def rgba(self, image: ArrayLike, nothing: ArrayLike | None = None) -> NDArray[np.uint8]:
+        """Colours of an image, (H, W, 4); what is not finite is transparent.
+
+        But pale blue where `nothing` (H, W), the probability of nothing within reach, is 0.5 or
+        more.
+        """
         rgba: NDArray[np.uint8] = colormaps[self.colours](self.position(image), bytes=True)
-        rgba[~np.isfinite(np.asarray(image, float)), 3] = 0
+        unknown = ~np.isfinite(np.asarray(image, float))
+        rgba[unknown, 3] = 0
+        if nothing is not None:
+            rgba[unknown & (np.asarray(nothing) >= 0.5)] = (*NOTHING, 255)
         return rgba
 
-    def address(self, image: ArrayLike) -> str:
+    def address(self, image: ArrayLike, nothing: ArrayLike | None = None) -> str:
         """A picture of an image, to stand in a page."""
-        return data_address(_png(self.rgba(image)), "image/png")
+        return data_address(_png(self.rgba(image, nothing)), "image/png")
 
     @property
     def gradient(self) -> str:
@@ -76,7 +85,8 @@ def view_scale(view: ArrayLike) -> Scale:
 
 
 def depth_scale(*images: ArrayLike) -> Scale:
-    """Near is bright, in metres; from 0 to 1 where there is no depth at all."""
+    """Near is bright, in metres, up to REACH_M; from 0 to 1 where there is no depth at all."""
+    images = tuple(np.where(np.asarray(each) <= REACH_M, each, np.nan) for each in images)
     return Scale(_percentile(1, *images, default=0.0), _percentile(99, *images), "viridis_r", "m")
 
 
@@ -84,6 +94,16 @@ def error_scale(*images: ArrayLike) -> Scale:
     """Blue is too near, red is too far, in metres."""
     limit = _percentile(95, *map(np.abs, images))
     return Scale(-limit, limit, "RdBu_r", "m")
+
+
+def deviation_scale(*images: ArrayLike) -> Scale:
+    """Standard deviations of ln depth; bright is sure."""
+    return Scale(0.0, _percentile(99, *images), "viridis_r", "")
+
+
+def probability_scale() -> Scale:
+    """From black, 0, to white, 1."""
+    return Scale(0.0, 1.0, "gray", "")
 
 
 def spot_marks(capture: Capture) -> list[tuple[int, float, float]]:

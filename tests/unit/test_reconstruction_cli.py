@@ -399,6 +399,29 @@ def test_a_damaged_result_is_told(result_file):
     assert all(message.startswith(f"{result_file}: ") for message in messages)
 
 
+def test_what_is_known_of_depths_is_shown_and_comes_back(capture, tmp_path):
+    deviation = np.full(SHAPE, 0.2, np.float32)
+    deviation[0] = np.nan
+    nothing = np.where(np.isnan(deviation), 0.9, 0.1).astype(np.float32)
+    result = replace(
+        reconstruct(capture),
+        depth_deviations={"nearest": deviation},
+        nothings={"anchored": nothing, "nearest": nothing},
+        notes={"depth anchored": "a guess"},
+    )
+    files = write_outputs(result, capture, tmp_path)
+    assert {"depth-deviation_nearest.png", "nothing.png", "nothing_nearest.png"} <= files.keys()
+    copy = read_result(tmp_path / "result.h5")
+    assert copy.nothings.keys() == {"anchored", "nearest"}
+    assert copy.notes == result.notes
+    assert copy.warnings == ["depth 'anchored' is a guess"]
+    np.testing.assert_array_equal(copy.depth_deviations["nearest"], deviation)
+    np.testing.assert_array_equal(copy.nothing, nothing)
+    assert copy.depth_deviation is None
+    again = write_outputs(reconstruct(capture), capture, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == again.keys()  # the others are gone
+
+
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [

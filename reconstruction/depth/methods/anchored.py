@@ -17,7 +17,7 @@ degrees, is left out.
 import numpy as np
 
 from ...arrays import Floats
-from ..method import Context, DepthSolver, Need, View
+from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..neighbours import around, between
 from ..rays import pixel_of, squared_distances
 
@@ -54,12 +54,13 @@ class Anchored:
         anchors = pixel_of(setup.spots.directions, setup.optics, setup.plan.shape)
         forward = setup.spots.directions[:, 2]
 
-        def solve(view: View) -> Floats | None:
+        def solve(view: View) -> DepthEstimate | None:
             ranges = view.ranges
             if ranges is None:
                 return None
             depth_m, sigma_m = (each * forward for each in ranges.likeliest)
-            return anchored_depth(view.image, anchors, depth_m, sigma_m)
+            found_m = anchored_depth(view.image, anchors, depth_m, sigma_m)
+            return None if found_m is None else DepthEstimate(found_m)
 
         return solve
 
