@@ -76,7 +76,9 @@ def simulate(
         works.
     """
     middles_s = (np.arange(frames if scene.moves else 1) + 0.5) * instrument.frame_time_s
-    truths = tuple(ground_truth(scene.at(time_s), instrument) for time_s in middles_s.tolist())
+    truths = tuple(
+        ground_truth(scene.at(time_s), instrument, subpixels=1) for time_s in middles_s.tolist()
+    )
     share, budget = transport_noise_share, {}
     if light == "surrogate":
         found = surrogate_light(scene, instrument, frames=frames, seed=seed, progress=progress)
