@@ -33,9 +33,9 @@ from spisim.transport.daylight import daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths
-from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.sequence import LightSequence, at_key_times
-from spisim.transport.solve import BIN_WIDTH_M, MAX_PATH_M, Transport, dark_power
+from spisim.transport.solve import Transport, dark_power, met_m
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
@@ -92,7 +92,7 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
         outputs=Outputs(orders=True, frequencies_hz=(*instrument.tap_frequencies_hz, LONG_HZ)),
         max_vertices=1,
     )
-    bins = PathLengthBins.up_to(MAX_PATH_M, BIN_WIDTH_M)
+    bins = spot_bins(met_m(world, placed.beams), instrument.tof.unambiguous_range_m)
     spots = spot_histogram(
         world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=streams[1], max_vertices=1
     )
