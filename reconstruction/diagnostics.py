@@ -15,8 +15,8 @@ ENOUGH = 0.9**2 / (1 - 0.9**2)
 times as much as without noise: the correlation has the factor 1 / sqrt(1 + 1 / SNR^2)."""
 
 NOT_TRACED = (
-    "the light of this simulation is a fast surrogate's, not traced: good to learn from, but not to "
-    "judge by"
+    "the light of this simulation is a fast surrogate's, not traced: good to learn from, but not "
+    "to judge by"
 )
 
 MAX_UNUSABLE = 0.05

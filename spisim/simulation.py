@@ -21,6 +21,7 @@ from spisim.transport import (
 )
 from spisim.transport.backend import activate
 
+
 @dataclass(frozen=True, eq=False)
 class Simulation:
     """A capture, and the light it was made from.

@@ -4,7 +4,8 @@
 
 Scene n of the plan is of its family n, counted round and round. Each file has the frames of one
 scene: what the network sees of them (`Shown`, by the name of its parts), and `depth_m`, nan where
-there is nothing. Poses in which a drone cannot be are left out. Equal plans and numbers give equal
+there is nothing. Scenes that cannot be drawn, and poses in which a drone cannot
+be, are left out. Equal plans and numbers give equal
 frames on the same machine.
 """
 
@@ -51,6 +52,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--plan", type=Path, default=PLAN)
     parser.add_argument("--scenes", type=int, nargs=2, default=(0, SCENES), metavar="N")
+    parser.add_argument("--families", nargs="+", help="make the scenes of these alone")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
     use_threads(1)
@@ -58,22 +60,29 @@ def main() -> None:
     plan = load_yaml(asked.plan.read_text(), asked.plan)
     asked.folder.mkdir(parents=True, exist_ok=True)
     for number in range(*asked.scenes):
+        if asked.families and family_of(plan, number) not in asked.families:
+            continue
         file = asked.folder / f"{number:05}.npz"
         found = [] if file.exists() else list(frames_of(plan, number))
         if found:
             part = file.with_suffix(".part")
             with part.open("wb") as to:
-                np.savez(to, **{name: np.array([each[name] for each in found]) for name in found[0]})
+                np.savez(
+                    to, **{name: np.array([each[name] for each in found]) for name in found[0]}
+                )
             part.rename(file)
 
 
 def frames_of(plan: Mapping[str, Any], number: int) -> Iterator[dict[str, Any]]:
     """The frames of one scene of a plan."""
-    seed, family = plan["seed"], plan["families"][number % len(plan["families"])]
+    seed, family = plan["seed"], family_of(plan, number)
     drawn = int(stream(seed, "family", number).integers(SCENE_SEEDS))
     instrument = instrument_of(drawn_value(plan["instrument"], seed, "instrument", number))
     text = dump_yaml({"family": family, "seed": drawn})
-    scene = make_scene(text, Path(), f"scene {number}", wavelength_nm=instrument.wavelength_nm)
+    try:
+        scene = make_scene(text, Path(), f"scene {number}", wavelength_nm=instrument.wavelength_nm)
+    except InputError:
+        return
     reconstructor = None
     for pose in range(plan["poses"]):
         look = {
@@ -95,9 +104,12 @@ def frames_of(plan: Mapping[str, Any], number: int) -> Iterator[dict[str, Any]]:
         yield {"family": family, "seed": drawn, "extinction": extinction} | columns(shown, capture)
 
 
-def moved(
-    scene: Scene, turn_deg: Floats, offset_m: Floats, fog: Mapping[str, Any] | None
-) -> Scene:
+def family_of(plan: Mapping[str, Any], number: int) -> str:
+    """Of a scene of a plan."""
+    return str(plan["families"][number % len(plan["families"])])
+
+
+def moved(scene: Scene, turn_deg: Floats, offset_m: Floats, fog: Mapping[str, Any] | None) -> Scene:
     """The scene from elsewhere: moved and turned about the optical axes x, y and z; in fog."""
     step = pose_matrix(turn_deg, offset_m)
     air = scene.atmosphere

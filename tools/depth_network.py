@@ -32,7 +32,6 @@ from reconstruction.depth.network import (
     LOG_SIGMA,
     MIDDLE_BLOCKS,
     VERSION,
-    DepthNetwork,
     features,
 )
 from reconstruction.depth.shown import MAPS, NUMBERS, Anchors, Inputs, Shown, inputs_of
@@ -239,7 +238,7 @@ def trained(train: Frames, aside: Frames, steps: int, start: Path | None) -> Net
         optimiser.step()
         schedule.step()
         mean.update_parameters(net)
-        recent.update({name: float(value) / 500 for name, value in parts.items()})
+        recent.update({name: value.item() / 500 for name, value in parts.items()})
         if step % 500 == 499:
             kept = {name: round(value, 4) for name, value in recent.items()}
             seconds = time.perf_counter() - begun

@@ -53,12 +53,12 @@ class Anchors(NamedTuple):
 class Shown:
     """One frame as the network sees it.
 
-    ``image`` (H, W) in any unit; ``directions`` (4, 3) of the spots. ``plain`` are their ranges by the method that was
-    asked for, ``fitted`` those of target and fog fitted together, and ``lost`` (4,) where nothing
-    came back. ``log_reflectance`` (4,) by the laser light, nan where unknown. ``noise`` is the rms
-    noise of a reading over what readings vary by, ``share`` the number of patterns over that of
-    pixels, ``reach_m`` the range from which on spots look nearer than they are. ``extinction_per_m``
-    and ``backscatter_per_m_sr`` are those of fog, nan where not known.
+    ``image`` (H, W) in any unit; ``directions`` (4, 3) of the spots. ``plain`` are their ranges by
+    the method that was asked for, ``fitted`` those of target and fog fitted together, and ``lost``
+    (4,) where nothing came back. ``log_reflectance`` (4,) by the laser light, nan where unknown.
+    ``noise`` is the rms noise of a reading over what readings vary by, ``share`` the number of
+    patterns over that of pixels, ``reach_m`` the range from which on spots look nearer than they
+    are. ``extinction_per_m`` and ``backscatter_per_m_sr`` are those of fog, nan where not known.
     """
 
     image: Floats

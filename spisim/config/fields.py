@@ -45,5 +45,6 @@ class Section(BaseModel):
                     )
         return data
 
+
 #: Whether light is traced, or a fast stand-in; see `spisim.transport.surrogate`.
 LightSource = Literal["traced", "surrogate"]

@@ -32,12 +32,12 @@ from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import Estimate, Paths
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.sequence import LightSequence, at_key_times
 from spisim.transport.solve import Transport, dark_power, met_m
 from spisim.transport.views import InstrumentView
-from spisim.transport.world import build_world
+from spisim.transport.world import World, build_world
 
 #: Paths of each virtual pixel, and of each laser.
 PATHS, SPOT_PATHS = 8, 1024
@@ -83,15 +83,7 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
-    image = transport_image(
-        world,
-        placed.projector,
-        placed.bucket,
-        Paths(PATHS),
-        seed=streams[0],
-        outputs=Outputs(orders=True, frequencies_hz=(*instrument.tap_frequencies_hz, LONG_HZ)),
-        max_vertices=1,
-    )
+    image = image_once(world, placed, instrument.tap_frequencies_hz, streams[0])
     bins = spot_bins(met_m(world, placed.beams), instrument.tof.unambiguous_range_m)
     spots = spot_histogram(
         world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=streams[1], max_vertices=1
@@ -122,8 +114,8 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
         max_vertices=1,
     )
     extinction = scene.atmosphere.extinction_per_m
-    once, waves = _once(image.mean, placed.projector.shape)
-    depth = extinction * np.mod(np.angle(waves[0, -1]), 2 * np.pi) * c / (2 * np.pi * LONG_HZ)
+    once, waves = by_order(image.mean, placed.projector.shape)
+    depth = extinction * mean_path_m(waves[0, -1])
     light, guessed = _completed(*once[:2], depth, extinction)
     phasors = [_completed(*wave[:2], depth, extinction)[0] for wave in waves[:, :-1].swapaxes(0, 1)]
     surfaces, echo = spots.mean["histogram_orders"][:2]
@@ -149,13 +141,36 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     )
 
 
-def _once(
+def image_once(
+    world: World,
+    placed: InstrumentView,
+    frequencies_hz: tuple[float, ...],
+    seed: np.random.SeedSequence,
+) -> Estimate:
+    """Light of the image that is scattered once, with phasors of these and of LONG_HZ."""
+    return transport_image(
+        world,
+        placed.projector,
+        placed.bucket,
+        Paths(PATHS),
+        seed=seed,
+        outputs=Outputs(orders=True, frequencies_hz=(*frequencies_hz, LONG_HZ)),
+        max_vertices=1,
+    )
+
+
+def by_order(
     sums: Mapping[str, Floats], shape: tuple[int, int]
 ) -> tuple[Floats, NDArray[np.complex128]]:
-    """Light scattered once, by order: image (3, H, W), and its phasors (3, F, H, W)."""
+    """Sums of light by how often fog scattered it: image (3, H, W), and phasors (3, F, H, W)."""
     parts = sums["phasors_orders"]
     waves = np.moveaxis(parts[..., 0] + 1j * parts[..., 1], -1, -2)
     return sums["image_orders"].reshape(-1, *shape), waves.reshape(*waves.shape[:-1], *shape)
+
+
+def mean_path_m(long_wave: NDArray[np.complex128]) -> Floats:
+    """Mean length of the light's paths by its phasor at LONG_HZ."""
+    return np.asarray(np.mod(np.angle(long_wave), 2 * np.pi) * c / (2 * np.pi * LONG_HZ))
 
 
 def _completed(

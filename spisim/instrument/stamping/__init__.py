@@ -46,9 +46,7 @@ class Stamping(Protocol):
         """Sentences about what steady light does to it."""
 
 
-def smoothed(
-    path_m: Floats, rate: Floats, sigma_s: float, until_s: float
-) -> tuple[Floats, Floats]:
+def smoothed(path_m: Floats, rate: Floats, sigma_s: float, until_s: float) -> tuple[Floats, Floats]:
     """Even times, and at them the echo to a Gaussian pulse of unit area that is centred on zero.
 
     `rate` (bins,) is light by path length `path_m`; where its bins are wider than the first, light
