@@ -371,4 +371,5 @@ FAMILY = Family(
     "A bridge of girders, truss, arch or cables over water, its piers and railings",
     BridgeParameters,
     build,
+    least_spots=1,
 )

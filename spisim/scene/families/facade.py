@@ -328,4 +328,5 @@ FAMILY = Family(
     "The front of a house with balconies, windows and trees, the sky above or beside it",
     FacadeParameters,
     build,
+    least_spots=1,
 )

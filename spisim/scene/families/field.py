@@ -40,11 +40,11 @@ GROUNDS = ("grass", "soil-field", "soil-dry", "leaves-dry", "sand-dry", "gravel"
 class FieldParameters(Parameters):
     """The drone flies low over the land, or as high as what stands there."""
 
-    drone_height_m: float = drawn_log(1.2, 9.0, "above the ground")
-    pitch_deg: float = drawn(-5.0, 16.0, "of the line of sight, down is positive")
+    drone_height_m: float = drawn_log(1.0, 6.0, "above the ground")
+    pitch_deg: float = drawn(-4.0, 16.0, "of the line of sight, down is positive")
     relief_m: float = drawn(0.05, 1.5, "height of the land's waves")
     crop: str = one_of("pasture", "rows", "tall-grass", "bare", text="what grows")
-    nearest_m: float = drawn_log(2.0, 12.0, "to what stands nearest")
+    nearest_m: float = drawn_log(2.0, 8.0, "to what stands nearest")
     poles: int = drawn(0, 6, "in a row, with wires from one to the next")
     pole_line_deg: float = drawn(-80.0, 80.0, "of that row to the line of sight")
     fence: str = one_of("none", "wire", "rails", "wall", text="across the land")
@@ -93,7 +93,7 @@ def _spots(
     far: float = 4.0,
 ) -> Floats:  # fmt: skip
     """Places (n, 3) in view from the nearest thing on to `far` times as far."""
-    nearest = max(parameters.nearest_m, 0.9 * _start(parameters))
+    nearest = max(parameters.nearest_m, 0.5 * _start(parameters))
     return in_view(rng, land, count, nearest, far * nearest, 10)
 
 
@@ -330,4 +330,5 @@ FAMILY = Family(
     "An open field: poles, fences, bales, bushes, animals and machines, far hills",
     FieldParameters,
     build,
+    least_spots=1,
 )

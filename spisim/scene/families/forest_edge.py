@@ -25,9 +25,9 @@ GROUNDS = ("grass", "soil-field", "soil-dry", "leaves-dry", "soil-wet")
 class ForestEdgeParameters(Parameters):
     """The drone flies over the field and looks towards the wood, along it, or past its end."""
 
-    drone_height_m: float = drawn_log(1.5, 12.0, "above the field")
-    pitch_deg: float = drawn(-5.0, 13.0, "of the line of sight, down is positive")
-    edge_m: float = drawn_log(5.0, 45.0, "along the line of sight to the wood")
+    drone_height_m: float = drawn_log(1.3, 9.0, "above the field")
+    pitch_deg: float = drawn(-4.0, 14.0, "of the line of sight, down is positive")
+    edge_m: float = drawn_log(4.5, 30.0, "along the line of sight to the wood")
     edge_angle_deg: float = drawn(-75.0, 75.0, "of the edge from square to the line of sight")
     gap_deg: float = drawn(-16.0, 16.0, "at which the wood has a gap or its end, to the left")
     gap_m: float = drawn_log(1.0, 80.0, "width of the gap")
@@ -40,7 +40,7 @@ class ForestEdgeParameters(Parameters):
     foreground: str = one_of(
         "none", "sapling", "fence", "shrubs", "lone-tree", "logs", text="what stands nearest"
     )
-    foreground_m: float = drawn_log(2.0, 9.0, "to what stands nearest")
+    foreground_m: float = drawn_log(2.0, 8.0, "to what stands nearest")
     undergrowth: int = drawn(0, 30, "bushes along the edge")
     hills_m: float = drawn(0.0, 500.0, "height of the hills behind")
 
@@ -252,4 +252,5 @@ FAMILY = Family(
     "A field before the edge of a wood that recedes, the sky above",
     ForestEdgeParameters,
     build,
+    least_spots=1,
 )

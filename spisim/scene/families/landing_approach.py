@@ -28,8 +28,8 @@ class LandingApproachParameters(Parameters):
     """The drone comes down towards the place and looks at it, or over it."""
 
     place: str = one_of("pad", "road", "roof", "runway", text="to land on")
-    height_m: float = drawn_log(1.5, 14.0, "of the drone above the place")
-    slant_deg: float = drawn(1.0, 26.0, "of the line of sight below the horizon")
+    height_m: float = drawn_log(1.2, 8.0, "of the drone above the place")
+    slant_deg: float = drawn(0.0, 28.0, "of the line of sight below the horizon")
     turn_deg: float = drawn(-90.0, 90.0, "of the place to the line of sight")
     roll_deg: float = drawn(-6.0, 6.0, "of the drone as it turns in")
     aside_deg: float = drawn(-7.0, 7.0, "of the middle of the place, to the left")
@@ -350,4 +350,5 @@ FAMILY = Family(
     "The approach to a pad, a road, a runway or a flat roof, the horizon behind",
     LandingApproachParameters,
     build,
+    least_spots=1,
 )

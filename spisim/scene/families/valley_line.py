@@ -25,8 +25,8 @@ class ValleyLineParameters(Parameters):
 
     line: str = one_of("conductors", "bundles", "ropeway", "chairlift", text="what is carried")
     support: str = one_of("pylon", "portal", "mast", text="on the near slope")
-    support_m: float = drawn_log(3.0, 30.0, "along the line of sight to the support")
-    support_deg: float = drawn(-14.0, 14.0, "at which it is seen, to the left")
+    support_m: float = drawn_log(2.5, 18.0, "along the line of sight to the support")
+    support_deg: float = drawn(-12.0, 12.0, "at which it is seen, to the left")
     line_deg: float = drawn(-70.0, 70.0, "of the line to the line of sight")
     wires: int = drawn(1, 6, "conductors, or ropes, side by side")
     spread_m: float = drawn(0.8, 3.5, "between these")
@@ -300,4 +300,5 @@ FAMILY = Family(
     "A power line, cable car or chairlift across a valley, far slopes behind",
     ValleyLineParameters,
     build,
+    least_spots=1,
 )

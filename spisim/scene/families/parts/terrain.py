@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from reconstruction.arrays import Floats
 from spisim.scene.families.parts.draft import Draft
@@ -143,9 +144,14 @@ def patchwork(
     ahead = rng.random(count) < 0.6
     angles[ahead] /= 6
     x, y = land.centres()
-    step, angle = np.log1p(np.hypot(x, y) / size_m), np.arctan2(y, x)
-    away = np.hypot(step[..., None] - steps, 2 * np.sin((angle[..., None] - angles) / 2))
-    return rng.integers(0, kinds, count)[away.argmin(axis=-1)]
+    own = _log_polar(np.log1p(np.hypot(x, y) / size_m), np.arctan2(y, x))
+    _, nearest = cKDTree(_log_polar(steps, angles)).query(own)
+    return rng.integers(0, kinds, count)[nearest]
+
+
+def _log_polar(log_radius: Floats, angle: Floats) -> Floats:
+    """Points (..., 3) whose distances are those of the logarithms of radii, and of angles."""
+    return np.stack([log_radius, np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def _cell(lines: Floats, at: Floats) -> tuple[NDArray[np.int64], Floats]:

@@ -15,6 +15,8 @@ from spisim.scene.families.parts.terrain import Terrain
 
 #: Trees nearer than this have leaves as they are, but no more than so many trees.
 NEAR_M, MOST_NEAR = 14.0, 3
+#: Woods farther than this are part of the hills.
+FARTHEST_M = 4000.0
 #: Kinds of the trees that are copied.
 COPIED = 3
 #: Leaves of a tree near by and of one farther off, and their size.
@@ -162,7 +164,7 @@ def add_far_woods(
 ) -> None:
     """Strips of wood here and there ahead, the farther the longer."""
     strips = []
-    for distance in nearest_m * np.exp(rng.uniform(0, 3.0, count)):
+    for distance in nearest_m * (FARTHEST_M / nearest_m) ** rng.uniform(0, 1, count):
         angle = np.radians(heading_deg + rng.uniform(-14, 14))
         middle = distance * np.array([np.cos(angle), np.sin(angle)])
         turn = np.radians(heading_deg + 90 + rng.uniform(-50, 50))
