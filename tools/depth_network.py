@@ -37,8 +37,8 @@ from reconstruction.depth.network import (
 from reconstruction.depth.shown import MAPS, NUMBERS, Anchors, Inputs, Shown, inputs_of
 
 SEED = 7
-BATCH = 16
-RATE = 2e-3
+BATCH = 8
+RATE = 1.5e-3
 NARROW, MIDDLE, WIDE = 24, 48, 80
 """Channels at a half, a quarter and an eighth of the resolution."""
 ASIDE = 20
