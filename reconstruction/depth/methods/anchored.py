@@ -7,43 +7,29 @@ estimate follows -log(I)/2 by the share that depth has in the variance of log I.
 vary in a view is told by those of its anchors: where all are alike, it is the reflectance that
 varies. What is left is interpolated between the anchors by ordinary kriging, with a covariance that
 falls off with distance in the image and with difference in brightness, so that it does not cross
-edges.
+edges. Its variance is that of the estimate (N. Cressie, Statistics for Spatial Data, 1993, ch. 3).
 
-The constants are round values near the least error in 336 scenes drawn from the families. Half or
-twice one of them changes that error by 4 % at most. The obliquity of the field, 1.5 % at 10
-degrees, is left out.
+The constants are those of an `AnchoredPrior`. The obliquity of the field, 1.5 % at 10 degrees, is
+left out.
 """
+
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ...arrays import Floats
+from ..anchored_prior import AnchoredPrior, fitted_prior
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..neighbours import around, between
 from ..rays import pixel_of, squared_distances
 
-LOG_DEPTH_DEVIATION = 0.4
-"""Spread of log depth within a view as far as known beforehand, which counts as one anchor."""
-LOG_REFLECTANCE_DEVIATION = 0.7
-"""Spread of log(rho cos theta): reflectances from 0.2 to 0.8 (0.45) and incidence angles (0.5)."""
-CORRELATION_LENGTH = 0.5
-"""Correlation length in the image, relative to its longer side."""
-SIMILARITY = 0.7
-"""Difference of log I beyond which two pixels tell little of each other."""
-NUGGET = 0.05
-"""Share of the variance that an anchor has to itself, whatever is around it."""
-MIN_BRIGHTNESS = 0.2
-"""Pixels are taken to be at least this bright, relative to the 90th percentile."""
-UNCERTAIN = 0.05
-"""Ranges of a larger relative deviation do not bound the map where they are."""
-MAX_NEARER = 1.3
-"""The map goes nearer than the nearest anchor by this factor at most, and not beyond the farthest:
-what is bright must be near, what is dark may just be dark."""
 
-
+@dataclass(frozen=True)
 class Anchored:
     """Depth by brightness and four ranges."""
 
-    title = "anchored on the spots"
+    prior: AnchoredPrior = field(default_factory=fitted_prior)
+    title: str = "anchored on the spots"
     needs: tuple[Need, ...] = ("optics", "spots")
 
     def compile(self, context: Context) -> DepthSolver:
@@ -59,16 +45,15 @@ class Anchored:
             if ranges is None:
                 return None
             depth_m, sigma_m = (each * forward for each in ranges.likeliest)
-            found_m = anchored_depth(view.image, anchors, depth_m, sigma_m)
-            return None if found_m is None else DepthEstimate(found_m)
+            return anchored_depth(view.image, anchors, depth_m, sigma_m, self.prior)
 
         return solve
 
 
 def anchored_depth(
-    image: Floats, anchors: Floats, depth_m: Floats, sigma_m: Floats
-) -> Floats | None:
-    """Depth map (H, W) in metres from an image (H, W) and depths (K,) at pixels (K, 2).
+    image: Floats, anchors: Floats, depth_m: Floats, sigma_m: Floats, prior: AnchoredPrior
+) -> DepthEstimate | None:
+    """Depth map in metres from an image (H, W) and depths (K,) at pixels (K, 2).
 
     ``anchors`` are fractional rows and columns, ``sigma_m`` (K,) the depths' standard deviations;
     depths that are not finite are ignored, and those that are uncertain count as little as they
@@ -80,22 +65,25 @@ def anchored_depth(
         return None
     anchors, depth_m, sigma_m = anchors[usable], depth_m[usable], sigma_m[usable]
     log_depth, log_sigma = np.log(depth_m), sigma_m / depth_m
-    weight = 1 / (1 + (log_sigma / LOG_DEPTH_DEVIATION) ** 2)
+    weight = 1 / (1 + (log_sigma / prior.log_depth_deviation) ** 2)
     mean = weight @ log_depth / weight.sum()
     scatter = weight @ (log_depth - mean) ** 2
-    depth_variance = (LOG_DEPTH_DEVIATION**2 + scatter) / max(weight.sum(), 1.0)
-    share = 4 * depth_variance / (4 * depth_variance + LOG_REFLECTANCE_DEVIATION**2)
+    depth_variance = (prior.log_depth_deviation**2 + scatter) / max(weight.sum(), 1.0)
+    share = 4 * depth_variance / (4 * depth_variance + prior.log_reflectance_deviation**2)
 
-    brightness = np.log(np.maximum(image, MIN_BRIGHTNESS * reference))
+    brightness = np.log(np.maximum(image, prior.min_brightness * reference))
     smoothed = around(brightness)
     at_anchors = between(smoothed, anchors)
     residual = log_depth + share / 2 * at_anchors
     unexplained = (1 - share) * depth_variance
-    kriged = _krige(smoothed, anchors, at_anchors, residual, unexplained, log_sigma)
+    kriged, variance = _krige(
+        smoothed, anchors, at_anchors, residual, unexplained, log_sigma, prior
+    )
     depth = np.exp(kriged - share / 2 * brightness)
     # An uncertain range may be anywhere within its deviation.
-    factor = np.where(log_sigma > UNCERTAIN, np.exp(log_sigma), 1.0)
-    return np.clip(depth, (depth_m / factor).min() / MAX_NEARER, (depth_m * factor).max())
+    factor = np.where(log_sigma > prior.uncertain, np.exp(log_sigma), 1.0)
+    nearest, farthest = (depth_m / factor).min() / prior.max_nearer, (depth_m * factor).max()
+    return DepthEstimate(np.clip(depth, nearest, farthest), prior.doubt * np.sqrt(variance))
 
 
 def _krige(
@@ -105,24 +93,28 @@ def _krige(
     values: Floats,
     variance: float,
     sigma: Floats,
-) -> Floats:
-    """Ordinary kriging of values at the anchors that are known up to ``sigma``."""
-    length = CORRELATION_LENGTH * max(brightness.shape)
+    prior: AnchoredPrior,
+) -> tuple[Floats, Floats]:
+    """Ordinary kriging of values at the anchors that are known up to ``sigma``; its variance."""
+    length = prior.correlation_length * max(brightness.shape)
 
     def covariance(squared: Floats, contrast: Floats) -> Floats:
-        return variance * np.exp(-squared / (2 * length**2) - contrast**2 / (2 * SIMILARITY**2))
+        unlike = squared / (2 * length**2) + contrast**2 / (2 * prior.similarity**2)
+        return variance * np.exp(-unlike)
 
     count = len(values)
     squared = ((anchors[:, None] - anchors) ** 2).sum(axis=-1)
     system = np.ones((count + 1, count + 1))  # the last row makes the weights sum to one
     system[:count, :count] = covariance(squared, at_anchors[:, None] - at_anchors)
-    system[:count, :count] += np.diag(sigma**2 + NUGGET * variance)
+    system[:count, :count] += np.diag(sigma**2 + prior.nugget * variance)
     system[count, count] = 0
     to_pixels = np.ones((*brightness.shape, count + 1))
     to_pixels[..., :count] = covariance(
         squared_distances(brightness.shape, anchors), brightness[..., None] - at_anchors
     )
-    return to_pixels @ np.linalg.solve(system, np.append(values, 0))
+    weights = to_pixels @ np.linalg.inv(system)
+    told = np.einsum("hwk,hwk->hw", weights, to_pixels)
+    return weights @ np.append(values, 0), (1 + prior.nugget) * variance - told
 
 
 METHOD = Anchored()
