@@ -44,6 +44,8 @@ NARROW, MIDDLE, WIDE = 24, 48, 80
 ASIDE = 20
 FAMILY_ASIDE = "scaffold"
 AVERAGED = 0.998
+WARM = 0.05
+"""Share of the steps in which the rate rises."""
 OF_RELATIVE, OF_NOTHING = 2.0, 1.0
 """Weights in the loss, besides that of the likelihood."""
 FARTHEST = 1.5
@@ -214,8 +216,10 @@ def loss_of(out: Tensor, start: Tensor, log_depth: Tensor) -> tuple[Tensor, dict
     return loss, parts
 
 
-def trained(train: Frames, aside: Frames, steps: int, start: Path | None) -> Net:
-    """The mean of the weights over the last steps."""
+def trained(
+    train: Frames, aside: Frames, steps: int, minutes: float, start: Path | None
+) -> tuple[Net, int]:
+    """The mean of the weights over the last steps, and how many there were."""
     rng = np.random.default_rng(SEED)
     net = Net()
     if start is not None:
@@ -226,29 +230,38 @@ def trained(train: Frames, aside: Frames, steps: int, start: Path | None) -> Net
         net, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(AVERAGED)
     )
     optimiser = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=1e-3)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps, pct_start=0.08)
-    begun = time.perf_counter()
+    begun, step, done = time.perf_counter(), 0, 0.0
     recent: Counter[str] = Counter()
-    for step in range(steps):
+    while done < 1:
+        optimiser.param_groups[0]["lr"] = RATE * rate(done)
         maps, numbers, first, log_depth = train.batch(rng)
         loss, parts = loss_of(net(_last(maps), numbers), first, log_depth)
         optimiser.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(net.parameters(), 1.0)
         optimiser.step()
-        schedule.step()
         mean.update_parameters(net)
         recent.update({name: value.item() / 500 for name, value in parts.items()})
-        if step % 500 == 499:
+        step += 1
+        seconds = time.perf_counter() - begun
+        done = max(step / steps, seconds / (60 * minutes))
+        if step % 500 == 0:
             kept = {name: round(value, 4) for name, value in recent.items()}
-            seconds = time.perf_counter() - begun
-            print(f"{step + 1} steps, {seconds:.0f} s: {kept}", flush=True)
+            print(f"{step} steps, {seconds:.0f} s, {100 * done:.0f} %: {kept}", flush=True)
             recent.clear()
-            if step % 2000 == 1999:
+            if step % 2000 == 0:
                 print("  aside", quality(mean.module, aside), flush=True)
+                torch.save(mean.module.state_dict(), "/tmp/learned-checkpoint.pt")
     kept_net = mean.module
     assert isinstance(kept_net, Net)
-    return kept_net
+    return kept_net, step
+
+
+def rate(done: float) -> float:
+    """Of learning, over the largest: it rises at once and falls as a cosine."""
+    if done < WARM:
+        return (done + 1e-3) / WARM
+    return float(1 + np.cos(np.pi * (done - WARM) / (1 - WARM))) / 2
 
 
 def _last(maps: Tensor) -> Tensor:
@@ -324,6 +337,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("weights", type=Path)
     parser.add_argument("--steps", type=int, default=12000)
+    parser.add_argument("--minutes", type=float, default=np.inf, help="if that is sooner")
     parser.add_argument("--start", type=Path, help="weights to begin with")
     parser.add_argument("--onnx", type=Path, help="file for the network as an ONNX graph")
     asked = parser.parse_args()
@@ -335,7 +349,7 @@ def main() -> None:
     train, family = train.of(FAMILY_ASIDE)
     held = {"seeds": seeds.of(FAMILY_ASIDE)[0], "family": family}
     print(len(train), {name: len(each) for name, each in held.items()}, Counter(train.family))
-    net = trained(train, held["family"], asked.steps, asked.start)
+    net, steps = trained(train, held["family"], asked.steps, asked.minutes, asked.start)
     log_scale = calibration(net, held["family"])
     weights = {name: value.half().numpy() for name, value in net.state_dict().items()}
     np.savez(
@@ -353,7 +367,7 @@ def main() -> None:
         "scenes": len(files),
         "families": dict(Counter(train.family)),
         "family_aside": FAMILY_ASIDE,
-        "steps": asked.steps,
+        "steps": steps,
         "start": asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest(),
         "seed": SEED,
         "plan": hashlib.sha256(plan).hexdigest(),

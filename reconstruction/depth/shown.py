@@ -14,6 +14,8 @@ import numpy as np
 from ..arrays import Floats, Mask
 from ..capture import Optics
 from ..layers import Channels
+from .anchored_prior import AnchoredPrior
+from .methods.anchored import anchored_depth
 from .neighbours import around, between
 from .rays import pixel_of, squared_distances
 
@@ -32,6 +34,20 @@ VEIL_FROM_M = 0.4
 MOST_VEIL = 0.95
 """Of the darkest hundredth of the pixels."""
 TYPICAL_LOG_REFLECTANCE = -1.2
+START = AnchoredPrior(
+    log_depth_deviation=0.4,
+    log_reflectance_deviation=0.7,
+    correlation_length=0.5,
+    similarity=0.7,
+    nugget=0.05,
+    min_brightness=0.2,
+    uncertain=0.05,
+    max_nearer=1.3,
+    doubt=1.0,
+)
+"""Constants of the map that is corrected: part of what was learned, whatever others come to fit."""
+DEVIATION = 0.01, 1.0
+"""Of that map: what is surer or less sure is not told apart."""
 CLEAR_PER_M = 1e-3
 """Extinction below which fog is not told from clear air."""
 
@@ -91,9 +107,9 @@ class Shown:
 
 
 class Inputs(NamedTuple):
-    """What the network is given: ``maps`` (C, H, W), ``numbers`` (N,), and log depths (H, W).
+    """What the network is given: ``maps`` (C, H, W), ``numbers`` (N,), and a ``start`` (H, W).
 
-    What it says is added to the last.
+    That is log depth of the map anchored on the spots, to which is added what the network says.
     """
 
     maps: Channels
@@ -126,11 +142,13 @@ def inputs_of(shown: Shown) -> Inputs:
     height, width = shape
     x = (2 * np.arange(width) + 1 - width) / width * shown.optics.tan_half_width
     y = (2 * np.arange(height) + 1 - height) / height * shown.optics.tan_half_height
-    start = spread(log_depth - level, sure)
+    start, unsure = _anchored(shown, anchors)
     maps = [
         bright,
         unveiled,
-        start,
+        start - level,
+        unsure,
+        spread(log_depth - level, sure),
         spread(shown.plain.log_depth - level, plain),
         near @ plain,
         spread(shown.fitted.log_depth - level, fitted),
@@ -145,7 +163,7 @@ def inputs_of(shown: Shown) -> Inputs:
     return Inputs(
         np.array(maps, np.float32),
         _numbers(shown, known, reflectance),
-        (level + start).astype(np.float32),
+        start.astype(np.float32),
     )
 
 
@@ -153,7 +171,19 @@ NUMBERS = (
     *("level", "spread", "ranges", "lost", "deviation", "deviation fitted", "noise", "share"),
     *("extinction", "fog known", "reach", "reflectance", "reflectance known"),
 )
-MAPS = 13
+MAPS = 15
+
+
+def _anchored(shown: Shown, anchors: Floats) -> tuple[Floats, Floats]:
+    """Log depth of the map anchored on the spots, and log of its deviation, both (H, W)."""
+    best = shown.best
+    depth_m = np.exp(best.log_depth)
+    with np.errstate(invalid="ignore"):
+        found = anchored_depth(shown.image, anchors, depth_m, best.log_sigma * depth_m, START)
+    if found is None:
+        return np.full(shown.image.shape, shown.level), np.zeros(shown.image.shape)
+    assert found.deviation is not None
+    return np.log(found.depth_m), np.log(np.clip(found.deviation, *DEVIATION))
 
 
 def _numbers(shown: Shown, known: Floats, reflectance: Floats) -> Channels:
