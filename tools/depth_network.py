@@ -115,6 +115,8 @@ class Frames:
                 columns = {name: told[name] for name in told.files}
             for number, family in enumerate(columns["family"].tolist()):
                 each = {name: values[number] for name, values in columns.items()}
+                if not np.percentile(each["image"], 90) > 0:  # dark: no method is asked
+                    continue
                 self.shown.append(from_arrays(each))
                 self.depth_m.append(each["depth_m"])
                 self.family.append(family)

@@ -19,7 +19,7 @@ from spisim.scene.bsdf import (
 )
 from spisim.scene.materials import Material
 from spisim.scene.model import Scene
-from spisim.scene.rays import enclosing_object, first_hits, hits
+from spisim.scene.rays import enclosing_object, first_hits, first_met
 
 #: Free space around the drone, its own size and a bit.
 CLEARANCE_M = 0.4
@@ -106,19 +106,27 @@ def _returned(needs: Needs, number: int, triangles: Floats, materials: Sequence[
     0 where less than half of the detector sees it. `triangles` (t, 3, 3) in the optical frame.
     """
     beam = needs.beams[number]
-    (distances,) = hits(np.zeros(3), beam[None], triangles)
-    place = int(distances.argmin())
+    (distance,), (place,) = first_met(np.zeros(3), beam[None], triangles)
     one, two, three = triangles[place]
     normal = np.cross(two - one, three - one)
     normal *= -np.sign(normal @ beam) / np.linalg.norm(normal)
-    spot = distances[place] * beam + OFF_SURFACE_M * normal
+    spot = distance * beam + OFF_SURFACE_M * normal
     lens = np.tile(needs.detectors_m[number], (len(ON_LENS), 1))
     lens[:, :2] += needs.lens_ring_m * ON_LENS
-    seen = np.mean([first_hits(point, (spot - point)[None], triangles)[0] > 1 for point in lens])
+    between = _along(beam, triangles, float(np.linalg.norm(lens, axis=1).max()))
+    seen = np.mean([first_hits(point, (spot - point)[None], between)[0] > 1 for point in lens])
     if seen < 0.5:
         return 0.0
     returned = straight_back(materials[place], float(-normal @ beam))
-    return float(seen * returned / distances[place] ** 2)
+    return float(seen * returned / distance**2)
+
+
+def _along(beam: Floats, triangles: Floats, within_m: float) -> Floats:
+    """Triangles whose bounding spheres come so near to the line along a beam."""
+    centre = triangles.mean(axis=1)
+    radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
+    aside = np.linalg.norm(np.cross(centre, beam), axis=1)
+    return triangles[aside <= radius + within_m + OFF_SURFACE_M]
 
 
 def straight_back(material: Material, cosine: float) -> float:
