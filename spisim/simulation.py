@@ -79,7 +79,8 @@ def simulate(
     truths = tuple(
         ground_truth(scene.at(time_s), instrument, subpixels=1) for time_s in middles_s.tolist()
     )
-    share, budget = transport_noise_share, {}
+    share = transport_noise_share
+    budget: dict[str, Any] = {}
     if light == "surrogate":
         found = surrogate_light(scene, instrument, frames=frames, seed=seed, progress=progress)
     else:

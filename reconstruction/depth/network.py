@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from ..arrays import Floats
 from ..layers import (
     Channels,
     Layers,
@@ -39,9 +40,9 @@ LOG_SIGMA = -4.5, 1.0
 class Told:
     """What the network says, each (H, W): log depth, its deviation, probability of nothing."""
 
-    log_depth: Channels
-    deviation: Channels
-    nothing: Channels
+    log_depth: Floats
+    deviation: Floats
+    nothing: Floats
 
 
 class DepthNetwork:
@@ -58,7 +59,8 @@ class DepthNetwork:
     def __call__(self, inputs: Inputs) -> Told:
         """What is told of a frame."""
         height, width = inputs.start.shape
-        out = self._evaluated(filled(inputs.maps, MULTIPLE), inputs.numbers)[:, :height, :width]
+        out = self._evaluated(filled(inputs.maps, MULTIPLE), inputs.numbers)
+        out = out[:, :height, :width].astype(np.float64)
         log_sigma = np.clip(out[1], *LOG_SIGMA) + self._calibration
         return Told(inputs.start + out[0], np.exp(log_sigma), expit(out[2]))
 

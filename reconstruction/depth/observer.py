@@ -8,7 +8,7 @@ from ..arrays import Floats
 from ..capture import Optics, Setup, Spots
 from ..capture.readings.cw import CwSpots
 from ..errors import InputError
-from ..ranging import RANGING_METHODS, Ranges, RangingSolver
+from ..ranging import RANGING_METHODS, FogOptics, Ranges, RangingSolver
 from .method import View
 from .shown import Anchors, Shown
 
@@ -70,7 +70,8 @@ class Observer:
         else:
             plain, fitted = own, view.ranges
         fog = None if fitted is None else fitted.fog
-        foggy = fog is not None and fog.log_sigma < FOG_TOLD
+        if fog is None or fog.log_sigma >= FOG_TOLD:
+            fog = FogOptics(np.nan, np.nan, np.nan)
         nothing = Anchors(np.full(4, np.nan), np.full(4, np.nan))
         shown = Shown(
             image=view.image,
@@ -83,8 +84,8 @@ class Observer:
             noise=_noise(view),
             share=view.frame.buckets.counts.shape[1] / view.image.size,
             reach_m=self.reach_m,
-            extinction_per_m=fog.extinction_per_m if foggy else np.nan,
-            backscatter_per_m_sr=fog.backscatter_per_m_sr if foggy else np.nan,
+            extinction_per_m=fog.extinction_per_m,
+            backscatter_per_m_sr=fog.backscatter_per_m_sr,
         )
         return replace(shown, log_reflectance=self._log_reflectance(shown, own.signal_electrons))
 

@@ -15,7 +15,7 @@ from ..arrays import Floats, Mask
 from ..capture import Optics
 from ..layers import Channels
 from .anchored_prior import AnchoredPrior
-from .methods.anchored import anchored_depth
+from .kriging import anchored_depth
 from .neighbours import around, between
 from .rays import pixel_of, squared_distances
 

@@ -116,8 +116,10 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     extinction = scene.atmosphere.extinction_per_m
     once, waves = by_order(image.mean, placed.projector.shape)
     depth = extinction * mean_path_m(waves[0, -1])
-    light, guessed = _completed(*once[:2], depth, extinction)
-    phasors = [_completed(*wave[:2], depth, extinction)[0] for wave in waves[:, :-1].swapaxes(0, 1)]
+    light, guessed = _completed(once[0], once[1], depth, extinction)
+    phasors = [
+        _completed(wave[0], wave[1], depth, extinction)[0] for wave in waves[:, :-1].swapaxes(0, 1)
+    ]
     surfaces, echo = spots.mean["histogram_orders"][:2]
     spot_guessed = extinction * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
     return Transport(
