@@ -30,8 +30,8 @@ WEATHERS = ("clear", *FOGS_M)
 SEED = 20261123
 CAPTURES = 200
 """Of each group, weather and preset, at least."""
-OFFSET_M, TURN_DEG = 0.1, (3.0, 1.5, 3.0)
-"""By how much the drone is moved and turned in a shipped scene, at most."""
+POSES = 2
+"""Of each drawn scene."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,7 @@ def plan_of(group: str, *, quick: bool) -> dict[str, Any]:
     """Plan of a group: every scene or family, weather and preset, as often as it takes."""
     scenes = scenes_of(group)[: 1 if quick else None]
     cells = len(WEATHERS) * len(PRESETS)
-    rounds = 1 if quick else math.ceil(CAPTURES / len(scenes))
-    vary: dict[str, Any] = {"scene.rain": None, "scene.snow": None}
-    if group == "shipped scenes":
-        vary["scene.drone.offset_m"] = [{"uniform": [-OFFSET_M, OFFSET_M]}] * 3
-        vary["scene.drone.turn_deg"] = [{"uniform": [-most, most]} for most in TURN_DEG]
+    rounds = 1 if quick else POSES * math.ceil(CAPTURES / len(scenes) / POSES)
     fogs = [
         {"scene.fog": {"kind": {"choice": list(KINDS)}, "visibility_m": {"log_uniform": list(m)}}}
         for m in FOGS_M.values()
@@ -78,8 +74,13 @@ def plan_of(group: str, *, quick: bool) -> dict[str, Any]:
         "seed": SEED,
         "scenes": scenes,
         "every_scene": True,
+        "poses": rounds if group == "shipped scenes" else min(POSES, rounds),
         "instrument": {"grid": list(PRESETS)},
-        "vary": vary | {"weather": {"grid": [{"scene.fog": None}, *fogs]}},
+        "vary": {
+            "scene.rain": None,
+            "scene.snow": None,
+            "weather": {"grid": [{"scene.fog": None}, *fogs]},
+        },
         "transport_noise_share": 0.5,
     }
 
