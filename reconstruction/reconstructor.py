@@ -332,6 +332,7 @@ def _checked_ranges(name: str, ranges: Any) -> Ranges:
 
 def _are_of_four_spots(ranges: Ranges) -> bool:
     values = dict(vars(ranges))
+    values.pop("fog")
     lists = values.pop("status"), values.pop("alternatives")
     return all(np.shape(v) == (4,) for v in values.values()) and all(len(v) == 4 for v in lists)
 
