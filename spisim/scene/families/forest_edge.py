@@ -117,7 +117,7 @@ def _wood(
     kinds = ("broad-leaved", "conifer", "poplar") if parameters.trees == "mixed" else None
     add_wood(
         draft, "tree", kinds or (parameters.trees,), parameters.season, rng,
-        land.places(*feet.T), parameters.tree_m,
+        land.places(feet[:, 0], feet[:, 1]), parameters.tree_m,
     )  # fmt: skip
     # What is deep in the wood nobody tells apart; it starts behind the rows.
     start = np.array([parameters.edge_m, 0]) + 3 * spacing * inward
@@ -145,7 +145,7 @@ def _undergrowth(
     flat = s[:, None] * along + (parameters.edge_m, 0) + rng.normal(0, 0.8, (count, 2))
     flat = flat[np.hypot(*flat.T) > 3.0]
     body, foliage = clipped_bush(rng, (1.3, 1.1, 1.2), 0.1, 500)
-    places = land.places(*flat.T, -0.25)
+    places = land.places(flat[:, 0], flat[:, 1], -0.25)
     turns, scales = rng.uniform(0, 360, len(places)), rng.uniform(0.5, 1.6, len(places))
     draft.mesh("bushes", parameters.season, spread(union([body, foliage]), places, turns, scales))
 

@@ -165,7 +165,7 @@ def _runway(
     draft.mesh("threshold", "paint-white", union(bars_))
     markers = [
         land.on(*_turned(parameters, t, way * half))
-        for t in np.arange(-4, 60, 5)
+        for t in np.arange(-4.0, 60.0, 5.0)
         for way in (-1, 1)
     ]
     draft.mesh("edge markers", "polypropylene", spread(cone(), markers, 0, 1.0))
@@ -231,11 +231,10 @@ def _around(
         n = len(range(number, parameters.clutter, len(things)))
         if not n:
             continue
-        spots = [_turned(parameters, *rng.uniform(-0.9, 0.9, 2) * (size + 1)) for _ in range(n)]
-        level = [
-            0.02 if parameters.place == "roof" else land.height(*spot) + 0.03 for spot in spots
-        ]
-        places = np.column_stack([spots, level])
+        places = []
+        for _ in range(n):
+            x, y = _turned(parameters, *rng.uniform(-0.9, 0.9, 2) * (size + 1))
+            places.append((x, y, 0.02) if parameters.place == "roof" else land.on(x, y, -0.03))
         draft.mesh(name, material, spread(mesh, places, rng.uniform(0, 360, n), 1))
     if parameters.place == "roof":
         spots = land.places(*_ring(rng, parameters, parameters.trees, 2.4 * size + 8, 60).T)
