@@ -82,8 +82,9 @@ def by_true_ranges_m(capture: Capture) -> float:
         alternatives=((),) * 4,
     )
     solver = DEPTH_METHODS["anchored"].compile(Context(capture.setup, Imaging(capture.plan)))
-    depth_m = solver(View(result.image.astype(np.float64), true, capture.frame(0)))
-    exact = replace(result, depths={"anchored": np.asarray(depth_m, np.float32)})
+    found = solver(View(result.image.astype(np.float64), true, capture.frame(0)))
+    assert found is not None
+    exact = replace(result, depths={"anchored": np.asarray(found.depth_m, np.float32)})
     return float(evaluate(exact, capture)["depths"]["anchored"]["mae_m"])
 
 

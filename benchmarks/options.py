@@ -8,16 +8,20 @@ from typing import Any
 from spisim.paper.checks import Check, Table, checks_table, paste, report
 
 
-def benchmark_options(doc: str | None, quick: str, page: Path) -> argparse.Namespace:
-    """Options of a benchmark: `quick`, `json`, `markdown`.
+def benchmark_options(
+    doc: str | None, quick: str, page: Path, folder: Path | None = None
+) -> argparse.Namespace:
+    """Options of a benchmark: `quick`, `json`, `markdown`, and `folder` if there is a usual one.
 
     The first line of `doc` says what it measures, `quick` what is left out, `page` where its tables
-    go.
+    go; in the folder stays what is worth keeping for another run.
     """
     parser = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help=quick)
     parser.add_argument("--json", action="store_true", help="end with one JSON object")
     parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{page.name}")
+    if folder is not None:
+        parser.add_argument("--folder", type=Path, default=folder, help="where captures are kept")
     return parser.parse_args()
 
 

@@ -14,6 +14,11 @@ ENOUGH = 0.9**2 / (1 - 0.9**2)
 """Squared SNR of a coefficient at which the zero-filled image is correlated with the truth 0.9
 times as much as without noise: the correlation has the factor 1 / sqrt(1 + 1 / SNR^2)."""
 
+NOT_TRACED = (
+    "the light of this simulation is a fast surrogate's, not traced: good to learn from, but not "
+    "to judge by"
+)
+
 MAX_UNUSABLE = 0.05
 """Share of the readings without which a plan can still be doubted."""
 
@@ -37,6 +42,7 @@ def capture_warnings(capture: Capture, frame: int | None = None) -> list[str]:
         for warning in warnings(capture, number)
     )
     return [
+        *([NOT_TRACED] if capture.provenance.is_surrogate else []),
         *_layout_warnings(capture, frames[0]),
         *_noise_warnings(capture, frames),
         *dict.fromkeys(found),

@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from .arrays import Floats
 from .capture import Frames, Recording, Setup
-from .depth import DEPTH_METHODS, Context, View, depth_method, lacks, range_over_depth
+from .depth import (
+    DEPTH_METHODS,
+    Context,
+    DepthEstimate,
+    View,
+    depth_method,
+    lacks,
+    range_over_depth,
+)
 from .errors import InputError
 from .image import (
     IMAGE_METHODS,
@@ -122,7 +130,7 @@ class Reconstructor:
             if estimate.deviation is not None:
                 deviations[name] = estimate.deviation
             if estimate.note is not None:
-                notes[name] = estimate.note
+                notes[f"image {name}"] = estimate.note
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
@@ -131,17 +139,20 @@ class Reconstructor:
         image = next(iter(images.values()))
         image.setflags(write=False)
         view = View(image, next(iter(rangings.values()), None), frame)
-        depths = {}
+        maps: dict[str, DepthEstimate] = {}
         for name, solve_depth in self._depths.items():
             with timed(timings, f"depth {name}"):
-                depth_m = solve_depth(view)
-            if depth_m is not None:
-                depths[name] = _checked(f"depth method {name!r}", depth_m, self._shape)
+                found = solve_depth(view)
+            if found is not None:
+                maps[name] = _checked_depths(f"depth method {name!r}", found, self._shape)
+        notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         return Result(
             images=_single(images),
             deviations=_single(deviations),
             rangings=rangings,
-            depths=_single(depths),
+            depths=_single({name: each.depth_m for name, each in maps.items()}),
+            depth_deviations=_single({name: each.deviation for name, each in maps.items()}),
+            nothings=_single({name: each.nothing for name, each in maps.items()}),
             range_over_depth=self._stretch,
             timings_s=timings,
             unit=frame.buckets.unit,
@@ -285,6 +296,26 @@ def _checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
     return array.astype(np.float64, copy=False)
 
 
+def _checked_depths(who: str, found: Any, shape: tuple[int, int]) -> DepthEstimate:
+    """Depths above 0; with a deviation wherever there is one, and probabilities, if any."""
+    if not isinstance(found, DepthEstimate):
+        raise InputError(f"{who} gave {type(found).__name__}, not a DepthEstimate")
+    depth_m = _checked(who, found.depth_m, shape)
+    known = np.isfinite(depth_m)
+    if (depth_m[known] <= 0).any():
+        raise InputError(f"{who} gave a depth of {depth_m[known].min():g} m")
+    deviation, nothing = found.deviation, found.nothing
+    if deviation is not None:
+        deviation = np.where(known, _checked(f"{who}, of the deviation,", deviation, shape), np.nan)
+        if not (deviation[known] >= 0).all():
+            raise InputError(f"{who} gave depths with a deviation that is negative or not known")
+    if nothing is not None:
+        nothing = _checked(f"{who}, of nothing within reach,", nothing, shape)
+        if not ((nothing >= 0) & (nothing <= 1)).all():
+            raise InputError(f"{who} gave probabilities of nothing within reach beyond 0 to 1")
+    return DepthEstimate(depth_m, deviation, nothing, found.note)
+
+
 def _checked_ranges(name: str, ranges: Any) -> Ranges:
     if not (isinstance(ranges, Ranges) and _are_of_four_spots(ranges)):
         raise InputError(f"ranging method {name!r} gave {type(ranges).__name__}, not four ranges")
@@ -301,9 +332,10 @@ def _checked_ranges(name: str, ranges: Any) -> Ranges:
 
 def _are_of_four_spots(ranges: Ranges) -> bool:
     values = dict(vars(ranges))
+    values.pop("fog")
     lists = values.pop("status"), values.pop("alternatives")
     return all(np.shape(v) == (4,) for v in values.values()) and all(len(v) == 4 for v in lists)
 
 
-def _single(arrays: Mapping[str, Floats]) -> dict[str, Image]:
-    return {name: array.astype(np.float32) for name, array in arrays.items()}
+def _single(arrays: Mapping[str, Floats | None]) -> dict[str, Image]:
+    return {name: array.astype(np.float32) for name, array in arrays.items() if array is not None}

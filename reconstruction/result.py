@@ -21,13 +21,16 @@ class Result:
 
     ``images``: what each virtual pixel contributes to an exposure, (H, W) in ``unit`` (counts where
     their scale is unknown), by method, and ``deviations`` the standard deviation of each pixel, by
-    those methods that can tell; ``notes``: what the user must know of some images, by method.
+    those methods that can tell.
     ``rangings``: the four spots, empty without time of flight.
     ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
-    method finds any. ``range_over_depth`` (H, W): length of each pixel's ray per unit of depth,
-    None where the optics are unknown. ``timings_s``: seconds per stage. ``recording``: the digest
-    of the readings, ``frame`` their number in the capture and ``patterns`` the number of distinct
-    ones that the images rest on.
+    method finds any. By those methods that can tell, ``depth_deviations`` is the standard deviation
+    of ln depth, nan where there is no depth, and ``nothings`` the probability that there is nothing
+    within reach (see `DepthEstimate`). ``range_over_depth`` (H, W): length of each pixel's ray per
+    unit of depth, None where the optics are unknown.
+    ``timings_s``: seconds per stage; ``notes``: what the user must know of some images and depths,
+    by stage, as "depth anchored". ``recording``: the digest of the readings, ``frame`` their number
+    in the capture and ``patterns`` the number of distinct ones that the images rest on.
     """
 
     images: Mapping[str, Image]
@@ -40,7 +43,15 @@ class Result:
     recording: str
     frame: int
     patterns: int
+    depth_deviations: Mapping[str, Image] = field(default_factory=dict)
+    nothings: Mapping[str, Image] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def warnings(self) -> list[str]:
+        """The notes as sentences."""
+        stages = ((*stage.partition(" "), note) for stage, note in self.notes.items())
+        return [f"{station} {name!r} is {note}" for station, _, name, note in stages]
 
     @property
     def image(self) -> Image:
@@ -61,6 +72,16 @@ class Result:
     def depth_m(self) -> Image | None:
         """Depth along the optical axis by the default method, None where there is none."""
         return next(iter(self.depths.values()), None)
+
+    @property
+    def depth_deviation(self) -> Image | None:
+        """Standard deviation of its logarithm, None where the default method cannot tell."""
+        return self.depth_deviations.get(next(iter(self.depths), ""))
+
+    @property
+    def nothing(self) -> Image | None:
+        """Probability of nothing within reach, None where the default method cannot tell."""
+        return self.nothings.get(next(iter(self.depths), ""))
 
     @property
     def range_m(self) -> Image | None:

@@ -1,16 +1,24 @@
 """The whole chain: scene and instrument become light, counts and a capture."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from reconstruction.capture import Capture
+from reconstruction.capture import SURROGATE, Capture
+from spisim.config import LightSource
 from spisim.instrument import Instrument
 from spisim.measurement import record
 from spisim.scene import Scene
-from spisim.transport import GroundTruth, LightSequence, Transport, ground_truth, trace
+from spisim.transport import (
+    GroundTruth,
+    LightSequence,
+    Transport,
+    ground_truth,
+    surrogate_light,
+    trace,
+)
 from spisim.transport.backend import activate
 
 
@@ -31,6 +39,7 @@ def simulate(
     scene: Scene,
     instrument: Instrument,
     *,
+    light: LightSource = "traced",
     spp: int = 256,
     transport_noise_share: float | None = None,
     seed: int = 0,
@@ -45,6 +54,9 @@ def simulate(
 
     Parameters
     ----------
+    light
+        "surrogate": not traced but guessed, thirty times as fast, for data sets to learn from; spp
+        and transport_noise_share are of no account then.
     spp
         Light paths per virtual pixel and strategy.
     transport_noise_share
@@ -64,23 +76,33 @@ def simulate(
         than the instrument's, or no backend for the light transport works.
     """
     middles_s = (np.arange(frames if scene.moves else 1) + 0.5) * instrument.frame_time_s
-    truths = tuple(ground_truth(scene.at(time_s), instrument) for time_s in middles_s.tolist())
-    light = trace(
-        scene,
-        instrument,
-        frames=frames,
-        spp=spp,
-        transport_noise_share=transport_noise_share,
-        seed=seed,
-        progress=progress,
+    truths = tuple(
+        ground_truth(scene.at(time_s), instrument, subpixels=1) for time_s in middles_s.tolist()
     )
     share = transport_noise_share
-    budget = {"spp": spp} if share is None else {"transport_noise_share": share}
-    how = {**budget, "backend": activate(), "light": _told(light)}
+    budget: dict[str, Any] = {}
+    if light == "surrogate":
+        found = surrogate_light(scene, instrument, frames=frames, seed=seed, progress=progress)
+    else:
+        budget = {"spp": spp} if share is None else {"transport_noise_share": share}
+        found = trace(
+            scene,
+            instrument,
+            frames=frames,
+            spp=spp,
+            transport_noise_share=share,
+            seed=seed,
+            progress=progress,
+        )
+    how = {**budget, "backend": activate(), "light": {"source": light, **_told(found)}}
     capture = record(
-        scene, instrument, light, truths, seed=seed, noise=noise, frames=frames, settings=how
+        scene, instrument, found, truths, seed=seed, noise=noise, frames=frames, settings=how
     )
-    return Simulation(capture, light.transports[0], truths)
+    if light == "surrogate":
+        provenance = capture.provenance
+        told = f"{provenance.software}, {SURROGATE}"
+        capture = replace(capture, provenance=replace(provenance, software=told))
+    return Simulation(capture, found.transports[0], truths)
 
 
 def _told(light: LightSequence) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from .charge import Charge, check_taps
 from .file import CaptureFile, open_capture, read_capture, write_capture
 from .model import (
     PARTS,
+    SURROGATE,
     Capture,
     Frames,
     FrameTruth,
@@ -23,6 +24,7 @@ from .spots import Spots
 __all__ = [
     "PARTS",
     "READINGS",
+    "SURROGATE",
     "Buckets",
     "Capture",
     "CaptureFile",

@@ -25,6 +25,8 @@ from .spots import Spots
 Image = NDArray[np.float32]
 
 SOURCES = ("simulation", "hardware")
+SURROGATE = "surrogate light"
+"""What the software of a simulation adds to its name where its light was not traced."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +111,11 @@ class Provenance:
     scene: str = ""
     seed: int | None = None
     settings: str = ""
+
+    @property
+    def is_surrogate(self) -> bool:
+        """Whether the light of a simulation is a fast stand-in."""
+        return self.source == "simulation" and self.software.endswith(SURROGATE)
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> None:
     result = replace(result, frame=options.frame, recording=digest)
     files = write_outputs(result, capture, options.output)
     warnings = capture_warnings(capture, before)
-    warnings += [f"image {name!r} is {note}" for name, note in result.notes.items()]
+    warnings += result.warnings
     for warning in warnings:
         print(printable(f"warning: {warning}"), file=sys.stderr)
     if options.json:

@@ -32,11 +32,28 @@ class View:
     frame: Frames
 
 
-DepthSolver = Callable[[View], NDArray[Any] | None]
-"""From a frame to depths (H, W) along the optical axis in metres, nan where there is none.
+REACH_M = 40.0
+"""What is farther than this counts as nothing: it returns too little, and can wait."""
 
-None where the frame tells nothing of depth.
-"""
+
+@dataclass(frozen=True, eq=False)
+class DepthEstimate:
+    """A depth map and how sure of it a method is, each (H, W).
+
+    ``depth_m``: along the optical axis, nan where there is none. ``deviation``: standard deviation
+    of ln depth, at least where there is a depth, and ``nothing``: probability in each pixel that
+    there is nothing within REACH_M; both None where the method cannot tell. ``note``: what the user
+    must know of it, such as that another method took over.
+    """
+
+    depth_m: NDArray[Any]
+    deviation: Floats | None = None
+    nothing: Floats | None = None
+    note: str | None = None
+
+
+DepthSolver = Callable[[View], DepthEstimate | None]
+"""From a frame to depths; None where the frame tells nothing of them."""
 
 
 class DepthMethod(Protocol):

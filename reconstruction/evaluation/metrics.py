@@ -6,9 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..capture import Capture, FrameTruth
+from ..depth import pixel_rays
 from ..errors import InputError
 from ..ranging import Ranges
 from ..result import BASELINE, Result
+from .depths import depth_metrics
+from .numbers import number
 
 
 def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
@@ -32,6 +35,8 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
             "are different"
         )
     truth = recording.truth.at(result.frame)
+    optics = recording.setup.optics
+    rays = None if optics is None else pixel_rays(optics, truth.depth_m.shape)
     return {
         "frame": result.frame,
         "images": {
@@ -41,7 +46,14 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
         "truth": {"image_error": _relative_rms(truth.image_error, truth.image)},
         "spots": {name: _spots(ranges, truth) for name, ranges in result.rangings.items()},
         "depths": {
-            name: depth_metrics(depth_m, truth.depth_m) for name, depth_m in result.depths.items()
+            name: depth_metrics(
+                depth_m,
+                truth.depth_m,
+                deviation=result.depth_deviations.get(name),
+                nothing=result.nothings.get(name),
+                rays=rays,
+            )
+            for name, depth_m in result.depths.items()
         },
     }
 
@@ -68,50 +80,25 @@ def image_metrics(
         spread = values.std() * true_values.std()
         covariance = np.mean((values - values.mean()) * (true_values - true_values.mean()))
         return {
-            "correlation": _number(covariance / spread),
-            "nrmse": _number(np.sqrt(squared_error / np.mean(true_values**2))),
-            "psnr_db": _number(10 * np.log10(true_values.max() ** 2 / squared_error)),
-            "gain_db": _number(10 * np.log10(baseline / squared_error)),
+            "correlation": number(covariance / spread),
+            "nrmse": number(np.sqrt(squared_error / np.mean(true_values**2))),
+            "psnr_db": number(10 * np.log10(true_values.max() ** 2 / squared_error)),
+            "gain_db": number(10 * np.log10(baseline / squared_error)),
         }
 
 
 def _relative_rms(error: ArrayLike, image: ArrayLike) -> float | None:
     noise, signal = (np.nanmean(np.asarray(a, dtype=np.float64) ** 2) for a in (error, image))
-    return _number(np.sqrt(noise / signal)) if signal > 0 else None
-
-
-def depth_metrics(depth_m: ArrayLike, true_m: ArrayLike) -> dict[str, float | None]:
-    """Mean absolute and rms error in metres, median relative error, share within 25 per cent.
-
-    Over the pixels that have a depth and where something is hit; ``coverage`` is the share of the
-    latter that have one.
-    """
-    values = np.asarray(depth_m, dtype=np.float64)
-    true_values = np.asarray(true_m, dtype=np.float64)
-    hit = np.isfinite(true_values)
-    known = np.isfinite(values) & hit
-    coverage = _number(known.sum() / hit.sum()) if hit.any() else None
-    if not known.any():
-        nothing = dict.fromkeys(("mae_m", "rmse_m", "median_relative", "within_25_percent"))
-        return nothing | {"coverage": coverage}
-    error = np.abs(values - true_values)[known]
-    relative = error / true_values[known]
-    return {
-        "mae_m": _number(error.mean()),
-        "rmse_m": _number(np.sqrt((error**2).mean())),
-        "median_relative": _number(np.median(relative)),
-        "within_25_percent": _number((relative < 0.25).mean()),
-        "coverage": coverage,
-    }
+    return number(np.sqrt(noise / signal)) if signal > 0 else None
 
 
 def _spots(ranges: Ranges, truth: FrameTruth) -> list[dict[str, Any]]:
     return [
         {
-            "range_m": _number(measured),
-            "true_m": _number(true),
-            "error_m": _number(measured - true),
-            "sigma_m": _number(sigma),
+            "range_m": number(measured),
+            "true_m": number(true),
+            "error_m": number(measured - true),
+            "sigma_m": number(sigma),
             "status": status,
             "alternatives": [each._asdict() for each in alternatives],
         }
@@ -124,7 +111,3 @@ def _spots(ranges: Ranges, truth: FrameTruth) -> list[dict[str, Any]]:
             strict=True,
         )
     ]
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -5,7 +5,6 @@ Zhang, IEEE Trans. Image Process. 27, 4608 (2018)), goes once to a quarter and b
 evaluated as products of matrices.
 """
 
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from ..errors import InputError
-
-Channels = NDArray[np.float32]
+from ..layers import (
+    Channels,
+    Layers,
+    axes_of,
+    channels_as_squares,
+    filled,
+    load_weights,
+    positive,
+    squares_as_channels,
+)
 
 VERSION = 1
 """Of weights, inputs and layers together: what `load` takes."""
@@ -89,24 +95,13 @@ class Network:
     """
 
     def __init__(self, weights: dict[str, NDArray[Any]], limits: NDArray[Any]) -> None:
-        self._limits = limits
-        self._layers = {
-            name.removesuffix(".weight"): (
-                np.ascontiguousarray(_flat(weight.astype(np.float32))),
-                weights[name.replace("weight", "bias")].astype(np.float32)[:, None],
-            )
-            for name, weight in weights.items()
-            if name.endswith(".weight")
-        }
+        self._limits, self._layers = limits, Layers(weights)
 
     def __call__(self, shown: Shown) -> tuple[Channels, Channels]:
         """Correction over deviation, and log of its deviation over the one shown, (H, W) each."""
         maps = shown.maps()
         height, width = maps.shape[1:]
-        fill = (-height % MULTIPLE, -width % MULTIPLE)
-        if any(fill):
-            maps = np.pad(maps, ((0, 0), (0, fill[0]), (0, fill[1])), mode="symmetric")
-        out = self._evaluated(maps, shown.numbers())
+        out = self._evaluated(filled(maps, MULTIPLE), shown.numbers())
         return out[0, :height, :width], out[1, :height, :width]
 
     def unlike(self, shown: Shown) -> str | None:
@@ -118,54 +113,19 @@ class Network:
         return None
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
-        half = _squares_as_channels(maps)
+        half, layer = squares_as_channels(maps), self._layers
         constant = np.broadcast_to(numbers[:, None, None], (len(numbers), *half.shape[1:]))
-        kept = _positive(self._layer("enter", np.concatenate([half, constant])))
-        kept = _positive(self._layer("before", kept))
-        quarter = _positive(self._layer("down", _squares_as_channels(kept)))
-        for number in range(0, WIDE_LAYERS, 2):
-            change = _positive(self._layer(f"wide.{number}", quarter))
-            quarter = quarter + self._layer(f"wide.{number + 1}", change)
-        kept = _positive(kept + _channels_as_squares(self._layer("up", quarter)))
-        kept = _positive(self._layer("after", kept))
-        return _channels_as_squares(self._layer("leave", kept))
-
-    def _layer(self, name: str, channels: Channels) -> Channels:
-        """A convolution (C, H, W), with zeros around it: of 3 x 3 pixels, or of each by itself."""
-        weight, bias = self._layers[name]
-        count, height, width = channels.shape
-        if weight.shape[1] == count:
-            out = weight @ channels.reshape(count, -1) + bias
-            return out.reshape(-1, height, width)
-        # As rows of the padded image follow each other, each of the nine shifts is a slice.
-        padded = np.zeros((count, height + 2, width + 2), np.float32)
-        padded[:, 1:-1, 1:-1] = channels
-        flat = padded.reshape(count, -1)
-        length = height * (width + 2) - 2
-        starts = [down * (width + 2) + along for down in range(3) for along in range(3)]
-        columns = np.concatenate([flat[:, start : start + length] for start in starts])
-        out = np.empty((len(weight), height * (width + 2)), np.float32)
-        out[:, :length] = weight @ columns + bias
-        return out.reshape(-1, height, width + 2)[:, :, :width]
+        kept = positive(layer("enter", np.concatenate([half, constant])))
+        kept = positive(layer("before", kept))
+        quarter = positive(layer("down", squares_as_channels(kept)))
+        quarter = layer.changed("wide", quarter, WIDE_LAYERS // 2)
+        kept = positive(kept + channels_as_squares(layer("up", quarter)))
+        return channels_as_squares(layer("leave", positive(layer("after", kept))))
 
 
 def load(file: Path) -> Network:
     """The network of a file; InputError where that holds none, or one of another version."""
-    try:
-        with np.load(file, allow_pickle=False) as told:
-            weights = dict(told)
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise InputError(f"{file} holds no weights of a network: {error}") from None
-    version = weights.pop("version", None)
-    if version is None or version != VERSION:
-        raise InputError(f"{file}: version of the weights = {version}, must be {VERSION}")
-    missing = [name for name in _SHAPES if name not in weights]
-    if missing:
-        raise InputError(f"{file}: weights without {', '.join(missing)}")
-    for name, axes in _SHAPES.items():
-        values = weights[name]
-        if values.dtype.kind != "f" or values.ndim != axes or not np.isfinite(values).all():
-            raise InputError(f"{file}: {name} must be finite numbers along {axes} axes")
+    weights = load_weights(file, VERSION, {"limits": 2} | axes_of(_LAYERS))
     return Network(weights, weights.pop("limits"))
 
 
@@ -173,32 +133,3 @@ _LAYERS = (
     *("enter", "before", "down", "up", "after", "leave"),
     *(f"wide.{number}" for number in range(WIDE_LAYERS)),
 )
-_SHAPES = (
-    {"limits": 2}
-    | {f"{layer}.weight": 4 for layer in _LAYERS}
-    | {f"{layer}.bias": 1 for layer in _LAYERS}
-)
-"""What a file has, and along how many axes."""
-
-
-def _flat(weight: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Weights (out, in, 3, 3) or (out, in, 1, 1) as (out, shifts x in)."""
-    return weight.transpose(0, 2, 3, 1).reshape(len(weight), -1)
-
-
-def _positive(channels: Channels) -> Channels:
-    return np.maximum(channels, 0)
-
-
-def _squares_as_channels(channels: Channels) -> Channels:
-    """(C, H, W) to (4 C, H / 2, W / 2)."""
-    count, height, width = channels.shape
-    squares = channels.reshape(count, height // 2, 2, width // 2, 2)
-    return squares.transpose(0, 2, 4, 1, 3).reshape(4 * count, height // 2, width // 2)
-
-
-def _channels_as_squares(channels: Channels) -> Channels:
-    """(4 C, H, W) to (C, 2 H, 2 W)."""
-    count, height, width = channels.shape
-    squares = channels.reshape(count // 4, 2, 2, height, width)
-    return squares.transpose(0, 3, 1, 4, 2).reshape(count // 4, 2 * height, 2 * width)

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from ..capture import Recording, Setup
-from ..depth import DEPTH_METHODS, pixel_rays, point_cloud_ply
+from ..depth import DEPTH_METHODS, REACH_M, pixel_rays, point_cloud_ply
 from ..evaluation.methods import method_title
 from ..files import Output, write_atomically
 from ..image import DICTIONARIES, IMAGE_METHODS
 from ..result import Result
-from .pictures import depth_picture, image_picture
+from .pictures import depth_picture, deviation_picture, image_picture, nothing_picture
 from .result_file import result_bytes
 
 
@@ -20,7 +20,8 @@ def outputs_in(directory: str | Path) -> list[Output]:
     """All files that a reconstruction may leave in a folder, by whatever methods."""
     folder = Path(directory)
     with_dictionary = [f"{name}:{atoms}" for name in IMAGE_METHODS for atoms in DICTIONARIES]
-    pictures = {"image": [*IMAGE_METHODS, *with_dictionary], "depth": DEPTH_METHODS}
+    pictures = {"image": [*IMAGE_METHODS, *with_dictionary]}
+    pictures |= {kind: list(DEPTH_METHODS) for kind in ("depth", "depth deviation", "nothing")}
     return [
         Output(folder / "result.h5", "result"),
         Output(folder / "cloud.ply", "point cloud"),
@@ -36,11 +37,11 @@ def write_outputs(result: Result, recording: Recording, directory: str | Path) -
     """Write result.h5, cloud.ply, and a picture of each image and depth map; return their paths.
 
     image.png and depth.png show what the default methods found, others have the method in their
-    names. Everything is made before the first file is written; each appears whole or not at all,
-    and pictures and clouds of an earlier result that have no successor are removed. Other files of
-    these names are replaced: that there are none is what `require_outputs` of `outputs_in` tells.
-    Raises InputError where the folder cannot be written into, OSError where a file cannot be
-    written.
+    names. Of methods that can tell there are depth-deviation.png and nothing.png too. Everything is
+    made before the first file is written; each appears whole or not at all, and pictures and clouds
+    of an earlier result that have no successor are removed. Other files of these names are
+    replaced: that there are none is what `require_outputs` of `outputs_in` tells. Raises InputError
+    where the folder cannot be written into, OSError where a file cannot be written.
     """
     setup = recording.setup
     contents = _pictures(result, setup)
@@ -64,15 +65,24 @@ def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
         pictures[_file("image", name, number)] = image_picture(image, title, result.unit)
     for number, (name, depth_m) in enumerate(result.depths.items()):
         title = f"Depth ({method_title('depths', name)})"
-        file = _file("depth", name, number)
-        pictures[file] = depth_picture(depth_m, title, setup, result.ranges)
+        nothing, deviation = result.nothings.get(name), result.depth_deviations.get(name)
+        pictures[_file("depth", name, number)] = depth_picture(
+            depth_m, title, setup, result.ranges, nothing
+        )
+        if deviation is not None:
+            title = f"Deviation ({method_title('depths', name)})"
+            pictures[_file("depth deviation", name, number)] = deviation_picture(deviation, title)
+        if nothing is not None:
+            title = f"Nothing within {REACH_M:g} m ({method_title('depths', name)})"
+            pictures[_file("nothing", name, number)] = nothing_picture(nothing, title)
     return pictures
 
 
 def _names(kind: str, methods: Iterable[str]) -> list[str]:
-    return list(dict.fromkeys([f"{kind}.png", *(_file(kind, name, 1) for name in methods)]))
+    return list(dict.fromkeys([_file(kind, "", 0), *(_file(kind, name, 1) for name in methods)]))
 
 
 def _file(kind: str, method: str, number: int) -> str:
     """Name of the picture of the ``number``-th method."""
-    return f"{kind}.png" if number == 0 else f"{kind}_{re.sub('[^A-Za-z0-9]', '_', method)}.png"
+    stem = kind.replace(" ", "-")
+    return f"{stem}.png" if number == 0 else f"{stem}_{re.sub('[^A-Za-z0-9]', '_', method)}.png"

@@ -25,6 +25,9 @@ CROSS = 6
 NO_DEPTH = 128
 """Grey of pixels without a depth."""
 
+NOTHING = (198, 219, 239)
+"""Pale blue of pixels without a depth where nothing within reach is likelier than something."""
+
 Canvas = NDArray[np.uint8]
 
 
@@ -38,18 +41,45 @@ def image_picture(image: NDArray[np.float32], title: str, unit: str) -> bytes:
 
 
 def depth_picture(
-    depth_m: NDArray[np.float32], title: str, setup: Setup, ranges: Ranges | None
+    depth_m: NDArray[np.float32],
+    title: str,
+    setup: Setup,
+    ranges: Ranges | None,
+    nothing: NDArray[np.float32] | None = None,
 ) -> bytes:
-    """A depth map with its scale, and the spots with their depths where there are any."""
+    """A depth map with its scale, and the spots with their depths where there are any.
+
+    ``nothing`` (H, W) is the probability of nothing within reach.
+    """
     known = np.isfinite(depth_m)
     low, high = np.percentile(depth_m[known], (1, 99)).tolist() if known.any() else (0.0, 1.0)
     scale = Scale(low, _above(high, low, 1e-6), VIRIDIS)
     colours = np.full((*depth_m.shape, 3), NO_DEPTH, np.uint8)
+    if nothing is not None:
+        colours[nothing >= 0.5] = NOTHING
     colours[known] = scale.paint(depth_m[known])
     enlarged = _enlarged(colours)
     if ranges is not None:
         _mark_spots(enlarged, setup, ranges)
     return png(_framed(enlarged, title, scale, "depth along the optical axis / m"), mark("depth"))
+
+
+def deviation_picture(deviation: NDArray[np.float32], title: str) -> bytes:
+    """Standard deviations of ln depth with their scale."""
+    known = np.isfinite(deviation)
+    high = float(np.percentile(deviation[known], 99)) if known.any() else 1.0
+    scale = Scale(0.0, _above(high, 0.0, 1e-6), VIRIDIS)
+    colours = np.full((*deviation.shape, 3), NO_DEPTH, np.uint8)
+    colours[known] = scale.paint(deviation[known])
+    label = "standard deviation of ln depth"
+    return png(_framed(_enlarged(colours), title, scale, label), mark("depth deviation"))
+
+
+def nothing_picture(nothing: NDArray[np.float32], title: str) -> bytes:
+    """Probabilities of nothing within reach, from black to white."""
+    scale = Scale(0.0, 1.0, GREY)
+    enlarged = _enlarged(scale.paint(nothing))
+    return png(_framed(enlarged, title, scale, "probability of nothing"), mark("nothing"))
 
 
 def _above(high: float, low: float, least: float) -> float:

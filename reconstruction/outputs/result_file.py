@@ -1,5 +1,6 @@
 """The result as a file, result.h5."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,7 +17,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 2),
+    version=(3, 3),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -51,11 +52,7 @@ def read_result(path: str | Path) -> Result:
         timings = file.names_in("timings_s")
         return Result(
             images={name: _map(file, f"images/{name}", unit, shape) for name in names["images"]},
-            deviations={
-                name: _map(file, f"deviations/{name}", unit, shape)
-                for name in names["images"]
-                if f"deviations/{name}" in file
-            },
+            deviations=_maps(file, "deviations", names["images"], unit, shape),
             rangings={name: _ranges(file, f"rangings/{name}") for name in names["rangings"]},
             depths={name: _map(file, f"depths/{name}", "m", shape) for name in names["depths"]},
             range_over_depth=_map(file, "range_over_depth", "1", shape) if stretched else None,
@@ -64,6 +61,9 @@ def read_result(path: str | Path) -> Result:
             recording=file.text("recording"),
             frame=file.integer("frame"),
             patterns=file.integer("patterns"),
+            depth_deviations=_maps(file, "depth_deviations", names["depths"], "1", shape),
+            nothings=_maps(file, "nothings", names["depths"], "1", shape),
+            notes={stage: file.text(f"notes/{stage}") for stage in file.names_in("notes")},
         )
 
 
@@ -77,6 +77,16 @@ def _names(file: hdf5.Contents, group: str) -> list[str]:
     if len(set(names)) < len(names):
         raise InputError(f"attribute {group!r} names a method twice")
     return names
+
+
+def _maps(
+    file: hdf5.Contents, group: str, methods: Iterable[str], units: str, shape: tuple[int, ...]
+) -> dict[str, NDArray[Any]]:
+    """Of those methods that have one."""
+    names = {method: f"{group}/{method}" for method in methods}
+    return {
+        method: _map(file, name, units, shape) for method, name in names.items() if name in file
+    }
 
 
 def _map(file: hdf5.Contents, name: str, units: str, shape: tuple[int, ...]) -> NDArray[Any]:
@@ -123,19 +133,26 @@ def _write(file: h5py.File, result: Result) -> None:
     for group in GROUPS:
         hdf5.put_attribute(file, group, "\n".join(getattr(result, group)))
     maps = {"images": result.unit, "deviations": result.unit, "depths": "m"}
+    maps |= {"depth_deviations": "1", "nothings": "1"}
     for group, units in maps.items():
         for name, values in getattr(result, group).items():
             hdf5.put(file, f"{group}/{name}", values, units)
     for name, ranges in result.rangings.items():
-        for quantity, units in RANGES.items():
-            hdf5.put(file, f"rangings/{name}/{quantity}", getattr(ranges, quantity), units)
-        hdf5.put(file, f"rangings/{name}/status", np.array(ranges.status, dtype="S"), "1")
-        if any(ranges.alternatives):
-            _write_alternatives(file, f"rangings/{name}/alternatives", ranges)
+        _write_ranges(file, f"rangings/{name}", ranges)
     if result.range_over_depth is not None:
         hdf5.put(file, "range_over_depth", result.range_over_depth, "1")
     for stage, seconds in result.timings_s.items():
         hdf5.put(file, f"timings_s/{stage}", seconds, "s")
+    for stage, note in result.notes.items():
+        hdf5.put(file, f"notes/{stage}", note, "1")
+
+
+def _write_ranges(file: h5py.File, group: str, ranges: Ranges) -> None:
+    for quantity, units in RANGES.items():
+        hdf5.put(file, f"{group}/{quantity}", getattr(ranges, quantity), units)
+    hdf5.put(file, f"{group}/status", np.array(ranges.status, dtype="S"), "1")
+    if any(ranges.alternatives):
+        _write_alternatives(file, f"{group}/alternatives", ranges)
 
 
 def _write_alternatives(file: h5py.File, group: str, ranges: Ranges) -> None:

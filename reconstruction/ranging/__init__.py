@@ -3,13 +3,14 @@
 from .geometry import range_from_path
 from .method import RangingMethod, RangingSolver
 from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads
-from .ranges import MIN_SIGNAL, Alternative, Paths, Ranges, Status, ranges_from_paths
+from .ranges import MIN_SIGNAL, Alternative, FogOptics, Paths, Ranges, Status, ranges_from_paths
 from .unwrap import path_from_phases, unambiguous_path_m
 
 __all__ = [
     "MIN_SIGNAL",
     "RANGING_METHODS",
     "Alternative",
+    "FogOptics",
     "Paths",
     "Ranges",
     "RangingMethod",

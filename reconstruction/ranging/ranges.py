@@ -43,6 +43,17 @@ class Alternative(NamedTuple):
     weight: float
 
 
+class FogOptics(NamedTuple):
+    """What ranging found of the fog: the mean of its extinction, and its backscattering.
+
+    ``log_sigma`` is the standard deviation of the latter's logarithm.
+    """
+
+    extinction_per_m: float
+    backscatter_per_m_sr: float
+    log_sigma: float
+
+
 @dataclass(frozen=True, eq=False)
 class Ranges:
     """Ranges of the four spots of one frame, each (4,).
@@ -59,7 +70,7 @@ class Ranges:
     background arrivals per bin (dtof).
 
     ``alternatives`` are all ranges that a spot may have, likeliest first, also where ``status`` is
-    not "ok"; none of methods that know of one only.
+    not "ok"; none of methods that know of one only. ``fog`` is None where a method does not tell.
     """
 
     range_m: Floats
@@ -68,6 +79,7 @@ class Ranges:
     background_electrons: Floats
     status: tuple[Status, ...]
     alternatives: tuple[tuple[Alternative, ...], ...] = ((), (), (), ())
+    fog: FogOptics | None = None
 
     @property
     def likeliest(self) -> tuple[Floats, Floats]:

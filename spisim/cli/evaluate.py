@@ -7,7 +7,7 @@ import typer
 
 from reconstruction.errors import naming
 
-from .console import print_json
+from .console import print_json, warn
 from .options import CaptureArgument, FrameOption, Json, Methods
 from .tables import print_errors
 
@@ -32,6 +32,7 @@ def command(
     """
     from reconstruction import evaluate, read_capture, read_result, reconstruct
     from reconstruction.cli.reconstruct import names
+    from reconstruction.diagnostics import NOT_TRACED
 
     recording = read_capture(capture)
     file = None
@@ -44,6 +45,8 @@ def command(
         result = read_result(file)
     with naming(capture if file is None else f"{file} for {capture}"):
         metrics = evaluate(result, recording)
+    if recording.provenance.is_surrogate:
+        warn([NOT_TRACED])
     if json:
         print_json(metrics)
     else:

@@ -2,7 +2,7 @@
 
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -38,6 +38,10 @@ def command(
         int | None, opt.number_option(1, 256, "Frames that patterns are dealt out to.")
     ] = None,
     seed: opt.Seed = 0,
+    light: Annotated[
+        Literal["traced", "surrogate"],
+        typer.Option(help="surrogate: a fast stand-in, to learn from."),
+    ] = "traced",
     spp: opt.Spp = 256,
     transport_noise_share: opt.NoiseShare = None,
     frames: Annotated[int, opt.number_option(1, 10_000, "Frames, one after the other.")] = 1,
@@ -69,6 +73,7 @@ def command(
         simulation = simulate(
             place,
             carried,
+            light=light,
             spp=spp,
             transport_noise_share=transport_noise_share,
             seed=seed,

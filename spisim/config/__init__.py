@@ -7,6 +7,7 @@ ends as a single `InputError` naming file, field, value and what is allowed.
 from spisim.config.fields import (
     Count,
     Fraction,
+    LightSource,
     Name,
     NonNegative,
     Number,
@@ -32,6 +33,7 @@ from spisim.config.yaml import dump_yaml, load_yaml
 __all__ = [
     "Count",
     "Fraction",
+    "LightSource",
     "Name",
     "NonNegative",
     "Number",

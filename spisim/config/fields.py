@@ -1,7 +1,7 @@
 """Fields that configuration files are made of, and the base of their sections."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -44,3 +44,7 @@ class Section(BaseModel):
                         {"field": show(field), "nearest": nearest(str(field), cls.model_fields)},
                     )
         return data
+
+
+#: Whether light is traced, or a fast stand-in; see `spisim.transport.surrogate`.
+LightSource = Literal["traced", "surrogate"]

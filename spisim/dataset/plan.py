@@ -20,6 +20,7 @@ from pydantic_core import PydanticCustomError
 from reconstruction.errors import InputError, naming, nearest
 from spisim.config import (
     Count,
+    LightSource,
     Name,
     NonNegative,
     Number,
@@ -133,6 +134,7 @@ class Plan(Section):
     `wavelength_nm` for the wavelength that the instrument is built for; the scene follows. With
     grids, the samples run through all combinations, again and again with other random values;
     within one such round, these are the same. With `every_scene`, the scenes are a grid too.
+    `light` is "traced", or a fast "surrogate" for sets to learn from.
     `poses`, a number or a section, sees each scene from several poses, in as many rounds, one after
     the other; scenes, wavelength and materials stay the same in them, the rest is drawn anew.
     """
@@ -148,6 +150,7 @@ class Plan(Section):
     materials: dict[Name, Openable] = Field(default_factory=dict)
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
     wavelength_nm: Annotated[Any, BeforeValidator(_wavelengths)] = None
+    light: LightSource = "traced"
     spp: Annotated[Count, Field(le=2**20)] | None = None
     transport_noise_share: Annotated[Number, Field(ge=1e-3, le=10)] | None = None
     frames: Count = 1
@@ -169,6 +172,10 @@ class Plan(Section):
     def _makes_sense(self) -> Plan:
         if self.spp is not None and self.transport_noise_share is not None:
             raise PydanticCustomError("plan", "needs spp or transport_noise_share, not both")
+        if self.light == "surrogate" and (self.spp or self.transport_noise_share):
+            raise PydanticCustomError(
+                "plan", "light: surrogate is not traced; take out spp and transport_noise_share"
+            )
         if not 0 < sum(source.weight for source in self.scenes) < math.inf:
             raise PydanticCustomError(
                 "plan", "scenes should not all have weight 0, and their weights a finite sum"
@@ -219,7 +226,9 @@ class Plan(Section):
 
     @property
     def sampling_budget(self) -> dict[str, Any]:
-        """Arguments of `simulate` that say how long to trace light."""
+        """Arguments of `simulate` that say how long to trace light, or not to."""
+        if self.light == "surrogate":
+            return {"light": "surrogate"}
         if self.spp is not None:
             return {"spp": self.spp}
         share = self.transport_noise_share

@@ -12,6 +12,7 @@ from reconstruction import Capture, Result, capture_warnings
 from reconstruction.arrays import Floats
 from reconstruction.capture import Setup, Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.depth import REACH_M
 from reconstruction.errors import InputError
 from reconstruction.evaluation import method_title
 from spisim.config import load_yaml
@@ -21,8 +22,10 @@ from .page import duration, length, number, write_page
 from .pictures import (
     data_address,
     depth_scale,
+    deviation_scale,
     error_scale,
     intensity_scale,
+    probability_scale,
     spot_marks,
     view_scale,
 )
@@ -72,8 +75,12 @@ def write_report(
     truths = capture.truth
     known = truths is not None and truths.knows(result.frame)
     truth = truths.at(result.frame) if truths is not None and known else None
-    depths = {method_title("depths", name): depth for name, depth in result.depths.items()}
-    errors = {} if truth is None else {name: d - truth.depth_m for name, d in depths.items()}
+    depths, deviations, nothings = (
+        {method_title("depths", name): values for name, values in maps.items()}
+        for maps in (result.depths, result.depth_deviations, result.nothings)
+    )
+    true_m = None if truth is None else _within_reach(truth.depth_m)
+    errors = {} if true_m is None else {name: depth - true_m for name, depth in depths.items()}
     spots = capture.spots
     way = None if truth is None or spots is None else _path_lengths(spots, truth.spot_range_m)
     write_page(
@@ -86,7 +93,7 @@ def write_report(
         truth=truth,
         metrics=metrics,
         cards=_cards(capture, result, metrics),
-        warnings=capture_warnings(capture, result.frame),
+        warnings=[*capture_warnings(capture, result.frame), *result.warnings],
         view=view,
         view_scale=None if view is None else view_scale(view),
         facts=_facts(capture),
@@ -101,7 +108,14 @@ def write_report(
             *(result.images.values() if truth is None else [truth.image]), unit=f"{result.unit}s"
         ),
         depths=depths,
-        depth_scale=depth_scale(*(depths.values() if truth is None else [truth.depth_m])),
+        nothings=nothings,
+        deviations=deviations,
+        true_depth=true_m,
+        true_nothing=None if true_m is None else np.isnan(true_m),
+        reach_m=REACH_M,
+        depth_scale=depth_scale(*(depths.values() if true_m is None else [true_m])),
+        deviation_scale=deviation_scale(*deviations.values()),
+        nothing_scale=probability_scale(),
         errors=errors,
         error_scale=error_scale(*errors.values()),
         rangings={method_title("spots", name): ranges for name, ranges in result.rangings.items()},
@@ -200,6 +214,11 @@ def _of_several_frames(setup: Setup) -> dict[str, str]:
         return {}
     shown = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
     return {"of several frames": f"{shown} patterns, which {len(setup.plans)} frames deal out"}
+
+
+def _within_reach(depth_m: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Depths, nan beyond REACH_M."""
+    return np.where(depth_m <= REACH_M, depth_m, np.nan)
 
 
 def _path_lengths(spots: Spots, range_m: Floats) -> Floats:

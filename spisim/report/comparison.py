@@ -30,8 +30,19 @@ FIGURES: Mapping[str, Mapping[str, tuple[str, float, str]]] = {
         "mae_m": ("mean error, m", 1, "{:.3f}"),
         "rmse_m": ("RMS error, m", 1, "{:.3f}"),
         "median_relative": ("median error", 100, "{:.1f} %"),
+        "abs_rel": ("mean relative error", 100, "{:.1f} %"),
         "within_25_percent": ("within 25 % of truth", 100, "{:.1f} %"),
+        "delta_1_25": ("within a factor of 1.25", 100, "{:.1f} %"),
         "coverage": ("pixels with a value", 100, "{:.1f} %"),
+        "within_1_sigma": ("within 1 sigma (68 % is honest)", 100, "{:.1f} %"),
+        "within_2_sigma": ("within 2 sigma (95 % is honest)", 100, "{:.1f} %"),
+        "nothing_brier": ("Brier score of nothing within reach", 1, "{:.3f}"),
+        "invented": ("depth where there is nothing", 100, "{:.1f} %"),
+        "obstacle_error": ("nearest obstacle ahead, error", 100, "{:+.1f} %"),
+        "obstacle_missed": ("nearest obstacle missed", 1, "{:.2g}"),
+        "obstacle_false": ("false obstacle", 1, "{:.2g}"),
+        "free_precision": ("of what is told free, free", 100, "{:.1f} %"),
+        "free_recall": ("of what is free, told free", 100, "{:.1f} %"),
     },
 }
 
@@ -42,14 +53,18 @@ def written(value: float | None, factor: float = 1, pattern: str = "{:.3f}") -> 
 
 
 def compared_methods(metrics: Mapping[str, Any]) -> list[Comparison]:
-    """Figures of images and depth maps in rows, methods in columns."""
+    """Figures of images and depth maps in rows, methods in columns; those that any method has."""
     return [
         Comparison(
             name,
             [method_title(station, method) for method in metrics[station]],
             [
-                (words, *(written(each[key], factor, how) for each in metrics[station].values()))
+                (
+                    words,
+                    *(written(each[key], factor, how) for each in metrics[station].values()),
+                )
                 for key, (words, factor, how) in FIGURES[station].items()
+                if any(each[key] is not None for each in metrics[station].values())
             ],
         )
         for name, station in (("image", "images"), ("depth", "depths"))

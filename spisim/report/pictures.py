@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from reconstruction import Capture
 from reconstruction.arrays import Floats
 from reconstruction.files import mark, write_atomically
+from reconstruction.outputs.pictures import NOTHING
 
 HORIZON = 10.0
 """What is so many times farther than a quarter of all is not told apart in pictures."""
@@ -39,15 +40,22 @@ class Scale:
         share = np.nan_to_num((np.asarray(values, float) - self.low) / span)
         return np.asarray(np.clip(share, 0, 1) ** self.exponent)
 
-    def rgba(self, image: ArrayLike) -> NDArray[np.uint8]:
-        """Colours of an image, (H, W, 4); what is not finite is transparent."""
+    def rgba(self, image: ArrayLike, nothing: ArrayLike | None = None) -> NDArray[np.uint8]:
+        """Colours of an image, (H, W, 4); what is not finite is transparent.
+
+        But pale blue where `nothing` (H, W), the probability of nothing within reach, is 0.5 or
+        more.
+        """
         rgba: NDArray[np.uint8] = colormaps[self.colours](self.position(image), bytes=True)
-        rgba[~np.isfinite(np.asarray(image, float)), 3] = 0
+        unknown = ~np.isfinite(np.asarray(image, float))
+        rgba[unknown, 3] = 0
+        if nothing is not None:
+            rgba[unknown & (np.asarray(nothing) >= 0.5)] = (*NOTHING, 255)
         return rgba
 
-    def address(self, image: ArrayLike) -> str:
+    def address(self, image: ArrayLike, nothing: ArrayLike | None = None) -> str:
         """A picture of an image, to stand in a page."""
-        return data_address(_png(self.rgba(image)), "image/png")
+        return data_address(_png(self.rgba(image, nothing)), "image/png")
 
     @property
     def gradient(self) -> str:
@@ -90,6 +98,16 @@ def error_scale(*images: ArrayLike) -> Scale:
     """Blue is too near, red is too far, in metres."""
     limit = _percentile(95, *map(np.abs, images))
     return Scale(-limit, limit, "RdBu_r", "m")
+
+
+def deviation_scale(*images: ArrayLike) -> Scale:
+    """Standard deviations of ln depth; bright is sure."""
+    return Scale(0.0, _percentile(99, *images), "viridis_r", "")
+
+
+def probability_scale() -> Scale:
+    """From black, 0, to white, 1."""
+    return Scale(0.0, 1.0, "gray", "")
 
 
 def spot_marks(capture: Capture) -> list[tuple[int, float, float]]:

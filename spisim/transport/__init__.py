@@ -8,6 +8,7 @@ from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
 from spisim.transport.raycaster import RayCaster
 from spisim.transport.sequence import LightSequence, trace
 from spisim.transport.solve import Transport, solve
+from spisim.transport.surrogate import surrogate_light
 from spisim.transport.truth import GroundTruth, ground_truth
 
 __all__ = [
@@ -24,5 +25,6 @@ __all__ = [
     "fine_view",
     "ground_truth",
     "solve",
+    "surrogate_light",
     "trace",
 ]

@@ -25,7 +25,7 @@ from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.sampling import Gauge, TargetError, repeat
 from spisim.transport.engine.tally import Deposit, ImageTally, Sums, Tallies
-from spisim.transport.engine.walk import Sky, Walk
+from spisim.transport.engine.walk import MAX_VERTICES, Sky, Walk
 from spisim.transport.engine.weights import alone, second_on, second_on_or_behind_glass
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import World
@@ -116,6 +116,7 @@ def projector_power(
     floor_w: float = 0.0,
     target: float = STEADY_ERROR,
     seed: np.random.SeedSequence,
+    max_vertices: int = MAX_VERTICES,
 ) -> Received:
     """Power of a projector that emits `power_w` (H, W); see `daylight_power`."""
     total_w = float(power_w.sum())
@@ -127,11 +128,13 @@ def projector_power(
         rays = FogRays(world, lamp) if world.media.parts else None
         direct_light(world, ends, lamp, seeds[2], deposit, replicas=REPLICAS)
         mirrored_light(world, lamp, ends, seeds[2], deposit, replicas=REPLICAS)
+        if max_vertices == 1:
+            return
         inward = second_on_or_behind_glass
         out = Walk(world, lamp, ends, True, second_on, deposit, rays, replicas=REPLICAS)
-        out.run(seeds[0])
+        out.run(seeds[0], max_vertices)
         back = Walk(world, ends, lamp, False, inward, deposit, rays, replicas=REPLICAS)
-        back.run(seeds[1])
+        back.run(seeds[1], max_vertices)
 
     found = _received(trace, detectors, floor_w / total_w, target, seed)
     return Received(total_w * found.power_w, total_w * found.error_w, found.dropped)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import drjit as dr
 import mitsuba as mi
@@ -18,6 +19,7 @@ import numpy as np
 from reconstruction.arrays import Floats
 from spisim.scene import SceneObject
 from spisim.scene.bsdf import Conductor, Dielectric, Mirror, ThinPane
+from spisim.scene.content import surface_content
 from spisim.transport.geometry import Geometry
 from spisim.transport.media import Media
 
@@ -56,7 +58,7 @@ class Mirrors:
     def of(cls, objects: Sequence[SceneObject]) -> Mirrors | None:
         """Those of a scene; None where nothing mirrors."""
         mirrors = [thing for thing in objects if _mirrors(thing)]
-        planes, strength = _planes(mirrors) if mirrors else (np.zeros((0, 4)), np.zeros(0))
+        planes, strength = _known_planes(mirrors) if mirrors else (np.zeros((0, 4)), np.zeros(0))
         if not strength.size:
             return None
         planes = planes.astype(np.float32)
@@ -103,6 +105,20 @@ def _mirrors(thing: SceneObject) -> bool:
     # Coats of gloss reflect 4 %, both ways together 0.2 % of what a mirror does.
     smooth = isinstance(thing.material.bsdf, Mirror | Conductor | Dielectric | ThinPane)
     return smooth and thing.material.opacity is None
+
+
+def _known_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
+    """See `_planes`; those found last, as long as nothing about the objects changed."""
+    content = surface_content(mirrors)
+    known = _KEPT.get(mirrors[0])
+    if known is None or known[0] != content:
+        _KEPT.clear()
+        known = _KEPT[mirrors[0]] = content, _planes(mirrors)
+    return known[1]
+
+
+#: The planes found last, by the first of the objects.
+_KEPT: WeakKeyDictionary[SceneObject, tuple[bytes, tuple[Floats, Floats]]] = WeakKeyDictionary()
 
 
 def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:

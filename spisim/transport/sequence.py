@@ -57,6 +57,35 @@ class LightSequence:
         return Interpolation(keys, np.stack([1 - later, later], axis=-1))
 
 
+Progress = Callable[[float], None] | None
+
+
+def at_key_times(
+    scene: Scene,
+    instrument: Instrument,
+    light: Callable[[Scene, Progress], Transport],
+    *,
+    frames: int,
+    progress: Progress,
+) -> LightSequence:
+    """The `light` of a scene at the key times of a recording of `frames` frames.
+
+    Raises InputError if an object would pass through the instrument.
+    """
+    duration = frames * instrument.frame_time_s
+    check_clear_of_sensor(scene, duration)
+    keys = KEYS_PER_FRAME * frames + 1 if scene.moves else 1
+    times = np.linspace(0, duration, keys) if scene.moves else np.zeros(1)
+
+    def part(number: int) -> Progress:
+        if progress is None:
+            return None
+        return lambda done: progress((number + done) / keys)
+
+    transports = tuple(light(scene.at(time), part(number)) for number, time in enumerate(times))
+    return LightSequence(times, transports)
+
+
 def trace(
     scene: Scene,
     instrument: Instrument,
@@ -65,37 +94,23 @@ def trace(
     spp: int,
     transport_noise_share: float | None,
     seed: int,
-    progress: Callable[[float], None] | None,
+    progress: Progress,
 ) -> LightSequence:
     """Solve the light transport for a recording of `frames` frames.
 
     Every key time uses the same random numbers, so that only the motion makes a difference.
-
-    Raises
-    ------
-    InputError
-        If an object would pass through the instrument.
+    Raises InputError as `at_key_times` does.
     """
-    duration = frames * instrument.frame_time_s
-    check_clear_of_sensor(scene, duration)
-    keys = KEYS_PER_FRAME * frames + 1 if scene.moves else 1
-    times = np.linspace(0, duration, keys) if scene.moves else np.zeros(1)
 
-    def part(number: int) -> Callable[[float], None] | None:
-        if progress is None:
-            return None
-        return lambda done: progress((number + done) / keys)
-
-    transports = tuple(
-        solve(
-            scene.at(time),
+    def solved(moment: Scene, progress: Progress) -> Transport:
+        return solve(
+            moment,
             instrument,
             spp=spp,
             transport_noise_share=transport_noise_share,
             seed=seed,
             outputs=Outputs(frequencies_hz=instrument.tap_frequencies_hz),
-            progress=part(number),
+            progress=progress,
         )
-        for number, time in enumerate(times)
-    )
-    return LightSequence(times, transports)
+
+    return at_key_times(scene, instrument, solved, frames=frames, progress=progress)

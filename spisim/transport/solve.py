@@ -103,7 +103,7 @@ def solve(
     world = build_world(scene)
     steady = _steady_light(scene, instrument, world, placed, streams[2:])
     dropped = steady.pop("dropped")
-    bins = spot_bins(_met_m(world, placed.beams), instrument.tof.unambiguous_range_m)
+    bins = spot_bins(met_m(world, placed.beams), instrument.tof.unambiguous_range_m)
     longest_m = 2 * instrument.tof.unambiguous_range_m
     gauges = (
         image_gauge(instrument, steady["daylight_w"]),
@@ -158,7 +158,7 @@ def solve(
     )
 
 
-def _met_m(world: World, beams: BeamView) -> Floats:
+def met_m(world: World, beams: BeamView) -> Floats:
     """How far the axis of each beam goes until it meets something, (beams,); nan for nothing."""
     origins, directions = (
         mi.Vector3f(values.T.astype(np.float32)) for values in (beams.origins_m, beams.directions)
@@ -185,7 +185,7 @@ def _steady_light(
             instrument,
             world,
             view,
-            floor_w=_dark_power(instrument, detector, "daylight"),
+            floor_w=dark_power(instrument, detector, "daylight"),
             seed=stream,
         )
         for view, detector, stream in (
@@ -198,7 +198,7 @@ def _steady_light(
         placed.projector,
         instrument.mean_powers_w,
         placed.tof,
-        floor_w=_dark_power(instrument, instrument.tof.detector, "projector"),
+        floor_w=dark_power(instrument, instrument.tof.detector, "projector"),
         seed=streams[2],
     )
     return {
@@ -212,7 +212,7 @@ def _steady_light(
     }
 
 
-def _dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
+def dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
     """Light of a source on one aperture that makes as many electrons as the dark current, W."""
     return detector.sensor.dark_rate_hz / instrument.electrons_per_joule(detector, source)
 

@@ -42,8 +42,12 @@ class GroundTruth:
 
 
 @with_backend
-def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
+def ground_truth(
+    scene: Scene, instrument: Instrument, *, subpixels: int = SUBPIXELS
+) -> GroundTruth:
     """Trace the centre of every virtual pixel, the pixels' parts, and the four laser beams.
+
+    Coverage is counted from `subpixels` rays per side of a pixel; from one, it is not known.
 
     Raises
     ------
@@ -54,9 +58,9 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
     meshes = Meshes.of(scene.objects)
     spots = _trace(meshes.scene, scene.drone_pose[:3, 3], placed.beams.directions)
     height, width = placed.projector.shape
-    rows = max(1, RAYS_AT_A_TIME // (width * SUBPIXELS**2))
+    rows = max(1, RAYS_AT_A_TIME // (width * subpixels**2))
     bands = [
-        _band(scene, meshes, placed, np.arange(top, min(top + rows, height)))
+        _band(scene, meshes, placed, np.arange(top, min(top + rows, height)), subpixels)
         for top in range(0, height, rows)
     ]
     names = tuple(thing.name for thing in scene.objects)
@@ -71,7 +75,11 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
 
 
 def _band(
-    scene: Scene, meshes: Meshes, placed: InstrumentView, rows: NDArray[np.int64]
+    scene: Scene,
+    meshes: Meshes,
+    placed: InstrumentView,
+    rows: NDArray[np.int64],
+    subpixels: int,
 ) -> dict[str, NDArray[Any]]:
     """The fields of `GroundTruth` that are pictures, of these rows."""
     shape = len(rows), placed.projector.shape[1]
@@ -83,15 +91,18 @@ def _band(
     ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
     normals = si.n.numpy().T.reshape(-1, 3) @ rotation
     normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
-    parts = _trace(meshes.scene, origin, _pixel_rays(placed, rows, SUBPIXELS) @ rotation.T)
-    seen = meshes.object_ids(parts).reshape(shape[0], SUBPIXELS, shape[1], SUBPIXELS)
+    coverage = np.full(shape, np.nan)
+    if subpixels > 1:
+        parts = _trace(meshes.scene, origin, _pixel_rays(placed, rows, subpixels) @ rotation.T)
+        seen = meshes.object_ids(parts).reshape(shape[0], subpixels, shape[1], subpixels)
+        coverage = (seen == identity[:, None, :, None]).mean(axis=(1, 3))
     return {
         "range_m": ranges.astype(np.float32),
         "depth_m": (ranges * local[:, 2].reshape(shape)).astype(np.float32),
         "reflectance": _reflectance(scene, si, identity),
         "normal": np.where(hit[..., None], normals.reshape(*shape, 3), np.nan).astype(np.float32),
         "object_id": identity.astype(np.int32),
-        "coverage": (seen == identity[:, None, :, None]).mean(axis=(1, 3)).astype(np.float32),
+        "coverage": coverage.astype(np.float32),
     }
 
 

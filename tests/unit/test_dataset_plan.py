@@ -328,6 +328,8 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"samples": "many"}, "samples: "),
     ({"seed": -1}, "seed: should be greater"),
     ({"spp": 8, "transport_noise_share": 0.1}, "needs spp or transport_noise_share, not both"),
+    ({"light": "surogate"}, "light: should be 'traced' or 'surrogate'"),
+    ({"light": "surrogate", "spp": 8}, "light: surrogate is not traced; take out spp and"),
     ({"frame": 2}, "did you mean 'frames'?"),
     ({"keep": {"truths": True}}, "did you mean 'truth'?"),
     ({"name": ""}, "name: "),

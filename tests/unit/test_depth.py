@@ -1,5 +1,8 @@
 """The depth map: better than the nearest anchor on average, sane on bad input; point clouds."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,8 +10,9 @@ from scipy import ndimage
 
 from images import image_from
 from reconstruction.capture import Optics
-from reconstruction.depth import pixel_of, pixel_rays, point_cloud_ply
-from reconstruction.depth.methods.anchored import MAX_NEARER, anchored_depth
+from reconstruction.depth import kriging, pixel_of, pixel_rays, point_cloud_ply
+from reconstruction.depth.anchored_prior import FITTED, fitted_prior
+from reconstruction.depth.methods.inverse_distance import weighted_range
 from reconstruction.depth.methods.nearest import nearest_range
 from reconstruction.depth.neighbours import around, between
 from reconstruction.operators import fwht, make_plan
@@ -17,7 +21,13 @@ SIDE = 64
 OPTICS = Optics(tan_half_width=0.36, tan_half_height=0.36)
 RAYS = pixel_rays(OPTICS, (SIDE, SIDE))
 UNIT_RAYS = RAYS / np.linalg.norm(RAYS, axis=-1, keepdims=True)
+PRIOR = fitted_prior()
 ANCHORS = np.array([[15.5, 15.5], [15.5, 47.5], [47.5, 15.5], [47.5, 47.5]])
+
+
+def anchored_depth(image, anchors, depth_m, sigma_m):
+    found = kriging.anchored_depth(image, anchors, depth_m, sigma_m, PRIOR)
+    return None if found is None else found.depth_m
 
 
 class View:
@@ -168,13 +178,74 @@ def test_a_noisy_image_stays_within_limits():
     image = np.random.default_rng(4).normal(0.1, 1, (SIDE, SIDE))
     ranges = np.array([2.0, 3.0, 4.0, 5.0])
     mapped = anchored_depth(image, ANCHORS, ranges, np.full(4, 0.01))
-    assert mapped.min() >= 2 / MAX_NEARER
+    assert mapped.min() >= 2 / PRIOR.max_nearer
     assert mapped.max() <= 5
 
 
 def test_nearest_takes_the_closest_spot_in_pixels():
     nearest = nearest_range((4, 4), np.array([[0, 0], [0, 3], [3, 0], [3, 3]]), np.arange(1.0, 5))
     assert nearest.tolist() == [[1, 1, 2, 2]] * 2 + [[3, 3, 4, 4]] * 2
+
+
+def test_inverse_distance_is_the_range_at_a_spot_and_their_mean_between():
+    anchors = np.array([[0, 0], [0, 4], [4, 0], [4, 4]])
+    found = weighted_range((5, 5), anchors, np.arange(1.0, 5))
+    np.testing.assert_allclose(found[[0, 0, 4, 4], [0, 4, 0, 4]], [1, 2, 3, 4], rtol=1e-6)
+    assert found[2, 2] == pytest.approx(2.5)
+    # 1 / 1 and 1 / 9 of two at distances 1 and 3
+    pair = weighted_range((1, 5), anchors[:2], np.array([1.0, 2.0]))
+    assert pair[0, 1] == pytest.approx((1 + 2 / 9) / (1 + 1 / 9))
+    lost = np.array([np.nan, 2.0, np.nan, np.nan])
+    assert (weighted_range((5, 5), anchors, lost) == 2).all()
+    assert weighted_range((5, 5), anchors, np.full(4, np.nan)) is None
+
+
+def test_a_map_is_the_surer_the_nearer_its_anchors_and_the_less_they_differ():
+    def deviation(depth_m):
+        found = kriging.anchored_depth(
+            np.ones((SIDE, SIDE)), ANCHORS, np.array(depth_m), np.full(4, 0.01), PRIOR
+        )
+        return found.deviation
+
+    flat, steep = deviation([4.0, 4.0, 4.0, 4.0]), deviation([2.0, 4.0, 4.0, 8.0])
+    assert (steep > flat).all()
+    rows, columns = ANCHORS.round().astype(int).T
+    assert flat[rows, columns].max() < flat[0, 0]
+    assert (flat > 0).all()
+
+
+def test_deviations_are_those_of_kriging():
+    """Against the variance of a Gaussian process with an unknown mean, in closed form."""
+    prior = replace(PRIOR, nugget=0.1, correlation_length=0.3, doubt=1.0)
+    sigma = np.array([0.05, 0.1, 0.2, 0.4])
+    depth_m = np.array([3.0, 4.0, 5.0, 6.0])
+    image = np.ones((SIDE, SIDE))
+    found = kriging.anchored_depth(image, ANCHORS, depth_m, sigma * depth_m, prior)
+    weight = 1 / (1 + (sigma / prior.log_depth_deviation) ** 2)
+    logs = np.log(depth_m)
+    scatter = weight @ (logs - weight @ logs / weight.sum()) ** 2
+    variance = (prior.log_depth_deviation**2 + scatter) / max(weight.sum(), 1.0)
+    share = 4 * variance / (4 * variance + prior.log_reflectance_deviation**2)
+    variance *= 1 - share
+    pixel = np.array([[20.0, 30.0]])
+    places = np.concatenate([ANCHORS, pixel])
+    apart = ((places[:, None] - places) ** 2).sum(axis=-1)
+    covariance = variance * np.exp(-apart / (2 * (0.3 * SIDE) ** 2))
+    inverse = np.linalg.inv(covariance[:4, :4] + np.diag(sigma**2 + 0.1 * variance))
+    cross, ones = covariance[:4, 4], np.ones(4)
+    simple = 1.1 * variance - cross @ inverse @ cross
+    of_mean = (1 - ones @ inverse @ cross) ** 2 / (ones @ inverse @ ones)
+    assert found.deviation[20, 30] == pytest.approx(np.sqrt(simple + of_mean))
+
+
+def test_the_prior_rests_on_other_families_than_those_that_judge_it():
+    told = json.loads(FITTED.read_text())
+    learn, judge = (set(told[part]["families"]) for part in ("learn", "judge"))
+    assert learn
+    assert judge
+    assert not learn & judge
+    assert told["taken"] == (told["judge"]["error_fitted"] < told["judge"]["error_before"])
+    assert 0.92 <= told["judge"]["within_2_sigma"] <= 0.99
 
 
 def test_rays_and_pixels_are_each_others_inverse():

@@ -34,8 +34,8 @@ def dense_range(readings, plan):
     """Range of every pixel along its ray; the method looks at nothing but these readings."""
     setup = Setup(plan, OPTICS, None, None, readings)
     solve = depth_method("dense", setup).compile(Context(setup, Imaging(plan)))
-    depth_m = solve(View(None, None, Frames(0, None, None, readings)))
-    return depth_m * range_over_depth(OPTICS, SHAPE)
+    found = solve(View(None, None, Frames(0, None, None, readings)))
+    return found.depth_m * range_over_depth(OPTICS, SHAPE)
 
 
 @pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
@@ -204,7 +204,7 @@ def test_the_command_writes_map_and_picture_and_says_how_much_it_covers(tmp_path
     assert main([str(tmp_path / "capture.h5"), "-o", str(tmp_path / "out")]) == 0
     assert "75.0 % of all pixels" in capsys.readouterr().out
     images = {"image.png", "image_pursuit.png", "image_zero_filled.png"}
-    names = images | {"depth.png", "cloud.ply", "result.h5"}
+    names = images | {"depth.png", "depth-deviation.png", "cloud.ply", "result.h5"}
     assert {file.name for file in (tmp_path / "out").iterdir()} == names
     copy, result = read_result(tmp_path / "out" / "result.h5"), run(make_capture())
     np.testing.assert_array_equal(copy.depths["dense"], result.depths["dense"])

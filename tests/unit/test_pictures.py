@@ -9,7 +9,12 @@ from PIL import Image
 
 from reconstruction.outputs import pictures
 from reconstruction.outputs.glyphs import HEIGHT, written
-from reconstruction.outputs.pictures import depth_picture, image_picture
+from reconstruction.outputs.pictures import (
+    depth_picture,
+    deviation_picture,
+    image_picture,
+    nothing_picture,
+)
 from reconstruction.outputs.png import png
 from reconstruction.outputs.scale import GREY, VIRIDIS, Scale
 
@@ -69,10 +74,27 @@ def test_pixels_are_enlarged_as_they_are():
     assert np.array_equal(centres, Scale(low, high, GREY).paint(image))
 
 
+def test_nothing_within_reach_looks_unlike_no_depth():
+    depth_m = np.array([[np.nan, np.nan], [2.0, 3.0]], np.float32)
+    nothing = np.array([[0.2, 0.8], [0.0, 0.9]], np.float32)
+    found, _ = opened(depth_picture(depth_m, "Depth", None, None, nothing))
+    top, left = pictures.MARGIN + HEIGHT + pictures.GAP, pictures.MARGIN
+    half = pictures.SIDE // 2
+    centres = found[top + half // 2 :: half, left + half // 2 :: half][:2, :2]
+    near, far = Scale(0.0, 1.0, VIRIDIS).paint(np.array([0.0, 1.0])).tolist()
+    expected = [[[pictures.NO_DEPTH] * 3, list(pictures.NOTHING)], [near, far]]
+    assert centres.tolist() == expected
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (16, 256), (256, 1), (3, 600)])
 @pytest.mark.parametrize("value", [0.0, 1e30, np.nan])
 def test_every_shape_has_a_picture(shape, value):
     values = np.full(shape, value, np.float32)
+    for content in (
+        deviation_picture(values, "Deviation"),
+        nothing_picture(np.nan_to_num(values).clip(0, 1), "Nothing"),
+    ):
+        assert opened(content)[0].shape[0] >= pictures.MIN_SIDE
     found, _ = opened(depth_picture(values, "Depth", None, None))
     assert found.shape[0] >= pictures.MIN_SIDE
     if np.isnan(value):

@@ -156,7 +156,8 @@ def test_fewer_patterns_is_what_fewer_patterns_would_have_given(capture, polarit
 def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, capsys):
     assert main([str(path), "-o", str(tmp_path / "out")]) == 0
     pictures = {"image.png", "image_pursuit.png", "image_zero_filled.png"}
-    names = pictures | {"depth.png", "depth_nearest.png", "cloud.ply", "result.h5"}
+    pictures |= {"depth.png", "depth_nearest.png", "depth-deviation.png"}
+    names = pictures | {"cloud.ply", "result.h5"}
     assert {file.name for file in (tmp_path / "out").iterdir()} == names
     for name in ("image.png", "depth.png"):
         assert matplotlib.image.imread(tmp_path / "out" / name).std() > 0.05
@@ -187,7 +188,8 @@ def test_methods_are_chosen_and_pictures_of_others_do_not_stay(path, tmp_path, c
     assert report["images"] == ["zero-filled", "pursuit:dct"]
     assert list(report["depth_coverage"]) == ["nearest", "anchored"]
     default = {"image.png", "depth.png", "cloud.ply", "result.h5"}
-    assert files == default | {"image_pursuit_dct.png", "depth_anchored.png"}
+    anchored = {"depth_anchored.png", "depth-deviation_anchored.png"}
+    assert files == default | anchored | {"image_pursuit_dct.png"}
     result = read_result(tmp_path / "out" / "result.h5")
     assert list(result.images) == ["zero-filled", "pursuit:dct"]
     report, files = run("--image", "pursuit", "--depth", "nearest", "--ranging", "all")
@@ -397,6 +399,29 @@ def test_a_damaged_result_is_told(result_file):
     messages = refusals(result_file, read_result, InputError)
     assert len(messages) > 5
     assert all(message.startswith(f"{result_file}: ") for message in messages)
+
+
+def test_what_is_known_of_depths_is_shown_and_comes_back(capture, tmp_path):
+    deviation = np.full(SHAPE, 0.2, np.float32)
+    deviation[0] = np.nan
+    nothing = np.where(np.isnan(deviation), 0.9, 0.1).astype(np.float32)
+    result = replace(
+        reconstruct(capture),
+        depth_deviations={"nearest": deviation},
+        nothings={"anchored": nothing, "nearest": nothing},
+        notes={"depth anchored": "a guess"},
+    )
+    files = write_outputs(result, capture, tmp_path)
+    assert {"depth-deviation_nearest.png", "nothing.png", "nothing_nearest.png"} <= files.keys()
+    copy = read_result(tmp_path / "result.h5")
+    assert copy.nothings.keys() == {"anchored", "nearest"}
+    assert copy.notes == result.notes
+    assert copy.warnings == ["depth 'anchored' is a guess"]
+    np.testing.assert_array_equal(copy.depth_deviations["nearest"], deviation)
+    np.testing.assert_array_equal(copy.nothing, nothing)
+    assert copy.depth_deviation is None
+    again = write_outputs(reconstruct(capture), capture, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == again.keys()  # the others are gone
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from reconstruction import (
     make_plan,
     reconstruct,
 )
-from reconstruction.depth import DEPTH_METHODS
+from reconstruction.depth import DEPTH_METHODS, DepthEstimate
 from reconstruction.image import IMAGE_METHODS, Estimate, Imaging
 from reconstruction.operators import expose
 from reconstruction.ranging import RANGING_METHODS, Ranges, ranging_method
@@ -256,12 +256,16 @@ def register(monkeypatch, registry, **methods):
         monkeypatch.setitem(registry._loaded, name, method)
 
 
+def depths(depth_m=1.0, **told):
+    return DepthEstimate(depth_m * np.ones((16, 16)) if np.isscalar(depth_m) else depth_m, **told)
+
+
 GREY = np.full((16, 16), 3, dtype=np.int16)
 
 
 def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
     register(monkeypatch, IMAGE_METHODS, grey=Giving(Estimate(GREY)))
-    nowhere = np.full((16, 16), np.nan)
+    nowhere = DepthEstimate(np.full((16, 16), np.nan), nothing=np.ones((16, 16)), note="all sky")
     register(monkeypatch, DEPTH_METHODS, nowhere=Giving(nowhere), never=Giving(None))
     result = reconstruct(capture, image=["grey", "pursuit"], depth=["nowhere", "never", "anchored"])
     assert list(result.images) == ["grey", "pursuit", "zero-filled"]
@@ -269,6 +273,9 @@ def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
     assert result.image.dtype == np.float32
     assert list(result.depths) == ["nowhere", "anchored"]
     assert np.isnan(result.depth_m).all()
+    assert (result.nothing == 1).all()
+    assert result.depth_deviation is None
+    assert result.warnings == ["depth 'nowhere' is all sky"]
     assert {"image grey", "depth never"} <= result.timings_s.keys()
 
 
@@ -307,15 +314,36 @@ def test_an_image_method_that_gives_no_estimate_is_named(capture, monkeypatch, v
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (np.ones((15, 16)), r"gave float64 of shape \(15, 16\); real numbers of \(16, 16\)"),
-        (np.ones((16, 16)) * 1j, r"gave complex128 of shape \(16, 16\)"),
-        (np.full((16, 16), "far"), r"gave <U3 of shape"),
+        (np.ones((16, 16)), "gave ndarray, not a DepthEstimate"),
+        (
+            depths(np.ones((15, 16))),
+            r"gave float64 of shape \(15, 16\); real numbers of \(16, 16\)",
+        ),
+        (depths(np.ones((16, 16)) * 1j), r"gave complex128 of shape \(16, 16\)"),
+        (depths(np.full((16, 16), "far")), r"gave <U3 of shape"),
+        (depths(np.full((16, 16), np.inf)), "gave values that are not finite"),
+        (depths(np.zeros((16, 16))), "gave a depth of 0 m"),
+        (depths(deviation=np.ones(16)), r"of the deviation, gave .* shape \(16,\)"),
+        (depths(deviation=np.full((16, 16), -0.1)), "a deviation that is negative or not known"),
+        (depths(deviation=np.full((16, 16), np.nan)), "a deviation that is negative or not known"),
+        (depths(nothing=np.ones((1, 16))), r"of nothing within reach, gave .* shape \(1, 16\)"),
+        (depths(nothing=np.full((16, 16), 1.1)), "probabilities .* beyond 0 to 1"),
+        (depths(nothing=np.full((16, 16), np.nan)), "probabilities .* beyond 0 to 1"),
     ],
 )
 def test_a_depth_method_that_gives_no_depths_is_named(capture, monkeypatch, value, message):
     register(monkeypatch, DEPTH_METHODS, odd=Giving(value))
-    with pytest.raises(InputError, match=f"depth method 'odd' {message}"):
+    with pytest.raises(InputError, match=f"depth method 'odd'.* {message}"):
         reconstruct(capture, depth="odd")
+
+
+def test_where_there_is_no_depth_there_is_no_deviation(capture, monkeypatch):
+    half = np.where(np.arange(16) < 8, 3.0, np.nan) * np.ones((16, 1))
+    register(
+        monkeypatch, DEPTH_METHODS, half=Giving(depths(half, deviation=np.full((16, 16), 0.1)))
+    )
+    result = reconstruct(capture, depth="half")
+    np.testing.assert_array_equal(np.isfinite(result.depth_deviation), np.isfinite(half))
 
 
 def ranges(**changes):

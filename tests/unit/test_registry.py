@@ -167,6 +167,7 @@ def test_what_files_name_is_named_as_its_file(registry: Registry[Any]) -> None:
 METHODS = """
 import numpy as np
 
+from reconstruction.depth import DepthEstimate
 from reconstruction.image import Estimate
 
 class Grey:
@@ -181,7 +182,7 @@ class Flat:
     needs = ("spots",)
     def compile(self, context):
         shape = context.setup.plan.shape
-        return lambda view: np.full(shape, np.nanmean(view.ranges.range_m))
+        return lambda view: DepthEstimate(np.full(shape, np.nanmean(view.ranges.range_m)))
 
 FLAT = Flat()
 """

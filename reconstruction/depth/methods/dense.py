@@ -15,7 +15,7 @@ from ...capture import Frames, PatternTaps
 from ...image import Coefficients, Imaging, UsableReadings
 from ...ranging import MIN_SIGNAL, path_from_phases, range_from_path
 from ...ranging.methods.cw import quadrature_weights
-from ..method import Context, DepthSolver, Need, View
+from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..neighbours import around
 from ..rays import pixel_rays
 
@@ -41,16 +41,17 @@ class Dense:
         rays = pixel_rays(setup.optics, setup.plan.shape)
         stretch = np.linalg.norm(rays, axis=-1, keepdims=True)
 
-        def solve(view: View) -> Floats | None:
+        def solve(view: View) -> DepthEstimate | None:
             found = _phasor_images(imaging, view.frame, frequencies)
             if found is None:
                 return None
             phases, sigmas = found
-            path, _, ambiguous = path_from_phases(phases, sigmas, frequencies)
-            range_m, _ = range_from_path(path, rays / stretch, position)
+            path, sigma, ambiguous = path_from_phases(phases, sigmas, frequencies)
+            range_m, slope = range_from_path(path, rays / stretch, position)
             dark = (sigmas > 1 / MIN_SIGNAL).any(axis=0)
             nothing = dark | ambiguous | (path <= np.linalg.norm(position))
-            return np.where(nothing, np.nan, range_m) / stretch[..., 0]
+            depth_m = np.where(nothing, np.nan, range_m) / stretch[..., 0]
+            return DepthEstimate(depth_m, np.where(nothing, np.nan, slope * sigma / range_m))
 
         return solve
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...arrays import Floats
-from ..method import Context, DepthSolver, Need, View
+from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..rays import pixel_of, range_over_depth, squared_distances
 
 
@@ -22,11 +22,11 @@ class Nearest:
         anchors = pixel_of(setup.spots.directions, setup.optics, shape)
         stretch = range_over_depth(setup.optics, shape)
 
-        def solve(view: View) -> Floats | None:
+        def solve(view: View) -> DepthEstimate | None:
             if view.ranges is None:
                 return None
             range_m = nearest_range(shape, anchors, view.ranges.range_m)
-            return None if range_m is None else range_m / stretch
+            return None if range_m is None else DepthEstimate(range_m / stretch)
 
         return solve
 

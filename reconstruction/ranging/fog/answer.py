@@ -7,6 +7,7 @@ from ...arrays import Floats, Mask
 from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
 from .modes import LOG_DEVIATION
 from .posterior import Posterior, SpotPosterior
+from .templates import EXTINCTIONS_PER_M
 
 CERTAIN = 0.9
 """Probability from which on a range counts as known,"""
@@ -50,6 +51,7 @@ def ranges_of(
         background_electrons=background,
         status=statuses,
         alternatives=tuple(spot.alternatives for spot in known.spots),
+        fog=known.fog.optics(EXTINCTIONS_PER_M),
     )
 
 

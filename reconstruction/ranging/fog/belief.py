@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from ...arrays import Floats
+from ..ranges import FogOptics
 from .modes import LOG_DEVIATION, expected_backscatter
 
 CLEAR = 0.5
@@ -40,6 +41,14 @@ class FogBelief:
         """Standard deviation of the logarithm of backscattering."""
         mean = self.share @ self.log_median
         return float(np.sqrt(self.share @ (self.log_deviation**2 + (self.log_median - mean) ** 2)))
+
+    def optics(self, extinction_per_m: Floats) -> FogOptics:
+        """The fog itself, of the extinctions (K,) that have these probabilities."""
+        return FogOptics(
+            extinction_per_m=float(self.share @ extinction_per_m),
+            backscatter_per_m_sr=float(np.exp(self.share @ self.log_median)),
+            log_sigma=self.log_backscatter_sigma,
+        )
 
     def log_density(self, backscatter: Floats) -> Floats:
         """Logarithm of the probability (K, B) of each cell of a grid (B,) of backscattering."""

@@ -8,22 +8,36 @@ from reconstruction.arrays import Floats
 from spisim.scene.families.parts import props
 from spisim.scene.families.parts.daylight import outdoors
 from spisim.scene.families.parts.draft import Draft, Family
+from spisim.scene.families.parts.houses import house
 from spisim.scene.families.parts.natural import blob, scattered_rocks
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.plants import tuft
 from spisim.scene.families.parts.ropes import hanging, lying
-from spisim.scene.families.parts.shapes import Mesh, alike, block, lathe, moved, rod, tube, union
+from spisim.scene.families.parts.shapes import (
+    Mesh,
+    alike,
+    bars,
+    block,
+    lathe,
+    moved,
+    rod,
+    spread,
+    tube,
+    union,
+)  # fmt: skip
+from spisim.scene.families.parts.vehicles import add_car
 
 PAD_HEIGHT_M = 0.06
 #: Of painted and glued things, so that they stand out from the pad and leave it closed.
 RELIEF_M = 0.003
+GROUND_M = (40, 40)
 
 
 class LandingPadParameters(Parameters):
     """A pad seen from `height_m` above the ground, its middle `pitch_deg` below the horizon."""
 
-    height_m: float = drawn_log(2.4, 6.0, "of the drone above the ground")
-    pitch_deg: float = drawn(40.0, 75.0, "down to the middle of the pad")
+    height_m: float = drawn_log(1.6, 6.0, "of the drone above the ground")
+    pitch_deg: float = drawn(12.0, 75.0, "down to the middle of the pad")
     pad_m: float = drawn(0.7, 1.2, "side or diameter of the pad")
     turn_deg: float = drawn(-60.0, 60.0, "of the pad; at 0 its H stands upright to us")
     shape: str = one_of("round", "square", text="of the pad")
@@ -35,6 +49,9 @@ class LandingPadParameters(Parameters):
     mast_m: float = drawn(0.5, 1.2, "height of the mast with the windsock")
     around: str = one_of("gravel", "snow", "grass", "concrete", text="what the pad lies in")
     clutter: int = drawn(40, 300, "stones, lumps of snow or tufts around")
+    standing: int = drawn(0, 10, "things that stand around the pad")
+    aside_deg: float = drawn(-7.0, 7.0, "of the line of sight beside the pad, to the left")
+    shelter: str = one_of("none", "shed", "fence", "person", "car", text="beyond the pad")
 
 
 def build(parameters: LandingPadParameters, rng: np.random.Generator) -> Draft:
@@ -60,7 +77,96 @@ def build(parameters: LandingPadParameters, rng: np.random.Generator) -> Draft:
     outside = np.hypot(cable[:, 0], cable[:, 1]) > 1.02 * reach * np.sqrt(2)
     cable[outside, 2] = radius
     draft.mesh("cable", "pvc", tube(cable, radius))
+    _look_aside(draft, parameters)
+    _add_standing(draft, parameters, rng)
+    _SHELTERS[parameters.shelter](draft, parameters, rng)
     return draft
+
+
+def _look_aside(draft: Draft, parameters: LandingPadParameters) -> None:
+    eye, aim = np.asarray(draft.position_m), np.asarray(draft.look_at_m)
+    x, _, z = aim - eye
+    off = np.hypot(x, z) * np.tan(np.radians(parameters.aside_deg))
+    draft.look_at_m = (aim[0], aim[1] + off, aim[2])
+
+
+def _add_standing(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    """Crates, drums, cones, cylinders and pallets with crates, from before the pad to beyond."""
+    kinds = [
+        ("crates", "plywood", _crates(rng)),
+        ("drums", "steel-rusty", props.drum()),
+        ("cones", "polypropylene", props.cone()),
+        ("gas bottles", "steel-painted", props.gas_cylinder()),
+    ]
+    reach = 0.75 * parameters.pad_m + 0.4
+    for number, (name, material, mesh) in enumerate(kinds):
+        n = len(range(number, parameters.standing, len(kinds)))
+        radius, angle = reach + rng.exponential(1.0, n), rng.uniform(-2.2, 2.2, n)
+        places = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], axis=1)
+        if n:
+            turns = rng.uniform(0, 360, n)
+            draft.mesh(name, material, spread(mesh, places, turns, rng.uniform(0.7, 1.2, n)))
+
+
+def _crates(rng: np.random.Generator) -> Mesh:
+    """A few boxes on top of each other, each turned a little."""
+    stack, z = [], 0.0
+    for _ in range(int(rng.integers(1, 4))):
+        size = rng.uniform((0.4, 0.4, 0.3), (0.9, 0.9, 0.7))
+        stack.append(block(size, (*rng.uniform(-0.08, 0.08, 2), z + size[2] / 2)))
+        z += size[2]
+    return union(stack)
+
+
+def _no_shelter(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    """Nothing beyond."""
+
+
+def _beyond(parameters: LandingPadParameters, rng: np.random.Generator) -> tuple[float, float]:
+    x = parameters.pad_m + rng.uniform(1.5, 4.0)
+    return x, rng.uniform(-0.25, 0.25) * (x + 4)
+
+
+def _shed(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    x, y = _beyond(parameters, rng)
+    made = house(
+        rng.uniform(2.5, 5), rng.uniform(2, 3.5), rng.uniform(1.9, 2.4), rng.uniform(0, 35)
+    )
+    at, turn = (x + 1.5, y, 0.0), (0, 0, rng.uniform(-40, 40))
+    draft.mesh("shed", "wood-weathered", made.walls, at, turn)
+    draft.mesh("roof of shed", "metal-roof", made.roof, at, turn)
+    draft.mesh("windows of shed", "glass-painted-back", made.openings, at, turn)
+
+
+def _fence(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    x, _ = _beyond(parameters, rng)
+    slope, tall = rng.uniform(-0.5, 0.5), rng.uniform(0.9, 2.0)
+    y = np.arange(-10, 10.1, 1.6)
+    feet = np.stack([x + slope * y, y, 0 * y], axis=1)
+    posts = np.stack([feet, feet + np.array([0, 0, tall])], axis=1)
+    spans = np.stack([feet[:-1], feet[1:]], axis=1)
+    wires = np.concatenate([spans + np.array([0, 0, z]) for z in np.linspace(0.1, tall, 9)])
+    mesh = union([bars(posts, 0.03, 7), bars(wires, 0.004, 5)])
+    draft.mesh("fence", "steel-galvanised", mesh)
+
+
+def _person(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    x, y = _beyond(parameters, rng)
+    props.add_worker(draft, (0.7 * x, y, 0.0), (0, 0, rng.uniform(0, 360)))
+
+
+def _car(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
+    x, y = _beyond(parameters, rng)
+    add_car(draft, (x + 1.0, y, 0.0), (0, 0, rng.uniform(0, 360)))
+
+
+_SHELTERS: dict[str, Callable[[Draft, LandingPadParameters, np.random.Generator], None]] = {
+    "none": _no_shelter,
+    "shed": _shed,
+    "fence": _fence,
+    "person": _person,
+    "car": _car,
+}
 
 
 def _add_pad(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
@@ -195,14 +301,14 @@ _TOOLS: dict[str, tuple[str, Callable[[], Mesh]]] = {
 
 
 def _gravel(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
-    draft.rectangle("ground", "soil-field", (40, 40))
+    draft.rectangle("ground", "soil-field", GROUND_M)
     places = _around(rng, parameters, parameters.clutter)
     sizes = rng.lognormal(np.log(0.05), 0.4, len(places))
     draft.mesh("stones", "gravel", scattered_rocks(rng, places, sizes))
 
 
 def _snow(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
-    draft.rectangle("ground", "snow", (40, 40))
+    draft.rectangle("ground", "snow", GROUND_M)
     places = _around(rng, parameters, parameters.clutter // 8)
     lumps = [
         moved(blob(rng, rng.uniform((0.1, 0.1, 0.06), (0.4, 0.35, 0.2)), 0.1, 2), place)
@@ -212,7 +318,7 @@ def _snow(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generat
 
 
 def _grass(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
-    draft.rectangle("ground", "soil-field", (40, 40))
+    draft.rectangle("ground", "soil-field", GROUND_M)
     one = tuft(rng, 0.12, 16)
     places = _around(rng, parameters, parameters.clutter)
     draft.mesh("grass", "grass", alike(one.vertices + places[:, None], one.faces))
@@ -220,7 +326,7 @@ def _grass(draft: Draft, parameters: LandingPadParameters, rng: np.random.Genera
 
 def _concrete(draft: Draft, parameters: LandingPadParameters, rng: np.random.Generator) -> None:
     """Slabs with open joints, and a few stones."""
-    draft.rectangle("ground", "asphalt", (40, 40))
+    draft.rectangle("ground", "asphalt", GROUND_M)
     slab, start = 0.8, rng.uniform(0, 0.8)
     steps = np.arange(-4.0, 4.1, slab) + start
     copies = [((0, 0, 0), (x, y, -0.02)) for x in steps for y in steps]
@@ -245,4 +351,5 @@ FAMILY = Family(
     "A landing pad with H and fiducial marker, looked down on at an angle",
     LandingPadParameters,
     build,
+    least_spots=2,
 )

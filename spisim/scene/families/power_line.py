@@ -1,4 +1,4 @@
-"""An overhead power line: pole or pylon, insulators, sagging conductors, a wooded slope behind."""
+"""An overhead power line: pole or pylon, insulators, conductors; a wooded slope or open land."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,6 +13,8 @@ from spisim.scene.families.parts.placing import Ground, aside, rolling
 from spisim.scene.families.parts.plants import FLARE, leaves, tree, wood
 from spisim.scene.families.parts.ropes import hanging
 from spisim.scene.families.parts.shapes import Mesh, block, lathe, limb, moved, rod, tube, union
+from spisim.scene.families.parts.terrain import hills, patchwork, terrain, waves
+from spisim.scene.families.parts.woods import TREES, add_far_woods, add_wood, in_view
 
 #: Height of the cross-arm, and how far the support goes on above it.
 ARM_M, PEAK_M = 9.0, 0.9
@@ -43,11 +45,18 @@ class PowerLineParameters(Parameters):
     equipment: str = one_of("none", "transformer", text="on a wooden pole")
     backdrop_m: float = drawn(6.6, 8.4, "to the slope behind, as high as the drone")
     trees: int = drawn(5, 10, "on the slope")
+    behind: str = one_of(
+        "slope", "valley", "plain", text="a slope that ends the view, or open land"
+    )
+    hills_m: float = drawn(0.0, 500.0, "height of the far hills, where the land is open")
+    tilt_deg: float = drawn(-7.0, 9.0, "of the line of sight below the arm, where it is open")
 
 
 def build(parameters: PowerLineParameters, rng: np.random.Generator) -> Draft:
     """The support stands a little off the axis; its neighbours, out of view, are left out."""
     eye_z = ARM_M - parameters.drone_below_m
+    if parameters.behind != "slope":
+        return _in_the_open(parameters, rng, eye_z)
     start = parameters.backdrop_m - eye_z / SLOPE
     ground = rolling(rng, 0.15, start, SLOPE, ARM_M + 6.0)
     x = parameters.distance_m
@@ -55,10 +64,40 @@ def build(parameters: PowerLineParameters, rng: np.random.Generator) -> Draft:
     draft = Draft((0.0, 0.0, eye_z), (x, 0.0, target_z), **outdoors(rng))
     draft.mesh("ground", "soil-field", ground.mesh((-2, parameters.backdrop_m + 5), (-8, 8), 0.4))
     foot = ground.on(x, aside(x, parameters.support_angle_deg), 0.3)
+    _overhead(draft, parameters, rng, foot)
+    _trees(draft, parameters, rng, ground)
+    return draft
+
+
+def _overhead(
+    draft: Draft, parameters: PowerLineParameters, rng: np.random.Generator, foot: Point
+) -> None:
+    """The support, what it carries, and the cable in front."""
     _SUPPORTS[parameters.support](draft, parameters, foot)
     _line(draft, parameters, foot)
     _service_cable(draft, parameters, rng)
-    _trees(draft, parameters, rng, ground)
+
+
+def _in_the_open(parameters: PowerLineParameters, rng: np.random.Generator, eye_z: float) -> Draft:
+    """The same line over fields, or above a valley that falls away behind it."""
+    x, waved = parameters.distance_m, waves(rng, (12, 60))
+    far = hills(rng, rng.uniform(250, 900), parameters.hills_m)
+    fall = rng.uniform(0.15, 0.6) if parameters.behind == "valley" else 0.0
+    edge = x + rng.uniform(2, 10)
+
+    def relief(along: Floats, across: Floats) -> Floats:
+        down = np.minimum(fall * np.clip(along - edge, 0, None), 120.0)
+        return 0.4 * waved(along, across) - down + far(along, across)
+
+    land = terrain(relief, ((-4, 45), (-12, 12)), 0.9)
+    tilt = aside(x, parameters.tilt_deg)
+    draft = Draft((0.0, 0.0, eye_z), (x, 0.0, ARM_M - tilt), **outdoors(rng))
+    land.add(draft, ["grass", "soil-field", "leaves-dry"], patchwork(rng, land, 3, 6.0))
+    _overhead(draft, parameters, rng, land.on(x, aside(x, parameters.support_angle_deg), 0.3))
+    places = in_view(rng, land, 2 * parameters.trees, 12, 120)
+    kinds = [str(kind) for kind in rng.permutation(sorted(TREES))[:2]]
+    add_wood(draft, "tree", kinds, "leaves-green", rng, places, rng.uniform(4, 14))
+    add_far_woods(draft, rng, land, int(rng.integers(2, 9)), 100.0)
     return draft
 
 
@@ -225,7 +264,8 @@ def _trees(
 _SUPPORTS = {"wooden-pole": _wooden_pole, "lattice-pylon": _lattice_pylon}
 
 FAMILY = Family(
-    "An overhead line: pole or pylon, insulators, conductors of 8 to 30 mm",
+    "An overhead line: pole or pylon, insulators, conductors of 8 to 30 mm, a slope or open land",
     PowerLineParameters,
     build,
+    least_spots=1,
 )

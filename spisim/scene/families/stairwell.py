@@ -1,4 +1,4 @@
-"""A stairwell: two flights about a narrow well, landing, railing of thin bars, clutter."""
+"""A stairwell: two flights about a narrow well, winding stairs in a shaft, or a straight flight."""
 
 import numpy as np
 from trimesh.creation import torus
@@ -7,7 +7,18 @@ from reconstruction.arrays import Floats
 from spisim.scene.families.parts.draft import Draft, Family, Placed
 from spisim.scene.families.parts.parameters import Parameters, drawn, one_of
 from spisim.scene.families.parts.props import add_worker, bucket, ladder, open_carton
-from spisim.scene.families.parts.shapes import Mesh, block, lathe, limb, prism, rod, tube, union
+from spisim.scene.families.parts.shapes import (
+    Mesh,
+    Point,
+    block,
+    lathe,
+    limb,
+    prism,
+    rod,
+    tube,
+    union,
+)  # fmt: skip
+from spisim.scene.families.parts.stairs import add_straight, add_winding
 
 #: Free floor before the first step, depth of the landing, and gap between the flights.
 LOBBY_M, LANDING_M, WELL_M = 3.6, 1.7, 0.25
@@ -15,7 +26,7 @@ SLAB_M, RAILING_M = 0.18, 0.95
 
 
 class StairwellParameters(Parameters):
-    """The first flight goes up ahead on the right, the second comes back on the left."""
+    """Of two flights the first goes up ahead on the right, the second comes back on the left."""
 
     looking: str = one_of("up", "down", text="from the lobby up, or from the landing down")
     steps: int = drawn(7, 11, "of each flight")
@@ -30,10 +41,15 @@ class StairwellParameters(Parameters):
     clutter: int = drawn(1, 5, "things left on stairs and landing")
     person: str = one_of("person", "none", text="on the first flight")
     window: str = one_of("window", "none", text="above the landing")
+    shape: str = one_of("two-flights", "winding", "straight", text="of the stairs")
+    gaze_deg: float = drawn(-15.0, 15.0, "of the line of sight, to the left")
+    tilt_deg: float = drawn(-12.0, 12.0, "of the line of sight, down is positive")
 
 
 def build(parameters: StairwellParameters, rng: np.random.Generator) -> Draft:
     """Lobby at x = 0, the first step `LOBBY_M` ahead, the landing at the far end."""
+    if parameters.shape != "two-flights":
+        return _other_stairs(parameters, rng)
     top = _landing_m(parameters)
     far = LOBBY_M + parameters.steps * parameters.tread_m
     # From the right of the railing across it, so that its bars stand apart.
@@ -48,12 +64,42 @@ def build(parameters: StairwellParameters, rng: np.random.Generator) -> Draft:
             top + parameters.drone_height_m - 0.1,
         )
         target = (LOBBY_M, rng.uniform(-0.8, 0.2) * left, rng.uniform(0.8, 1.4))
-    draft = Draft(position, target, sky_klx=rng.uniform(5.0, 18.0))
+    aim = _turned(position, target, parameters.gaze_deg, parameters.tilt_deg)
+    draft = Draft(position, aim, sky_klx=rng.uniform(5.0, 18.0))
     _shell(draft, parameters, top, far)
     _flights(draft, parameters, top)
     _railings(draft, parameters)
     _clutter(draft, parameters, rng)
     _fittings(draft, parameters, rng, top, far)
+    return draft
+
+
+def _turned(eye: Point, aim: Point, left_deg: float, down_deg: float) -> tuple[float, ...]:
+    """What is looked at after a turn to the left and one down; the same where both are 0."""
+    x, y, z = np.subtract(aim, eye)
+    turn = np.radians(left_deg)
+    c, s = np.cos(turn), np.sin(turn)
+    z -= np.hypot(x, y) * np.tan(np.radians(down_deg))
+    return tuple(float(v) for v in np.add(eye, (c * x - s * y, s * x + c * y, z)))
+
+
+def _other_stairs(parameters: StairwellParameters, rng: np.random.Generator) -> Draft:
+    """Winding or straight stairs with somebody or something on them."""
+    draft = Draft((0, 0, 0), (1, 0, 0), sky_klx=rng.uniform(5.0, 18.0))
+    if parameters.shape == "winding":
+        eye, aim = add_winding(draft, rng, parameters.rise_m, parameters.stairs, parameters.walls)
+    else:
+        eye, aim = add_straight(
+            draft, rng, parameters.rise_m, parameters.tread_m, parameters.width_m,
+            parameters.stairs, parameters.walls,
+        )  # fmt: skip
+    draft.position_m = tuple(eye)
+    draft.look_at_m = _turned(tuple(eye), tuple(aim), parameters.gaze_deg, parameters.tilt_deg)
+    sight = (aim - eye) * (1, 1, 0) / np.hypot(*(aim - eye)[:2])
+    cable = eye + rng.uniform(1.2, 2.5) * sight + (*rng.uniform(-0.25, 0.25, 2), 0)
+    swing = rng.normal(0, 0.05, (5, 3)) * (1, 1, 0)
+    path = cable + swing + np.linspace(2.0, rng.uniform(-1.0, 0.3), 5)[:, None] * (0, 0, 1)
+    draft.mesh("hanging cable", "rubber-black", tube(path, rng.uniform(0.002, 0.01), 6))
     return draft
 
 
@@ -259,7 +305,8 @@ _THINGS = {
 }
 
 FAMILY = Family(
-    "Two flights of stairs, a landing and a railing of thin bars",
+    "Stairs: two flights and a landing, winding in a shaft, or straight; railings of thin bars",
     StairwellParameters,
     build,
+    least_spots=3,
 )

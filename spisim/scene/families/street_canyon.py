@@ -2,15 +2,19 @@
 
 import numpy as np
 
+from reconstruction.arrays import Floats
 from spisim.scene.families.parts.daylight import outdoors
 from spisim.scene.families.parts.draft import Draft, Family, Placed
 from spisim.scene.families.parts.facade import DOOR_M, Front, add_front
+from spisim.scene.families.parts.houses import add_houses
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.placing import aside
 from spisim.scene.families.parts.props import add_worker, lamp
 from spisim.scene.families.parts.ropes import hanging
-from spisim.scene.families.parts.shapes import Mesh, block, lathe, rod, strip, tube, union
+from spisim.scene.families.parts.shapes import Mesh, block, lathe, prism, rod, strip, tube, union
+from spisim.scene.families.parts.terrain import hills, patchwork, terrain, waves
 from spisim.scene.families.parts.vehicles import add_car, add_van
+from spisim.scene.families.parts.woods import TREES, add_far_woods, add_wood, in_view
 
 PAVEMENT_M, KERB_M = 1.5, 0.12
 
@@ -33,13 +37,25 @@ class StreetParameters(Parameters):
     awning: str = one_of("awning", "none", text="above a ground-floor window")
     clutter: int = drawn(2, 7, "bins and bollards on the pavement")
     passer_by: str = one_of("walker", "none", text="on the pavement")
+    view: str = one_of(
+        "front", "along", "above", text="of a front, along the street, or to the roofs"
+    )
+    rise: float = drawn(0.0, 1.0, "of the way to the eaves the drone flies, if not before a front")
+    turn_deg: float = drawn(-36.0, 8.0, "of the line of sight to the street, if not to a front")
+    tilt_deg: float = drawn(
+        -10.0, 10.0, "of the line of sight, down is positive, if not to a front"
+    )
 
 
 def build(parameters: StreetParameters, rng: np.random.Generator) -> Draft:
     """The street runs along x; the line of sight turns from it to the left."""
     y = parameters.front_m
+    if parameters.view != "front":
+        # Every draw of a front goes on as it was; what is seen of it is another part.
+        parameters = _further(parameters)
+    eye_z = parameters.drone_height_m
     target = (y / np.tan(np.radians(parameters.heading_deg)), y, parameters.target_m)
-    draft = Draft((0.0, 0.0, parameters.drone_height_m), target, **outdoors(rng))
+    draft = Draft((0.0, 0.0, eye_z), target, **outdoors(rng))
     front = _front(parameters, rng)
     add_front(draft, front, y, parameters.wall, parameters.frame, rng)
     _street(draft, parameters)
@@ -47,7 +63,49 @@ def build(parameters: StreetParameters, rng: np.random.Generator) -> Draft:
     _pavement(draft, parameters, rng)
     _on_the_wall(draft, parameters, rng, front)
     _over_the_street(draft, parameters, rng)
+    if parameters.view != "front":
+        _open_end(draft, parameters, rng)
     return draft
+
+
+def _further(parameters: StreetParameters) -> StreetParameters:
+    """The same street, seen along it from higher up, or up to the eaves."""
+    heading = parameters.heading_deg + parameters.turn_deg
+    low, eaves = parameters.drone_height_m, 3.0 * parameters.storeys
+    height = low + parameters.rise * (eaves + 0.5 - low)
+    # To the roofs the drone looks up by as much as it needs to see them.
+    up = 0.0 if parameters.view == "along" else 12.0
+    away = parameters.front_m / np.sin(np.radians(heading))
+    target = height + away * np.tan(np.radians(up - parameters.tilt_deg))
+    changed = {"heading_deg": heading, "drone_height_m": height, "target_m": target}
+    return parameters.model_copy(update=changed)
+
+
+def _open_end(draft: Draft, parameters: StreetParameters, rng: np.random.Generator) -> None:
+    """The street goes on beyond the houses, over land to the horizon; roofs, trees, a lamp row."""
+    heading = parameters.heading_deg
+    rolling, far = waves(rng, (40, 200)), hills(rng, rng.uniform(200, 900), rng.uniform(0, 300))
+
+    def relief(x: Floats, y: Floats) -> Floats:
+        away = np.clip((np.hypot(x, y) - 30) / 60, 0, 1)
+        return far(x, y) - 0.05 - 0.5 * away * (1 - rolling(x, y))
+
+    land = terrain(relief, ((-20, 60), (-30, 30)), 2.0)
+    land.add(draft, ["asphalt", "grass", "gravel"], patchwork(rng, land, 3, 8.0), "land")
+    top, y = 3.0 * parameters.storeys, parameters.front_m
+    pitch = np.tan(np.radians(rng.uniform(20, 45)))
+    slope = prism([(0, 0), (4.5, 4.5 * pitch), (4.5, 4.5 * pitch + 0.2), (0, 0.2)], 30.0)
+    draft.mesh("roof", "roof-tile-concrete", slope, (5.0, y - 0.4, top + 0.1), (0, 0, 90))
+    places = in_view(rng, land, int(rng.integers(0, 5)), 35, 120, 8, 0.0)
+    add_houses(
+        draft, rng, [tuple(place) for place in places if abs(place[1]) > 14 or place[0] > 45]
+    )
+    spots = in_view(rng, land, 6, 24, 90, 16, 0.0)
+    kinds = [str(kind) for kind in rng.permutation(sorted(TREES))[:2]]
+    add_wood(
+        draft, "tree", kinds, "leaves-green", rng, spots[spots[:, 1] < y - 1], rng.uniform(5, 12)
+    )
+    add_far_woods(draft, rng, land, int(rng.integers(2, 7)), 120.0, min(heading, 30.0))
 
 
 def _in_view(parameters: StreetParameters, before_m: float, angle_deg: float) -> float:
@@ -229,4 +287,5 @@ FAMILY = Family(
     "A street between houses with windows of glass, a parked car and a cable across",
     StreetParameters,
     build,
+    least_spots=1,
 )

@@ -1,18 +1,24 @@
-"""Bare calibration targets: one known surface square to the line of sight, and nothing else."""
+"""Calibration targets: one known surface square to the line of sight, or among others in a room."""
 
 from collections.abc import Callable
 
 import numpy as np
 
+from spisim.scene.families.parts.charts import CHARTS, chart, stand
 from spisim.scene.families.parts.draft import Draft, Family
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
 from spisim.scene.families.parts.shapes import Mesh, block, union
+from spisim.scene.families.parts.terrain import patchwork, terrain, waves
+from spisim.scene.families.parts.woods import add_far_woods
 
 EYE_M = (0.0, 0.0, 1.5)
 #: A little more than what a field of 20° covers, per metre of distance.
 SIZE_PER_M = 0.4
 #: In front of the board, so that the drawn pattern stands out from it and leaves it closed.
 RELIEF_M = 0.004
+#: Of boards around the target.
+BRIGHT = ("paint-white", "cardboard", "wood-dry", "pvc", "steel-painted")
+DARK = ("rubber-black", "asphalt", "charcoal", "brick", "paint-black")
 
 
 class TargetParameters(Parameters):
@@ -28,14 +34,115 @@ class TargetParameters(Parameters):
     spokes: int = drawn(6, 24, "of a Siemens star")
     bright: str = one_of("paint-white", "concrete", "cardboard", "wood-dry", text="of the board")
     dark: str = one_of("rubber-black", "asphalt", "charcoal", text="of the pattern")
+    setting: str = one_of(
+        "alone",
+        "turned",
+        "laboratory",
+        "range",
+        text="nothing else, or other boards, indoors or out",
+    )
+    azimuth_deg: float = drawn(-55.0, 55.0, "from which it is seen, where it is not alone")
+    elevation_deg: float = drawn(-20.0, 30.0, "from which it is seen, where it is not alone")
+    aim_deg: float = drawn(-8.0, 8.0, "of the line of sight beside it, where it is not alone")
+    others: int = drawn(2, 9, "boards around it, where there are any")
 
 
 def build(parameters: TargetParameters, rng: np.random.Generator) -> Draft:
-    """One target, dead ahead."""
+    """One target, dead ahead; or from another side, with others around it."""
     x = EYE_M[0] + parameters.distance_m
     draft = Draft(position_m=EYE_M, look_at_m=(x, *EYE_M[1:]), sky_klx=float(rng.uniform(0.1, 1.0)))
     _TARGETS[parameters.target](draft, parameters, (x, *EYE_M[1:]))
+    if parameters.setting != "alone":
+        _seen_from_aside(draft, parameters, rng)
+        _SETTINGS[parameters.setting](draft, parameters, rng)
     return draft
+
+
+def _seen_from_aside(draft: Draft, parameters: TargetParameters, rng: np.random.Generator) -> None:
+    """Move the drone about the target, as far from it as before, and look past its middle."""
+    azimuth, elevation = np.radians([parameters.azimuth_deg, parameters.elevation_deg])
+    level = np.cos(elevation)
+    away = np.array([-level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+    target = np.asarray(draft.look_at_m, float)
+    eye = target + parameters.distance_m * away
+    past = parameters.distance_m * np.tan(np.radians(parameters.aim_deg))
+    across = np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
+    aside = past * across + (0, 0, rng.uniform(-1, 1) * abs(past))
+    draft.position_m, draft.look_at_m = tuple(eye), tuple(target + aside)
+
+
+def _turned(draft: Draft, parameters: TargetParameters, rng: np.random.Generator) -> None:
+    """A wall behind, and nothing else."""
+    behind = rng.uniform(0.3, 3.0)
+    eye, target = np.asarray(draft.position_m), np.asarray(draft.look_at_m)
+    sight = (target - eye) / np.linalg.norm(target - eye)
+    at = eye + (parameters.distance_m + behind) * sight
+    # Square to nothing: the wall is as it happens to be.
+    turn = (
+        0.0,
+        rng.uniform(-20, 20),
+        np.degrees(np.arctan2(sight[1], sight[0])) + rng.uniform(-30, 30),
+    )
+    wall = str(rng.choice(["plasterboard", "brick", "concrete", "plywood"]))
+    draft.box("background", wall, (0.1, 40.0, 40.0), tuple(at), turn)
+
+
+def _laboratory(draft: Draft, parameters: TargetParameters, rng: np.random.Generator) -> None:
+    """A room with a bench and boards on stands."""
+    eye, target = np.asarray(draft.position_m), np.asarray(draft.look_at_m)
+    low = min(0.0, eye[2] - 0.8) - rng.uniform(0.0, 0.4)
+    half = float(np.clip(parameters.distance_m + rng.uniform(0.8, 2.0), 2.5, 9.0))
+    x, y = target[:2]
+    materials = rng.permutation(["plasterboard", "brick", "concrete", "plywood", "paint-white"])
+    across, along = (0.1, 2 * half, 12.0), (2 * half, 0.1, 12.0)
+    walls = [((x + way * half, y), across) for way in (-1, 1)]
+    walls += [((x, y + way * half), along) for way in (-1, 1)]
+    draft.box("floor", str(materials[0]), (60, 60, 0.1), (x, y, low - 0.05))
+    for number, (at, size) in enumerate(walls, 1):
+        draft.box(f"wall {number}", str(materials[number]), size, (*at, low + 6.0))
+    x, y = target[:2] + rng.uniform(-0.5, 0.5, 2) * half
+    draft.box("bench", "wood-dry", (0.8, 2.0, 0.06), (x, y, low + 0.75))
+    _boards(draft, parameters, rng, low)
+
+
+def _range(draft: Draft, parameters: TargetParameters, rng: np.random.Generator) -> None:
+    """A test range in the open: boards at all distances, land to the horizon."""
+    low = min(0.0, float(draft.position_m[2]) - 1.0)
+    rolling = waves(rng, (30, 200))
+    land = terrain(lambda x, y: low - 0.3 + 0.3 * rolling(x, y), ((-20, 20), (-20, 20)), 2.0)
+    land.add(draft, ["grass", "gravel", "asphalt"], patchwork(rng, land, 3, 6.0))
+    heading = np.subtract(draft.look_at_m, draft.position_m)
+    add_far_woods(draft, rng, land, 6, 60.0, float(np.degrees(np.arctan2(heading[1], heading[0]))))
+    _boards(draft, parameters, rng, low)
+
+
+def _boards(
+    draft: Draft, parameters: TargetParameters, rng: np.random.Generator, low: float
+) -> None:
+    """Charts on stands in view, before and behind the target, each turned its own way."""
+    eye = np.asarray(draft.position_m)
+    sight = np.subtract(draft.look_at_m, eye)
+    sight = sight / np.linalg.norm(sight)
+    left = np.array([-sight[1], sight[0], 0.0]) / np.hypot(*sight[:2])
+    up = np.cross(sight, left)
+    for number in range(1, parameters.others + 1):
+        away = parameters.distance_m * rng.uniform(0.55, 2.2)
+        y, z = rng.uniform(-0.2, 0.2, 2) * away
+        at = eye + away * sight + y * left + z * up
+        if at[2] - low < 0.2 or away < 1.1:
+            continue
+        width, height = rng.uniform(0.08, 0.3, 2) * away
+        heading = float(np.degrees(np.arctan2(sight[1], sight[0])))
+        turn = (0.0, rng.uniform(-25, 25), heading + rng.uniform(-50, 50))
+        board, pattern = chart(rng, str(rng.choice(CHARTS)), width, height)
+        bright, dark = str(rng.choice(BRIGHT)), str(rng.choice(DARK))
+        if rng.random() < 0.3:
+            bright, dark = dark, bright
+        draft.mesh(f"chart {number}", bright, board, tuple(at), turn)
+        draft.mesh(f"pattern of chart {number}", dark, pattern, tuple(at), turn)
+        draft.mesh(
+            f"stand {number}", "steel-painted", stand(at[2] - low), tuple(at), (0, 0, turn[2])
+        )
 
 
 def _plane(draft: Draft, parameters: TargetParameters, at: tuple[float, float, float]) -> None:
@@ -130,4 +237,15 @@ _TARGETS: dict[str, Callable[[Draft, TargetParameters, tuple[float, float, float
     "resolution-bars": _resolution_bars,
 }
 
-FAMILY = Family("A calibration target dead ahead", TargetParameters, build)
+_SETTINGS: dict[str, Callable[[Draft, TargetParameters, np.random.Generator], None]] = {
+    "turned": _turned,
+    "laboratory": _laboratory,
+    "range": _range,
+}
+
+FAMILY = Family(
+    "Calibration targets: one dead ahead, or several on stands, indoors or in the open",
+    TargetParameters,
+    build,
+    least_spots=2,
+)

@@ -7,8 +7,9 @@ from trimesh.creation import icosphere, torus
 
 from reconstruction.arrays import Floats
 from spisim.scene.families.parts.draft import Draft, Family, Placed
+from spisim.scene.families.parts.natural import blob
 from spisim.scene.families.parts.parameters import Parameters, drawn, drawn_log, one_of
-from spisim.scene.families.parts.props import add_worker, drum, tyre
+from spisim.scene.families.parts.props import add_worker, cone, drum, gas_cylinder, pallet, tyre
 from spisim.scene.families.parts.shapes import (
     Mesh,
     block,
@@ -18,6 +19,7 @@ from spisim.scene.families.parts.shapes import (
     prism,
     rod,
     sheet,
+    spread,
     tube,
     union,
 )
@@ -30,9 +32,9 @@ NICHE_LENGTH_M, NICHE_HEIGHT_M = 1.2, 1.9
 class TunnelParameters(Parameters):
     """The drone flies on the right of the axis and looks a little to the left."""
 
-    profile: str = one_of("round", "horseshoe", text="of the tunnel")
-    radius_m: float = drawn(1.5, 2.3, "of the vault")
-    length_m: float = drawn(7.5, 9.5, "from the drone to what closes the tunnel")
+    profile: str = one_of("round", "horseshoe", "box", "oval", text="of the tunnel")
+    radius_m: float = drawn(1.5, 3.2, "of the vault")
+    length_m: float = drawn_log(6.5, 40.0, "from the drone to what closes the tunnel")
     end: str = one_of("bulkhead", "rubble", text="what closes it")
     lining: str = one_of("concrete", "concrete-weathered", "brick", text="of the vault")
     rib_spacing_m: float = drawn(1.0, 2.5, "of the ribs of the lining")
@@ -45,6 +47,11 @@ class TunnelParameters(Parameters):
     hanging_mm: float = drawn_log(4.0, 25.0, "diameter of these")
     track: str = one_of("track", "none", text="on the floor")
     worker: str = one_of("worker", "none", text="at the pipes")
+    aside: float = drawn(-0.3, 0.9, "how much farther left the drone flies, in radii")
+    gaze_deg: float = drawn(-26.0, 22.0, "of the line of sight, to the left")
+    tilt_deg: float = drawn(-14.0, 12.0, "of the line of sight, down is positive")
+    stores: int = drawn(0, 12, "things left on the floor")
+    props: int = drawn(0, 5, "frames of steel or timber below the vault")
 
 
 def build(parameters: TunnelParameters, rng: np.random.Generator) -> Draft:
@@ -66,7 +73,66 @@ def build(parameters: TunnelParameters, rng: np.random.Generator) -> Draft:
     _lamps(draft, parameters)
     _hanging(draft, parameters, rng)
     _on_the_floor(draft, parameters, rng)
+    _look_elsewhere(draft, parameters)
+    _stores(draft, parameters, rng)
+    _frames(draft, parameters, rng)
     return draft
+
+
+def _look_elsewhere(draft: Draft, parameters: TunnelParameters) -> None:
+    """Move the drone to the left and turn it; not at all where both are 0."""
+    eye, aim = np.asarray(draft.position_m, float), np.asarray(draft.look_at_m, float)
+    eye[1] += parameters.aside * parameters.radius_m
+    eye[1] = np.clip(eye[1], -0.5 * parameters.radius_m, 0.45 * parameters.radius_m)
+    turn, tilt = np.radians([parameters.gaze_deg, parameters.tilt_deg])
+    x, y, z = aim - np.asarray(draft.position_m)
+    ahead = np.array([np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y, z])
+    ahead[2] -= x * np.tan(tilt)
+    draft.position_m, draft.look_at_m = tuple(eye), tuple(eye + ahead)
+
+
+def _stores(draft: Draft, parameters: TunnelParameters, rng: np.random.Generator) -> None:
+    """Crates, cones, bottles and pallets along the way, and a ladder to the vault."""
+    kinds = [
+        ("crates", "plywood", block((0.6, 0.5, 0.5), (0, 0, 0.25))),
+        ("cones", "polypropylene", cone()),
+        ("gas bottles", "steel-painted", gas_cylinder()),
+        ("pallets", "wood-weathered", pallet()),
+        ("sacks", "burlap", blob(rng, (0.7, 0.45, 0.25), 0.1).apply_translation((0, 0, 0.12))),
+    ]
+    for number, (name, material, mesh) in enumerate(kinds):
+        n = len(range(number, parameters.stores, len(kinds)))
+        x = 2.5 * (min(parameters.length_m, 16.0) / 2.5) ** rng.random(n)
+        y = rng.uniform(-0.8, 0.8, n) * parameters.radius_m * 0.75
+        if n:
+            turns, sizes = rng.uniform(0, 360, n), rng.uniform(0.7, 1.3, n)
+            places = np.stack([x, y, 0 * x + 0.01], axis=1)
+            draft.mesh(name, material, spread(mesh, places, turns, sizes))
+
+
+def _frames(draft: Draft, parameters: TunnelParameters, rng: np.random.Generator) -> None:
+    """Posts and a beam across, every metre or two, as where rock presses."""
+    if not parameters.props:
+        return
+    high, half = 0.92 * float(_outline(parameters)[:, 1].max()), 0.72 * parameters.radius_m
+    wide = rng.uniform(0.1, 0.22)
+    high = min(high, float(np.interp(half, *_vault(parameters))) - 0.05)
+    frame = [block((wide, wide, high), (0, s * half, high / 2)) for s in (-1, 1)]
+    frame.append(block((wide, 2 * half + wide, wide), (0, 0, high)))
+    x = rng.uniform(1.8, 4) + np.arange(parameters.props) * rng.uniform(0.9, 3.0)
+    x = x[x < parameters.length_m - 0.5]
+    material = str(rng.choice(["wood-weathered", "steel-rusty"]))
+    if len(x):
+        places = np.stack([x, 0 * x, 0 * x], axis=1)
+        draft.mesh("frames", material, spread(union(frame), places, 0, 1))
+
+
+def _vault(parameters: TunnelParameters) -> tuple[Floats, Floats]:
+    """Distances from the middle, ascending, and the height of the vault there."""
+    outline = _outline(parameters)
+    left = outline[: int(outline[:, 1].argmax()) + 1]
+    upper = left[left[:, 1] >= left[int(left[:, 0].argmax()), 1]][::-1]
+    return upper[:, 0], upper[:, 1]
 
 
 def _outline(parameters: TunnelParameters) -> Floats:
@@ -79,6 +145,15 @@ def _outline(parameters: TunnelParameters) -> Floats:
         arc = np.linspace(0, np.pi, 19)
         vault = radius * np.column_stack([np.cos(arc), np.sin(arc)]) + (0, 0.55 * radius)
         return np.vstack([[radius, 0], vault, [-radius, 0]])
+    if parameters.profile == "box":
+        high = max(1.25 * radius, 2.4)
+        wall = [(1.0, z) for z in np.linspace(0, 0.85, 13)]
+        half = np.array([*wall, (0.85, 1), (0.4, 1), (0, 1)]) * (radius, high)
+        return np.vstack([half, half[-2::-1] * (-1, 1)])
+    if parameters.profile == "oval":
+        arc, flat = np.linspace(-0.35, np.pi + 0.35, 41), max(0.75, 1.8 / radius)
+        outline = np.column_stack([np.cos(arc), flat * (np.sin(arc) + np.sin(0.35))])
+        return np.asarray(radius * outline)
     low = np.arcsin(0.6)
     arc = np.linspace(-low, np.pi + low, 25)
     return np.asarray(radius * np.column_stack([np.cos(arc), np.sin(arc)]) + (0, 0.6 * radius))
@@ -324,4 +399,5 @@ FAMILY = Family(
     "A service tunnel with pipes, a valve, cable trays and cables hanging into the way",
     TunnelParameters,
     build,
+    least_spots=3,
 )

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from reconstruction.depth import DepthEstimate
+
 
 class Flat:
     title = "flat wall"
@@ -9,7 +11,15 @@ class Flat:
 
     def compile(self, context):
         shape, forward = context.setup.plan.shape, context.setup.spots.directions[:, 2]
-        return lambda view: np.full(shape, np.nanmean(view.ranges.range_m * forward))
+
+        def solve(view):
+            depths_m = view.ranges.range_m * forward
+            if not np.isfinite(depths_m).any():
+                return None
+            spread = np.full(shape, np.nanstd(np.log(depths_m)))
+            return DepthEstimate(np.full(shape, np.nanmean(depths_m)), deviation=spread)
+
+        return solve
 
 
 METHOD = Flat()

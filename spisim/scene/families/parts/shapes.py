@@ -1,7 +1,7 @@
 """Solids that props are put together from, as triangles; lengths in metres."""
 
 from collections.abc import Iterable, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import trimesh
@@ -90,6 +90,34 @@ def alike(corners: Floats, faces: NDArray[np.int64]) -> Mesh:
     n, v, _ = corners.shape
     every = faces + v * np.arange(n)[:, None, None]
     return Mesh(corners.reshape(-1, 3), every.reshape(-1, 3), process=False)
+
+
+def spread(mesh: Mesh, places: ArrayLike, turns_deg: ArrayLike, scales: ArrayLike) -> Mesh:
+    """Copies of a solid as one mesh: at places (n, 3), turned about z and scaled, (n,) or one."""
+    at = np.asarray(places, float)
+    turn = np.radians(np.broadcast_to(np.asarray(turns_deg, float), len(at)))
+    scale = np.broadcast_to(np.asarray(scales, float), len(at))
+    c, s, o, i = np.cos(turn), np.sin(turn), 0 * turn, 0 * turn + 1
+    turned = np.array([[c, -s, o], [s, c, o], [o, o, i]]) * scale
+    corners = np.einsum("ijn,vj->nvi", turned, mesh.vertices) + at[:, None]
+    return alike(corners, np.asarray(mesh.faces))
+
+
+def bars(segments: Sequence[Any] | Floats, radius: float, sections: int = 4) -> Mesh:
+    """Straight bars between pairs of points (n, 2, 3), as of a lattice, as one mesh."""
+    ends = np.asarray(segments, float)
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    helper = np.eye(3)[np.abs(along).argmin(axis=1)]
+    across = np.cross(along, helper)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    other = np.cross(along, across)
+    angles = np.linspace(0, 2 * np.pi, sections, endpoint=False) + np.pi / sections
+    ring = radius * (
+        np.cos(angles)[:, None] * across[:, None] + np.sin(angles)[:, None] * other[:, None]
+    )
+    corners = np.concatenate([ends[:, :1] + ring, ends[:, 1:] + ring, ends], axis=1)
+    return alike(corners, _tube_faces(2, sections))
 
 
 def tube(path: ArrayLike, radii: ArrayLike, sections: int = 8) -> Mesh:

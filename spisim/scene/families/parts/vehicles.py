@@ -52,6 +52,25 @@ def add_van(draft: Draft, at: Point, turn: Point) -> None:
     _add_wheels(draft, "van", at, turn)
 
 
+def add_tractor(draft: Draft, at: Point, turn: Point) -> None:
+    """Farm tractor, 3.6 m long, 2.8 m high: large wheels behind, a cab with panes, an exhaust."""
+    tyres = [rod((-0.9, s * 0.75, 0.8), (-0.9, s * 1.2, 0.8), 0.8, 24) for s in (-1, 1)]
+    tyres += [rod((1.2, s * 0.75, 0.5), (1.2, s * 1.1, 0.5), 0.5, 20) for s in (-1, 1)]
+    hubs = [rod((-0.9, s * 1.1, 0.8), (-0.9, s * 1.22, 0.8), 0.4, 18) for s in (-1, 1)]
+    body = [block((2.0, 0.8, 0.8), (0.8, 0, 1.15)), block((1.0, 1.2, 0.5), (-0.8, 0, 1.1))]
+    body.append(block((1.5, 1.5, 0.1), (-0.7, 0, 2.75)))
+    body.append(rod((0.9, 0.35, 1.5), (0.9, 0.35, 2.5), 0.05, 10))
+    corners = [(x, y) for x in (-1.4, 0.0) for y in (-0.65, 0.65)]
+    body += [block((0.07, 0.07, 1.5), (x, y, 2.0)) for x, y in corners]
+    body += [block((1.3, 0.5, 0.06), (-0.9, s * 0.95, 1.68)) for s in (-1, 1)]
+    panes = [block((0.02, 1.2, 1.3), (x, 0, 2.0)) for x in (-1.4, 0.0)]
+    panes += [block((1.3, 0.02, 1.3), (-0.7, y, 2.0)) for y in (-0.65, 0.65)]
+    draft.mesh("tractor tyres", "rubber-black", union(tyres), at, turn)
+    draft.mesh("tractor wheel hubs", "steel-painted", union(hubs), at, turn)
+    draft.mesh("tractor", "paint-gloss-green", union(body), at, turn)
+    draft.mesh("tractor windows", "glass-pane", union(panes), at, turn)
+
+
 def _add_cabin(
     draft: Draft, name: str, outline: Sequence[Point], half_top: float, at: Point, turn: Point
 ) -> None:

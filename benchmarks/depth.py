@@ -1,0 +1,254 @@
+"""How good depth maps are, by method: unseen seeds, families nothing learned from, shipped scenes.
+
+    python benchmarks/depth.py [--quick] [--json] [--markdown] [--folder out/depth]
+
+200 traced captures and more of each group, weather and preset, which are made on the first run into
+the folder and kept there: interrupted, it goes on where it was. Every depth method gets the ranges
+of plain `cw` and of `fog`. References, on plain ranges: interpolation by inverse distance, and the
+anchored map with constants that stay what they are here, whatever is fitted later. Intervals are
+95 %, by bootstrap over scenes. `--markdown` pastes the tables into docs/depth.md.
+"""
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # there are as many processes
+
+import sys
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from depth_judging import FROZEN, Judged, Way, judge, seconds
+from depth_sets import GROUPS, PRESETS, WEATHERS, captures
+from options import benchmark_options, finish
+
+from reconstruction.arrays import Floats
+from reconstruction.reconstructor import USUAL_DEPTHS
+from spisim.paper.checks import Check, Table, surroundings
+
+PAGE = Path(__file__).parents[1] / "docs" / "depth.md"
+FOLDER = Path(__file__).parents[1] / "out" / "depth"
+PACKAGES = ("spisim", "mitsuba", "drjit", "numpy", "scipy")
+CANDIDATE = (USUAL_DEPTHS[0], "cw")
+"""The default depth method, on the ranges that are taken by default."""
+INVERSE, FROZEN_MAP = ("inverse-distance", "cw"), (FROZEN, "cw")
+REFERENCES = {"inverse distance": INVERSE, "the frozen map": FROZEN_MAP}
+WORKERS = 2
+RESAMPLED = 2000
+TIMED = 20
+RATIOS = {
+    ("unseen seeds", "clear"): (0.70, 0.85),
+    ("unseen families", "clear"): (0.80, 0.92),
+    ("unseen families", "fog 150–500 m"): (0.75, 0.85),
+    ("unseen families", "fog 50–150 m"): (0.40, 0.40),
+}
+"""AbsRel of the candidate over that of inverse distance, and of the frozen map, at most."""
+DELTA = {"clear": 0.86, "fog 150–500 m": 0.82, "fog 50–150 m": 0.82}
+"""Share of δ < 1.25 on unseen families, at least."""
+HONEST = (0.92, 0.97)
+MISSED = 0.5
+"""Share of the misses of the frozen map."""
+INVENTED = 0.05
+FRAME_MS = 15.0
+FIGURES = {
+    "delta_1_25": "δ < 1.25",
+    "rmse_m": "RMSE, m",
+    "coverage": "pixels",
+    "within_1_sigma": "1 σ",
+    "within_2_sigma": "2 σ",
+    "invented": "invented",
+    "obstacle_missed": "missed",
+    "obstacle_false": "false",
+    "free_precision": "free, precision",
+    "free_recall": "recall",
+}
+
+Cell = tuple[str, str, str]
+"""Group, weather and preset."""
+Cells = dict[Cell, list[Judged]]
+
+
+def main() -> int:
+    """Every method on every capture."""
+    options = benchmark_options(__doc__, "one scene of each group", PAGE, FOLDER)
+    folder = options.folder / "quick" if options.quick else options.folder
+    cases = list(captures(folder, quick=options.quick))
+    cells: Cells = defaultdict(list)
+    with ProcessPoolExecutor(WORKERS) as pool:
+        for each in pool.map(judge, cases, chunksize=8):
+            cells[each.case.group, each.case.weather, each.case.preset].append(each)
+    took = {preset: next(case for case in cases if case.preset == preset) for preset in PRESETS}
+    times = {preset: 1e3 * seconds(case, CANDIDATE, TIMED) for preset, case in took.items()}
+    tables = [*errors(cells), ratios(cells), others(cells)]
+    promised = [*checks(cells), *frame_times(times)]
+    return finish(options, PAGE, "depth", surroundings(PACKAGES), tables, promised)
+
+
+def values(judged: Sequence[Judged], way: Way, figure: str) -> Floats:
+    """One figure of every capture, nan where there is none."""
+    told = [each.figures.get(way, {}).get(figure) for each in judged]
+    return np.array([np.nan if value is None else value for value in told], dtype=np.float64)
+
+
+def scenes_drawn(judged: Sequence[Judged]) -> Floats:
+    """How often each capture counts (RESAMPLED, n), all of a scene together."""
+    names = [f"{each.case.group} {each.case.scene}" for each in judged]
+    scenes, place = np.unique(names, return_inverse=True)
+    drawn = np.random.default_rng(0).multinomial(
+        len(scenes), np.full(len(scenes), 1 / len(scenes)), size=RESAMPLED
+    )
+    return np.asarray(drawn[:, place], dtype=np.float64)
+
+
+def ratio(judged: Sequence[Judged], way: Way, other: Way) -> tuple[float, float, float]:
+    """Mean AbsRel over that by another way, where both have one; its 95 % interval."""
+    above, below = (values(judged, each, "abs_rel") for each in (way, other))
+    both = np.isfinite(above) & np.isfinite(below)
+    if not both.any():
+        return np.nan, np.nan, np.nan
+    drawn = scenes_drawn(judged)[:, both]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = (drawn @ above[both]) / (drawn @ below[both])
+        mean = above[both].sum() / below[both].sum()
+    low, high = np.nanpercentile(found, [2.5, 97.5])
+    return float(mean), float(low), float(high)
+
+
+def mean(judged: Sequence[Judged], way: Way, figure: str) -> float:
+    """Over the captures that have one, nan without any."""
+    found = values(judged, way, figure)
+    return float(np.nanmean(found)) if np.isfinite(found).any() else np.nan
+
+
+def interval(judged: Sequence[Judged], way: Way, figure: str) -> str:
+    """Mean and its 95 % interval in words."""
+    found = values(judged, way, figure)
+    known = np.isfinite(found)
+    if not known.any():
+        return "–"
+    drawn = scenes_drawn(judged)[:, known]
+    with np.errstate(invalid="ignore"):
+        low, high = np.nanpercentile(drawn @ found[known] / drawn.sum(axis=1), [2.5, 97.5])
+    return f"{found[known].mean():.3f} ({low:.3f}–{high:.3f})"
+
+
+def all_ways(cells: Cells) -> list[Way]:
+    """All that any capture has, in their order."""
+    return list(
+        dict.fromkeys(way for each in cells.values() for one in each for way in one.figures)
+    )
+
+
+def rows(cells: Cells) -> Iterator[tuple[Cell, list[Judged]]]:
+    """Cells in the order of the tables."""
+    for group in GROUPS:
+        for weather in WEATHERS:
+            for preset in PRESETS:
+                if (group, weather, preset) in cells:
+                    yield (group, weather, preset), cells[group, weather, preset]
+
+
+def errors(cells: Cells) -> Iterator[Table]:
+    """AbsRel of every method, a table by preset."""
+    for preset in PRESETS:
+        chosen = [(cell, judged) for cell, judged in rows(cells) if cell[2] == preset]
+        columns = (
+            "method",
+            "ranges",
+            *(f"{group}, {weather}" for (group, weather, _), _ in chosen),
+        )
+        yield Table(
+            f"Preset `{preset}`: mean AbsRel and its 95 % interval.",
+            columns,
+            [
+                (*way, *(interval(judged, way, "abs_rel") for _, judged in chosen))
+                for way in all_ways(cells)
+            ],
+        )
+
+
+def ratios(cells: Cells) -> Table:
+    """AbsRel of the candidate over those of the references."""
+    body = []
+    for cell, judged in rows(cells):
+        told = (ratio(judged, CANDIDATE, other) for other in REFERENCES.values())
+        scenes = len({each.case.scene for each in judged})
+        body.append(
+            (
+                *cell,
+                str(len(judged)),
+                str(scenes),
+                *(f"{m:.2f} ({a:.2f}–{b:.2f})" for m, a, b in told),
+            )
+        )
+    columns = ("group", "weather", "preset", "captures", "scenes", "over inverse distance")
+    return Table(
+        f"AbsRel of `{CANDIDATE[0]}` on the ranges of `{CANDIDATE[1]}`, over that of the "
+        "references on plain ranges of the same captures.",
+        (*columns, "over the frozen map"),
+        body,
+    )
+
+
+def others(cells: Cells) -> Table:
+    """Everything else of the candidate and the reference."""
+    body = []
+    for cell, judged in rows(cells):
+        for way in (CANDIDATE, FROZEN_MAP):
+            found = (mean(judged, way, figure) for figure in FIGURES)
+            told = ("–" if np.isnan(value) else f"{value:.3f}" for value in found)
+            brier, base = sky(judged, way)
+            both = "–" if np.isnan(brier) else f"{brier:.3f} of {base:.3f}"
+            body.append((*cell, way[0], *told, both))
+    columns = ("group", "weather", "preset", "method", *FIGURES.values(), "Brier score")
+    return Table(
+        "What else is told, mean over captures; metrics as in docs/studies.md.", columns, body
+    )
+
+
+def sky(judged: Sequence[Judged], way: Way) -> tuple[float, float]:
+    """Brier score of nothing within reach, and that of its share told everywhere."""
+    share = mean(judged, way, "nothing_share")
+    return mean(judged, way, "nothing_brier"), share * (1 - share)
+
+
+def checks(cells: Cells) -> Iterator[Check]:
+    """What is promised."""
+    for (group, weather, preset), judged in rows(cells):
+        where = f"{group}, {weather}, {preset}"
+        for reference, most in zip(REFERENCES, RATIOS.get((group, weather), ()), strict=False):
+            found, _, high = ratio(judged, CANDIDATE, REFERENCES[reference])
+            if np.isnan(found):  # of so few captures none has both maps
+                break
+            yield Check(f"AbsRel over {reference}, {where}", found, most)
+        if (group, weather) == ("unseen families", "clear") and np.isfinite(high):
+            yield Check(f"the same, upper end of the interval, {where}", high, 1.0)
+        if group == "unseen families":
+            close = mean(judged, CANDIDATE, "delta_1_25")
+            yield Check(f"δ < 1.25, {where}", float(np.nan_to_num(close)), DELTA[weather], True)
+        within = float(np.nan_to_num(mean(judged, CANDIDATE, "within_2_sigma")))
+        yield Check(f"pixels within 2 σ, {where}", within, HONEST[0], True)
+        yield Check(f"the same, at most, {where}", within, HONEST[1])
+    everything = [each for judged in cells.values() for each in judged]
+    missed, before = (mean(everything, way, "obstacle_missed") for way in (CANDIDATE, FROZEN_MAP))
+    yield Check(
+        "share of obstacles missed, against that of the frozen map", missed, MISSED * before
+    )
+    if mean(everything, CANDIDATE, "nothing_share") > 0:
+        brier, base = sky(everything, CANDIDATE)
+        brier = 1.0 if np.isnan(brier) else brier  # of a method that does not tell
+        yield Check("Brier score of nothing, against the base rate's", brier, base)
+        invented = mean(everything, CANDIDATE, "invented")
+        yield Check("pixels of nothing with a depth", invented, INVENTED)
+
+
+def frame_times(times: dict[str, float]) -> Iterator[Check]:
+    """From counts to depth."""
+    for preset, milliseconds in times.items():
+        yield Check(f"ms per frame by the default, {preset}", milliseconds, FRAME_MS)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,128 @@
+"""What a small network makes of image, ranges and fog: depth, how sure it is, and where is nothing.
+
+It was trained on drawn scenes, open and closed, in clear air and in fog, by
+`tools/depth_network.py`; see `reconstruction.depth.shown` for what it is given. Where every pattern
+has taps, its map and the measured one are joined by their inverse variances, as both are normal in
+log depth. Of what is unlike all that the network was trained on it is not asked: the map is then
+the one anchored on the spots, and a note says why.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ...capture.readings.cw import CwSpots
+from ...errors import InputError
+from ..method import Context, DepthEstimate, DepthSolver, Need, View
+from ..network import DepthNetwork, load
+from ..observer import Observer
+from ..shown import inputs_of
+from .anchored import METHOD as ANCHORED
+from .dense import METHOD as DENSE
+
+WEIGHTS = Path(__file__).parents[1] / "learned.npz"
+LIKELY = 0.5
+"""Probability of nothing from which on a pixel has no depth."""
+
+
+class Learned:
+    """Depth, its deviation and the probability of nothing, learned from scenes."""
+
+    title = "learned"
+    needs: tuple[Need, ...] = ("optics", "spots")
+
+    def compile(self, context: Context) -> DepthSolver:
+        """Solver of one recording's frames."""
+        anchored = ANCHORED.compile(context)
+        try:
+            if not isinstance(context.setup.spots, CwSpots):
+                raise InputError("learned from spots of continuous wave alone")
+            network = shipped()
+        except InputError as error:
+            return _Instead(anchored, str(error))
+        dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
+        return LearnedSolver(network, Observer.of(context.setup), anchored, dense)
+
+
+class LearnedSolver:
+    """Holds what depends on the recording alone."""
+
+    def __init__(
+        self,
+        network: DepthNetwork,
+        observer: Observer,
+        anchored: DepthSolver,
+        dense: DepthSolver | None,
+    ) -> None:
+        self._network, self._observer = network, observer
+        self._anchored, self._dense = anchored, dense
+
+    def __call__(self, view: View) -> DepthEstimate | None:
+        """The map, or the anchored one of a view unlike those learned from."""
+        if view.ranges is None:
+            return None
+        if not np.percentile(view.image, 90) > 0:
+            return _Instead(self._anchored, "the image is dark")(view)
+        shown = self._observer(view)
+        inputs = inputs_of(shown)
+        unlike = self._network.unlike(shown, inputs)
+        if unlike is not None:
+            return _Instead(self._anchored, unlike)(view)
+        told = self._network(inputs)
+        depth_m = np.where(told.nothing > LIKELY, np.nan, np.exp(told.log_depth))
+        found = DepthEstimate(depth_m, told.deviation, told.nothing)
+        if not shown.best.weight.any():
+            unknown = np.full(depth_m.shape, np.nan)
+            return DepthEstimate(unknown, None, told.nothing, "no spot has a range: no depth")
+        measured = None if self._dense is None else self._dense(view)
+        return found if measured is None else joined(found, measured)
+
+
+def joined(found: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
+    """Two estimates of log depth, normal and independent, as one where both have one.
+
+    What is measured is there: nothing is not likely any more.
+    """
+    assert found.deviation is not None
+    assert measured.deviation is not None
+    known = np.isfinite(measured.depth_m) & np.isfinite(measured.deviation)
+    seen = np.isfinite(found.depth_m)
+    weight = np.where(known, measured.deviation, np.inf) ** -2.0
+    prior = np.where(seen, found.deviation, np.inf) ** -2.0
+    total = np.maximum(weight + prior, np.finfo(np.float64).tiny)
+    log = weight * np.log(np.where(known, measured.depth_m, 1))
+    log += prior * np.log(np.where(seen, found.depth_m, 1))
+    either = known | seen
+    nothing = found.nothing
+    return replace(
+        found,
+        depth_m=np.where(either, np.exp(log / total), np.nan),
+        deviation=np.where(either, total**-0.5, found.deviation),
+        nothing=None if nothing is None else np.where(known & ~seen, 1 - LIKELY, nothing),
+    )
+
+
+class _Instead:
+    """The anchored map, with a note that says why it is not the learned one."""
+
+    def __init__(self, anchored: DepthSolver, why: str) -> None:
+        self._anchored, self._why = anchored, why
+
+    def __call__(self, view: View) -> DepthEstimate | None:
+        """That map, or no depth at all."""
+        note = f"not learned: {self._why}"
+        found = self._anchored(view)
+        if found is None:
+            return DepthEstimate(np.full(view.image.shape, np.nan), note=f"no depth; {note}")
+        return replace(found, note=f"anchored on the spots, {note}")
+
+
+@lru_cache(maxsize=1)
+def shipped() -> DepthNetwork:
+    """The network of this package."""
+    return load(WEIGHTS)
+
+
+METHOD = Learned()

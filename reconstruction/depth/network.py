@@ -1,0 +1,131 @@
+"""A small network that says how deep a view is, how sure that is, and where there is nothing.
+
+A U-net (O. Ronneberger, P. Fischer, T. Brox, MICCAI 2015) from half the resolution, the pixels of
+each square as channels, to an eighth, where its 3 x 3 pixels see a good part of the image. See
+`inputs_of` for what it is given.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from ..arrays import Floats
+from ..layers import (
+    Channels,
+    Layers,
+    axes_of,
+    channels_as_squares,
+    filled,
+    load_weights,
+    positive,
+    squares_as_channels,
+)
+from .rays import pixel_of
+from .shown import NUMBERS, Inputs, Shown
+
+VERSION = 1
+"""Of weights, inputs and layers together: what `load` takes."""
+MULTIPLE = 8
+"""Sides of what is evaluated; others are mirrored up to one."""
+MIDDLE_BLOCKS, DEEP_BLOCKS = 1, 2
+LOG_SIGMA = -4.5, 1.0
+"""What is surer or less sure is not told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What the network says, each (H, W): log depth, its deviation, probability of nothing."""
+
+    log_depth: Floats
+    deviation: Floats
+    nothing: Floats
+
+
+class DepthNetwork:
+    """What `tools/depth_network.py` trained: weights by the names of its layers.
+
+    ``limits`` (2, features): the least and the most of each of the `FEATURES` that it saw;
+    ``calibration`` (1,): log of what its deviations are to be multiplied by.
+    """
+
+    def __init__(self, weights: dict[str, NDArray[Any]]) -> None:
+        self._limits, self._calibration = weights["limits"], float(weights["calibration"][0])
+        self._layers = Layers(weights)
+
+    def __call__(self, inputs: Inputs) -> Told:
+        """What is told of a frame."""
+        height, width = inputs.start.shape
+        out = self._evaluated(filled(inputs.maps, MULTIPLE), inputs.numbers)
+        out = out[:, :height, :width].astype(np.float64)
+        log_sigma = np.clip(out[1], *LOG_SIGMA) + self._calibration
+        return Told(inputs.start + out[0], np.exp(log_sigma), expit(out[2]))
+
+    def unlike(self, shown: Shown, inputs: Inputs) -> str | None:
+        """In what a frame is unlike all that the network has seen, in words; None if in nothing."""
+        for name, value, least, most in zip(
+            FEATURES, features(shown, inputs), *self._limits, strict=True
+        ):
+            if not least <= value <= most:
+                return f"{name} = {value:.3g}, learned from {least:.3g} to {most:.3g}"
+        return None
+
+    def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
+        half, layer = squares_as_channels(maps), self._layers
+        constant = np.broadcast_to(numbers[:, None, None], (len(numbers), *half.shape[1:]))
+        kept = positive(layer("enter", np.concatenate([half, constant])))
+        kept = positive(layer("before", kept))
+        quarter = positive(layer("down", squares_as_channels(kept)))
+        quarter = layer.changed("middle", quarter, MIDDLE_BLOCKS)
+        eighth = positive(layer("deeper", squares_as_channels(quarter)))
+        eighth = layer.changed("deep", eighth, DEEP_BLOCKS)
+        quarter = positive(quarter + channels_as_squares(layer("rise", eighth)))
+        quarter = layer.changed("again", quarter, MIDDLE_BLOCKS)
+        kept = positive(kept + channels_as_squares(layer("up", quarter)))
+        return channels_as_squares(layer("leave", positive(layer("after", kept))))
+
+
+FEATURES = (
+    *NUMBERS,
+    *("half width", "half height", "rows", "columns", "spread of log brightness", "steepness"),
+    *("farthest spot", "spots off a line"),
+)
+"""By these a frame is like those learned from, or not."""
+
+
+def features(shown: Shown, inputs: Inputs) -> Channels:
+    """What `FEATURES` names."""
+    shape = shown.image.shape
+    bright = inputs.maps[0]
+    slopes = np.mean(np.diff(bright, axis=0) ** 2) + np.mean(np.diff(bright, axis=1) ** 2)
+    places = 2 * (pixel_of(shown.directions, shown.optics, shape) + 0.5) / np.array(shape) - 1
+    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    told = [
+        *inputs.numbers,
+        shown.optics.tan_half_width,
+        shown.optics.tan_half_height,
+        *shape,
+        bright.std(),
+        np.sqrt(slopes),
+        np.abs(places).max(),
+        extent[1],
+    ]
+    return np.array(told, np.float32)
+
+
+def load(file: Path) -> DepthNetwork:
+    """The network of a file; InputError where that holds none, or one of another version."""
+    return DepthNetwork(load_weights(file, VERSION, _AXES))
+
+
+_PAIRS = {"middle": MIDDLE_BLOCKS, "deep": DEEP_BLOCKS, "again": MIDDLE_BLOCKS}
+_AXES = {"limits": 2, "calibration": 1} | axes_of(
+    (
+        *("enter", "before", "down", "deeper", "rise", "up", "after", "leave"),
+        *(f"{name}.{number}" for name, blocks in _PAIRS.items() for number in range(2 * blocks)),
+    )
+)
+"""What a file has, and along how many axes."""

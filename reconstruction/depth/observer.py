@@ -1,0 +1,138 @@
+"""From a frame to what the network of depths sees of it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Floats
+from ..capture import Optics, Setup, Spots
+from ..capture.readings.cw import CwSpots
+from ..errors import InputError
+from ..ranging import RANGING_METHODS, FogOptics, Ranges, RangingSolver
+from .method import View
+from .shown import Anchors, Shown
+
+LOST = ("no signal", "weak")
+"""Spots of which nothing came back."""
+FOG_TOLD = 0.4
+"""Deviation of the log of backscattering below which fog is known; beforehand it is 0.6."""
+USUAL_NOISE = 0.03
+"""Of readings whose noise is not known."""
+MOST_SIGMA = 2.0
+"""Relative deviation of a range beyond which it tells nothing."""
+LOG_REFLECTANCE = -6.0, 3.0
+"""What lies beyond is not told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """What the frames of one recording share; ``fog`` is None where fog cannot be told.
+
+    ``gain`` is the amplitude of the first taps, in electrons, were all of a laser's light to come
+    back; nan where that is not known.
+    """
+
+    optics: Optics
+    spots: Spots
+    plain: RangingSolver
+    fog: RangingSolver | None
+    gain: float
+    reach_m: float
+
+    @classmethod
+    def of(cls, setup: Setup) -> "Observer":
+        """That of a recording with optics and spots."""
+        assert setup.optics is not None
+        assert setup.spots is not None
+        spots = setup.spots
+        plain = RANGING_METHODS[spots.method]
+        return cls(
+            optics=setup.optics,
+            spots=spots,
+            plain=plain.compile(spots),
+            fog=_fog_solver(spots),
+            gain=_gain(spots),
+            reach_m=plain.unambiguous_range_m(spots),
+        )
+
+    def __call__(self, view: View) -> Shown:
+        """What is seen of a frame that has ranges.
+
+        Of plain ranges and those of target and fog together, the ones that are not given are found
+        here.
+        """
+        assert view.ranges is not None
+        assert view.frame.spots is not None
+        own = self.plain(view.frame.spots)
+        if view.ranges.fog is None:
+            plain = view.ranges
+            fitted = None if self.fog is None else self.fog(view.frame.spots)
+        else:
+            plain, fitted = own, view.ranges
+        fog = None if fitted is None else fitted.fog
+        if fog is None or fog.log_sigma >= FOG_TOLD:
+            fog = FogOptics(np.nan, np.nan, np.nan)
+        nothing = Anchors(np.full(4, np.nan), np.full(4, np.nan))
+        shown = Shown(
+            image=view.image,
+            optics=self.optics,
+            directions=self.spots.directions,
+            plain=self._anchors(plain),
+            fitted=nothing if fitted is None else self._anchors(fitted),
+            lost=np.isin(plain.status, LOST),
+            log_reflectance=np.full(4, np.nan),
+            noise=_noise(view),
+            share=view.frame.buckets.counts.shape[1] / view.image.size,
+            reach_m=self.reach_m,
+            extinction_per_m=fog.extinction_per_m,
+            backscatter_per_m_sr=fog.backscatter_per_m_sr,
+        )
+        return replace(shown, log_reflectance=self._log_reflectance(shown, own.signal_electrons))
+
+    def _anchors(self, ranges: Ranges) -> Anchors:
+        range_m, sigma_m = ranges.likeliest
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return Anchors(
+                np.log(range_m * self.spots.directions[:, 2]),
+                np.minimum(sigma_m / range_m, MOST_SIGMA),
+            )
+
+    def _log_reflectance(self, shown: Shown, amplitudes: Floats) -> Floats:
+        """Of Lambertian surfaces that face the instrument; light lost in known fog is put back."""
+        range_m = np.exp(shown.best.log_depth) / self.spots.directions[:, 2]
+        collected = self.spots.aperture_radii_m**2 / range_m**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.log(amplitudes / (self.gain * collected))
+        lost = 2 * np.nan_to_num(shown.extinction_per_m) * range_m
+        return np.where(np.isfinite(found), np.clip(found + lost, *LOG_REFLECTANCE), np.nan)
+
+
+def _fog_solver(spots: Spots) -> RangingSolver | None:
+    """None where the recording does not tell what ranging in fog needs."""
+    try:
+        return RANGING_METHODS["fog"].compile(spots)
+    except InputError:
+        return None
+
+
+def _gain(spots: Spots) -> float:
+    """Amplitude in electrons of the taps of the first frequency, of all of a laser's light."""
+    if not isinstance(spots, CwSpots):
+        return np.nan
+    first = spots.tap_frequencies_hz == spots.tap_frequencies_hz[0]
+    energy, contrast = (
+        np.broadcast_to(each, first.shape)[first].mean()
+        for each in (spots.laser_energies_j, spots.contrasts)
+    )
+    return float(spots.electrons_per_joule * energy * contrast)
+
+
+def _noise(view: View) -> float:
+    """Rms noise of a reading over what the readings vary by."""
+    buckets = view.frame.buckets
+    usable = buckets.usable[0]
+    variance = buckets.variance[0][usable]
+    spread = float(np.std(buckets.signal[0][usable]))
+    if not np.isfinite(variance).all() or not spread > 0:
+        return USUAL_NOISE
+    return float(np.sqrt(variance.mean()) / spread)

@@ -1,0 +1,244 @@
+"""What the network of depths sees of a frame: image, ranges and fog, as maps and numbers.
+
+Physics comes in as features, not as rules. Light that returns from a surface of reflectance rho at
+the depth z is proportional to rho / z^2, so that log z = (log rho - log I) / 2 + constant: the
+constant is that of the spots, interpolated. Their laser light tells rho. Of the image the fog's
+veil is taken off as far as the fog is known.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Floats, Mask
+from ..capture import Optics
+from ..layers import Channels
+from .anchored_prior import AnchoredPrior
+from .kriging import anchored_depth
+from .neighbours import around, between
+from .rays import pixel_of, squared_distances
+
+DARKEST = 0.01
+"""Brightness over that of the 90th percentile: what is darker is not told apart."""
+USUAL_M = 5.0
+"""Depth in the middle of what is seen where no spot tells one."""
+NARROW = 0.1
+"""Standard deviation of a spot's neighbourhood, over the image's longer side."""
+SOFTENING = 0.02
+"""Of inverse squared distances, over that side squared."""
+SURE = 0.1
+"""A range of this relative deviation counts half."""
+VEIL_FROM_M = 0.4
+"""Range from which the detector sees the fog that the projector lights."""
+MOST_VEIL = 0.95
+"""Of the darkest hundredth of the pixels."""
+TYPICAL_LOG_REFLECTANCE = -1.2
+START = AnchoredPrior(
+    log_depth_deviation=0.4,
+    log_reflectance_deviation=0.7,
+    correlation_length=0.5,
+    similarity=0.7,
+    nugget=0.05,
+    min_brightness=0.2,
+    uncertain=0.05,
+    max_nearer=1.3,
+    doubt=1.0,
+)
+"""Constants of the map that is corrected: part of what was learned, whatever others come to fit."""
+DEVIATION = 0.01, 1.0
+"""Of that map: what is surer or less sure is not told apart."""
+CLEAR_PER_M = 1e-3
+"""Extinction below which fog is not told from clear air."""
+
+
+class Anchors(NamedTuple):
+    """What is told of four spots, each (4,): ``log_depth`` and ``log_sigma``, nan where nothing."""
+
+    log_depth: Floats
+    log_sigma: Floats
+
+    @property
+    def weight(self) -> Floats:
+        """How much each counts, 0 where nothing is told."""
+        known = np.isfinite(self.log_depth) & np.isfinite(self.log_sigma)
+        return np.where(known, 1 / (1 + (np.where(known, self.log_sigma, 1) / SURE) ** 2), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """One frame as the network sees it.
+
+    ``image`` (H, W) in any unit; ``directions`` (4, 3) of the spots. ``plain`` are their ranges by
+    the method that was asked for, ``fitted`` those of target and fog fitted together, and ``lost``
+    (4,) where nothing came back. ``log_reflectance`` (4,) by the laser light, nan where unknown.
+    ``noise`` is the rms noise of a reading over what readings vary by, ``share`` the number of
+    patterns over that of pixels, ``reach_m`` the range from which on spots look nearer than they
+    are. ``extinction_per_m`` and ``backscatter_per_m_sr`` are those of fog, nan where not known.
+    """
+
+    image: Floats
+    optics: Optics
+    directions: Floats
+    plain: Anchors
+    fitted: Anchors
+    lost: Mask
+    log_reflectance: Floats
+    noise: float
+    share: float
+    reach_m: float
+    extinction_per_m: float = np.nan
+    backscatter_per_m_sr: float = np.nan
+
+    @property
+    def best(self) -> Anchors:
+        """Of each spot what was fitted, or else its plain range."""
+        fitted = np.isfinite(self.fitted.log_depth)
+        pairs = zip(self.fitted, self.plain, strict=True)
+        return Anchors(*(np.where(fitted, *pair) for pair in pairs))
+
+    @property
+    def level(self) -> float:
+        """Mean of the spots' log depths."""
+        best, weight = self.best, self.best.weight
+        if not weight.any():
+            return float(np.log(USUAL_M))
+        return float(weight @ np.nan_to_num(best.log_depth) / weight.sum())
+
+
+class Inputs(NamedTuple):
+    """What the network is given: ``maps`` (C, H, W), ``numbers`` (N,), and a ``start`` (H, W).
+
+    That is log depth of the map anchored on the spots, to which is added what the network says.
+    """
+
+    maps: Channels
+    numbers: Channels
+    start: Channels
+
+
+def inputs_of(shown: Shown) -> Inputs:
+    """Maps and numbers of a frame."""
+    shape, level, best = shown.image.shape, shown.level, shown.best
+    anchors = pixel_of(shown.directions, shown.optics, shape)
+    squared = squared_distances(shape, anchors) / max(shape) ** 2
+    near, inverse = np.exp(-squared / (2 * NARROW**2)), 1 / (squared + SOFTENING)
+    plain, fitted, sure = shown.plain.weight, shown.fitted.weight, best.weight
+    log_depth = np.nan_to_num(best.log_depth)
+    bright, unveiled = _log(shown.image), _log(shown.image - veil(shown, anchors))
+
+    def spread(values: Floats, weight: Floats) -> Floats:
+        """Values (4,) between the spots, near 0 far from all that count."""
+        each = weight * inverse
+        return (each @ np.nan_to_num(values)) / (each.sum(axis=-1) + 0.1)
+
+    def by_brightness(log: Floats) -> Floats:
+        """Log depth over the level, were all surfaces as bright as those of the spots."""
+        here = between(around(log), anchors)
+        return spread(log_depth - level + here / 2, sure) - log / 2
+
+    reflectance = np.nan_to_num(shown.log_reflectance - TYPICAL_LOG_REFLECTANCE)
+    known = np.isfinite(shown.log_reflectance) * sure
+    height, width = shape
+    x = (2 * np.arange(width) + 1 - width) / width * shown.optics.tan_half_width
+    y = (2 * np.arange(height) + 1 - height) / height * shown.optics.tan_half_height
+    start, unsure = _anchored(shown, anchors)
+    maps = [
+        bright,
+        unveiled,
+        start - level,
+        unsure,
+        spread(log_depth - level, sure),
+        spread(shown.plain.log_depth - level, plain),
+        near @ plain,
+        spread(shown.fitted.log_depth - level, fitted),
+        near @ fitted,
+        near @ shown.lost.astype(np.float64),
+        by_brightness(bright),
+        by_brightness(unveiled),
+        spread(reflectance, known),
+        np.broadcast_to(4 * x, shape),
+        np.broadcast_to(4 * y[:, None], shape),
+    ]
+    return Inputs(
+        np.array(maps, np.float32),
+        _numbers(shown, known, reflectance),
+        start.astype(np.float32),
+    )
+
+
+NUMBERS = (
+    *("level", "spread", "ranges", "lost", "deviation", "deviation fitted", "noise", "share"),
+    *("extinction", "fog known", "reach", "reflectance", "reflectance known"),
+)
+MAPS = 15
+
+
+def _anchored(shown: Shown, anchors: Floats) -> tuple[Floats, Floats]:
+    """Log depth of the map anchored on the spots, and log of its deviation, both (H, W)."""
+    best = shown.best
+    depth_m = np.exp(best.log_depth)
+    with np.errstate(invalid="ignore"):
+        found = anchored_depth(shown.image, anchors, depth_m, best.log_sigma * depth_m, START)
+    if found is None:
+        return np.full(shown.image.shape, shown.level), np.zeros(shown.image.shape)
+    assert found.deviation is not None
+    return np.log(found.depth_m), np.log(np.clip(found.deviation, *DEVIATION))
+
+
+def _numbers(shown: Shown, known: Floats, reflectance: Floats) -> Channels:
+    """What is the same for all pixels: see `NUMBERS`."""
+    best, weight = shown.best, shown.best.weight
+    total = max(weight.sum(), 1e-6)
+    away = np.nan_to_num(best.log_depth - shown.level)
+    foggy = bool(np.isfinite(shown.extinction_per_m))
+    numbers = [
+        shown.level - np.log(USUAL_M),
+        np.sqrt(weight @ away**2 / total),
+        np.count_nonzero(shown.plain.weight) / 4,
+        np.count_nonzero(shown.lost) / 4,
+        _mean_deviation(shown.plain),
+        _mean_deviation(shown.fitted),
+        np.log(np.clip(shown.noise, 1e-4, 10)) / 4,
+        np.log(shown.share) / 4,
+        np.log(max(shown.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
+        float(foggy),
+        np.log(np.clip(shown.reach_m, 1, 100) / 10),
+        known @ reflectance / max(known.sum(), 1e-6),
+        known.sum() / 4,
+    ]
+    return np.array(numbers, np.float32)
+
+
+def _mean_deviation(anchors: Anchors) -> float:
+    """Of the log, on a scale of some units; that of a spot without a range is 1."""
+    sigma = np.where(np.isfinite(anchors.log_sigma), anchors.log_sigma, 1.0)
+    return float(np.mean(np.log(np.clip(sigma, 1e-4, 1)))) / 4
+
+
+def veil(shown: Shown, anchors: Floats) -> float:
+    """Brightness of the fog in front of everything, as far as the fog is known.
+
+    A surface of reflectance rho at z returns K rho exp(-2 alpha z) / (pi z^2), fog of
+    backscattering beta in front of it K beta times the integral of exp(-2 alpha r) / r^2 from where
+    the detector sees it; K follows from the spots, whose rho and z are known. The fog beyond a
+    surface is missing in its veil, a few per cent where that is metres away.
+    """
+    best, weight = shown.best, shown.best.weight
+    usable = (weight > 0) & np.isfinite(shown.log_reflectance)
+    if not (np.isfinite(shown.extinction_per_m) and usable.any()):
+        return 0.0
+    alpha, beta = shown.extinction_per_m, shown.backscatter_per_m_sr
+    depth, reflectance = np.exp(best.log_depth[usable]), np.exp(shown.log_reflectance[usable])
+    returned = reflectance * np.exp(-2 * alpha * depth) / (np.pi * depth**2)
+    in_fog = beta * np.exp(-2 * alpha * VEIL_FROM_M) / VEIL_FROM_M
+    seen = between(around(shown.image), anchors[usable])
+    scale = float(np.median(seen / (returned + in_fog)))
+    darkest = float(np.percentile(shown.image, 1))
+    return max(min(scale * in_fog, MOST_VEIL * darkest), 0.0)
+
+
+def _log(image: Floats) -> Floats:
+    """Log of brightness over that of bright pixels."""
+    reference = float(np.percentile(image, 90))
+    return np.log(np.maximum(image, DARKEST * reference) / reference)

@@ -1,0 +1,145 @@
+"""How good a depth map is, where it says that nothing is, and what a drone would make of it."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import Floats, Mask
+from ..depth import REACH_M
+from .numbers import number
+
+Figures = dict[str, float | None]
+
+CLOSE = 1.25
+"""Ratio of depths up to which one is near the other."""
+CORRIDOR_M = 0.6
+"""Width and height of the corridor along the optical axis in which a drone flies."""
+OBSTACLE_M2 = 0.01
+"""Cross-section of what counts as an obstacle: that of a hand's breadth squared."""
+
+
+def depth_metrics(
+    depth_m: ArrayLike,
+    true_m: ArrayLike,
+    *,
+    deviation: ArrayLike | None = None,
+    nothing: ArrayLike | None = None,
+    rays: Floats | None = None,
+) -> Figures:
+    """Metrics of depths (..., H, W), nan where there is none, against true ones.
+
+    What is farther than REACH_M counts as nothing. ``deviation`` is the standard deviation of ln
+    depth, ``nothing`` the probability of nothing within reach; `obstacle_metrics`, of one map, need
+    the ``rays`` (H, W, 3) of its pixels, z = 1. What cannot be told is None.
+
+    Over the pixels that have a depth and where something is hit, ``mae_m``, ``rmse_m``,
+    ``median_relative``, ``within_25_percent``, and as D. Eigen, C. Puhrsch, R. Fergus (NIPS 2014)
+    have them ``abs_rel``, the mean of |d - t| / t, and ``delta_1_25``, the share of pixels where
+    max(d / t, t / d) < 1.25. ``coverage`` is the share of the pixels where something is hit that
+    have a depth. Of these, ``within_1_sigma`` and ``within_2_sigma`` is the share whose ln depth is
+    off by no more: 0.683 and 0.954 of Gaussian errors. See `nothing_metrics` and `free_metrics` for
+    the others.
+    """
+    values, true_values = (np.asarray(each, dtype=np.float64) for each in (depth_m, true_m))
+    empty = ~(true_values <= REACH_M)
+    found = _errors(values, true_values, ~empty, deviation)
+    found |= nothing_metrics(values, empty, nothing)
+    found |= free_metrics(values, true_values, nothing)
+    return found | obstacle_metrics(values, true_values, rays)
+
+
+def _errors(depth_m: Floats, true_m: Floats, hit: Mask, deviation: ArrayLike | None) -> Figures:
+    names = ("mae_m", "rmse_m", "median_relative", "within_25_percent", "abs_rel", "delta_1_25")
+    found: Figures = dict.fromkeys((*names, "coverage", "within_1_sigma", "within_2_sigma"))
+    known = np.isfinite(depth_m) & hit
+    if hit.any():
+        found["coverage"] = number(known.sum() / hit.sum())
+    if not known.any():
+        return found
+    depth_m, true_m = depth_m[known], true_m[known]
+    error = np.abs(depth_m - true_m)
+    relative = error / true_m
+    ratio = np.maximum(depth_m / true_m, true_m / depth_m)
+    found |= {
+        "mae_m": number(error.mean()),
+        "rmse_m": number(np.sqrt((error**2).mean())),
+        "median_relative": number(np.median(relative)),
+        "within_25_percent": number((relative < CLOSE - 1).mean()),
+        "abs_rel": number(relative.mean()),
+        "delta_1_25": number((ratio < CLOSE).mean()),
+    }
+    if deviation is not None:
+        away = np.log(ratio) / np.asarray(deviation, dtype=np.float64)[known]
+        found |= {f"within_{k}_sigma": number((away <= k).mean()) for k in (1, 2)}
+    return found
+
+
+def nothing_metrics(depth_m: Floats, empty: Mask, nothing: ArrayLike | None) -> Figures:
+    """How well depths (H, W) tell where it is ``empty`` (H, W), nothing within reach.
+
+    ``nothing_share``: of the pixels where there is nothing. ``nothing_brier``: mean squared
+    difference of the probability told and 0 or 1; the share b of a whole set, told of all its
+    pixels, has b (1 - b) (G. W. Brier, Mon. Weather Rev. 78, 1 (1950)). ``invented``: share of the
+    empty pixels that have a depth within reach.
+    """
+    found: Figures = {
+        "nothing_share": number(empty.mean()),
+        "nothing_brier": None,
+        "invented": number((depth_m <= REACH_M)[empty].mean()) if empty.any() else None,
+    }
+    if nothing is not None:
+        missed = np.asarray(nothing, dtype=np.float64) - empty
+        found["nothing_brier"] = number(np.mean(missed**2))
+    return found
+
+
+def free_metrics(depth_m: Floats, true_m: Floats, nothing: ArrayLike | None) -> Figures:
+    """Free space before the surfaces, as lengths along the optical axis, summed over pixels.
+
+    What is free in a pixel is all up to its depth, up to REACH_M where there is nothing, and none
+    that is told where it is not known. ``free_precision`` is the share of the length told free that
+    is free, ``free_recall`` the share of what is free that is told.
+    """
+    true_free = np.where(true_m <= REACH_M, true_m, REACH_M)
+    told = np.minimum(np.nan_to_num(depth_m), REACH_M)
+    if nothing is not None:
+        told = np.where(np.isnan(depth_m) & (np.asarray(nothing) >= 0.5), REACH_M, told)
+    both = np.minimum(told, true_free).sum()
+    return {
+        "free_precision": number(both / told.sum()) if told.any() else None,
+        "free_recall": number(both / true_free.sum()),
+    }
+
+
+def obstacle_metrics(depth_m: Floats, true_m: Floats, rays: Floats | None) -> Figures:
+    """Nearest obstacle in the corridor ahead; see `nearest_obstacle`.
+
+    ``obstacle_error``: relative, above 0 is too far. ``obstacle_missed``: 1 where it is told to be
+    more than 25 % too far or not at all, else 0; None without one. ``obstacle_false``: 1 where one
+    is told that is more than 25 % too near or not there, else 0. All are None without ``rays``.
+    """
+    if rays is None:
+        return dict.fromkeys(("obstacle_error", "obstacle_missed", "obstacle_false"))
+    found, true = (nearest_obstacle(each, rays) for each in (depth_m, true_m))
+    error = found / true - 1
+    return {
+        "obstacle_error": number(error),
+        "obstacle_missed": None if np.isnan(true) else float(not error <= CLOSE - 1),
+        "obstacle_false": 0.0 if np.isnan(found) else float(not error >= 1 - CLOSE),
+    }
+
+
+def nearest_obstacle(depth_m: Floats, rays: Floats) -> float:
+    """Depth within reach of the nearest obstacle in the corridor, nan without one.
+
+    The corridor runs along the optical axis, CORRIDOR_M wide and high. An obstacle is there from
+    the depth on up to which the pixels in it make up OBSTACLE_M2 together, each as large as it is
+    at its depth: single pixels that are wrong count for little, and so do wires.
+    """
+    near = depth_m <= REACH_M
+    inside = np.abs(rays[..., :2]).max(axis=-1) * depth_m <= CORRIDOR_M / 2
+    sorted_m = np.sort(depth_m[near & inside])
+    height, width = depth_m.shape
+    across, down = (np.ptp(rays[..., k]) / max(n - 1, 1) for k, n in enumerate((width, height)))
+    pixel = (across or down) * (down or across)  # at 1 m
+    enough = np.cumsum(pixel * sorted_m**2) >= OBSTACLE_M2
+    return float(sorted_m[enough.argmax()]) if enough.any() else float("nan")

@@ -1,0 +1,115 @@
+"""Layers of small networks, evaluated as products of matrices, and files of their weights."""
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+
+Channels = NDArray[np.float32]
+
+
+class Layers:
+    """Convolutions by their names, of weights ``<name>.weight`` and ``<name>.bias``."""
+
+    def __init__(self, weights: Mapping[str, NDArray[Any]]) -> None:
+        self._layers = {
+            name.removesuffix(".weight"): (
+                np.ascontiguousarray(_flat(weight.astype(np.float32))),
+                weights[name.replace("weight", "bias")].astype(np.float32)[:, None],
+            )
+            for name, weight in weights.items()
+            if name.endswith(".weight")
+        }
+
+    def __call__(self, name: str, channels: Channels) -> Channels:
+        """A convolution (C, H, W), with zeros around it: of 3 x 3 pixels, or of each by itself."""
+        weight, bias = self._layers[name]
+        count, height, width = channels.shape
+        if weight.shape[1] == count:
+            out = weight @ channels.reshape(count, -1) + bias
+            return out.reshape(-1, height, width)
+        # As rows of the padded image follow each other, each of the nine shifts is a slice.
+        padded = np.zeros((count, height + 2, width + 2), np.float32)
+        padded[:, 1:-1, 1:-1] = channels
+        flat = padded.reshape(count, -1)
+        length = height * (width + 2) - 2
+        starts = [down * (width + 2) + along for down in range(3) for along in range(3)]
+        columns = np.concatenate([flat[:, start : start + length] for start in starts])
+        out = np.empty((len(weight), height * (width + 2)), np.float32)
+        out[:, :length] = weight @ columns + bias
+        return out.reshape(-1, height, width + 2)[:, :, :width]
+
+    def changed(self, name: str, channels: Channels, blocks: int) -> Channels:
+        """With what pairs of convolutions ``<name>.0`` and so on add to it, block by block."""
+        for number in range(0, 2 * blocks, 2):
+            change = positive(self(f"{name}.{number}", channels))
+            channels = channels + self(f"{name}.{number + 1}", change)
+        return channels
+
+
+def load_weights(
+    file: Path, version: int, axes: Mapping[str, int]
+) -> dict[str, NDArray[np.floating[Any]]]:
+    """Arrays of a file by their names, each along as many axes.
+
+    InputError where it holds no such weights, or those of another version.
+    """
+    try:
+        with np.load(file, allow_pickle=False) as told:
+            weights = dict(told)
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"{file} holds no weights of a network: {error}") from None
+    found = weights.pop("version", None)
+    if found is None or found != version:
+        raise InputError(f"{file}: version of the weights = {found}, must be {version}")
+    missing = [name for name in axes if name not in weights]
+    if missing:
+        raise InputError(f"{file}: weights without {', '.join(missing)}")
+    for name, count in axes.items():
+        values = weights[name]
+        if values.dtype.kind != "f" or values.ndim != count or not np.isfinite(values).all():
+            raise InputError(f"{file}: {name} must be finite numbers along {count} axes")
+    return weights
+
+
+def axes_of(layers: tuple[str, ...]) -> dict[str, int]:
+    """Of weights and biases of layers."""
+    return {f"{layer}.weight": 4 for layer in layers} | {f"{layer}.bias": 1 for layer in layers}
+
+
+def filled(maps: Channels, multiple: int) -> Channels:
+    """Maps (C, H, W), mirrored up to sides that are multiples."""
+    height, width = maps.shape[1:]
+    fill = (-height % multiple, -width % multiple)
+    if not any(fill):
+        return maps
+    return np.pad(maps, ((0, 0), (0, fill[0]), (0, fill[1])), mode="symmetric")
+
+
+def positive(channels: Channels) -> Channels:
+    """Rectified."""
+    return np.maximum(channels, 0)
+
+
+def squares_as_channels(channels: Channels) -> Channels:
+    """(C, H, W) to (4 C, H / 2, W / 2)."""
+    count, height, width = channels.shape
+    squares = channels.reshape(count, height // 2, 2, width // 2, 2)
+    return squares.transpose(0, 2, 4, 1, 3).reshape(4 * count, height // 2, width // 2)
+
+
+def channels_as_squares(channels: Channels) -> Channels:
+    """(4 C, H, W) to (C, 2 H, 2 W)."""
+    count, height, width = channels.shape
+    squares = channels.reshape(count // 4, 2, 2, height, width)
+    return squares.transpose(0, 3, 1, 4, 2).reshape(count // 4, 2 * height, 2 * width)
+
+
+def _flat(weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Weights (out, in, 3, 3) or (out, in, 1, 1) as (out, shifts x in)."""
+    return weight.transpose(0, 2, 3, 1).reshape(len(weight), -1)

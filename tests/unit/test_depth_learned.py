@@ -1,0 +1,349 @@
+"""Learned depth: features against closed forms, the network, and when it is not asked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import expit
+
+import worlds
+from instruments import changed
+from reconstruction import Capture, Reconstructor
+from reconstruction.capture import Optics, Setup
+from reconstruction.depth import Context, DepthEstimate, View, depth_method, pixel_rays
+from reconstruction.depth.methods import learned
+from reconstruction.depth.network import FEATURES, VERSION, DepthNetwork, features, load
+from reconstruction.depth.observer import Observer
+from reconstruction.depth.shown import (
+    MAPS,
+    NUMBERS,
+    VEIL_FROM_M,
+    Anchors,
+    Shown,
+    inputs_of,
+    veil,
+)
+from reconstruction.errors import InputError
+from reconstruction.image import Imaging
+from reconstruction.ranging import FogOptics
+from spisim.simulation import simulate
+from test_learned import convolved, shuffled, unshuffled
+
+OPTICS = Optics(tan_half_width=np.tan(np.radians(10)), tan_half_height=np.tan(np.radians(10)))
+NOTHING = Anchors(np.full(4, np.nan), np.full(4, np.nan))
+
+
+def directions(places):
+    """Unit vectors (4, 3) at these shares of the half angles' tangents."""
+    towards = np.concatenate([np.array(places) * OPTICS.tan_half_width, np.ones((4, 1))], axis=1)
+    return towards / np.linalg.norm(towards, axis=1, keepdims=True)
+
+
+CENTRES = directions([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]])
+
+
+def seen(depth_m, image, **changes):
+    """A frame of which the spots' depths are known to a millimetre or so."""
+    height, width = image.shape
+    rows = ((CENTRES[:, 1] / CENTRES[:, 2] / OPTICS.tan_half_height + 1) * height / 2).astype(int)
+    columns = ((CENTRES[:, 0] / CENTRES[:, 2] / OPTICS.tan_half_width + 1) * width / 2).astype(int)
+    told = Anchors(np.log(depth_m[rows, columns]), np.full(4, 1e-3))
+    return replace(
+        Shown(
+            image=image,
+            optics=OPTICS,
+            directions=CENTRES,
+            plain=told,
+            fitted=NOTHING,
+            lost=np.zeros(4, dtype=bool),
+            log_reflectance=np.full(4, np.log(0.3)),
+            noise=0.05,
+            share=0.031,
+            reach_m=10.0,
+        ),
+        **changes,
+    )
+
+
+def plane(shape=(64, 64), reflectance=0.3):
+    """A tilted plane of one reflectance: depth, and light that falls off with its square."""
+    x = pixel_rays(OPTICS, shape)[..., 0]
+    depth_m = 4.0 / (1 - 1.5 * x)
+    return depth_m, 1e3 * reflectance / depth_m**2
+
+
+def test_by_brightness_a_surface_of_one_reflectance_has_its_very_depth():
+    depth_m, image = plane()
+    frame = seen(depth_m, image)
+    found = inputs_of(frame).maps[8] + frame.level
+    within = np.abs(found - np.log(depth_m))
+    # The mean of neighbours at the spots, and spots that fade away from where they are.
+    assert within.max() < 0.08
+    assert np.abs(inputs_of(frame).start - np.log(depth_m)).mean() > 2 * within.mean()
+
+
+def test_neither_the_unit_of_the_image_nor_the_order_of_spots_matters():
+    depth_m, image = plane()
+    frame = seen(depth_m, image + 0.3 * np.sin(np.arange(64)))
+    expected = inputs_of(frame)
+    order = [2, 0, 3, 1]
+    shuffled_spots = replace(
+        frame,
+        image=frame.image * 250,
+        directions=frame.directions[order],
+        plain=Anchors(*(values[order] for values in frame.plain)),
+    )
+    found = inputs_of(shuffled_spots)
+    for each, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(each, other, atol=1e-5)
+
+
+def test_a_mirrored_frame_looks_mirrored():
+    depth_m, image = plane()
+    frame = seen(depth_m, image)
+    mirrored = replace(
+        frame, image=image[:, ::-1], directions=frame.directions * np.array([-1, 1, 1])
+    )
+    first, second = inputs_of(frame), inputs_of(mirrored)
+    np.testing.assert_allclose(second.start[:, ::-1], first.start, atol=1e-5)
+    kept = [number for number in range(MAPS) if number != MAPS - 2]  # all but x
+    np.testing.assert_allclose(second.maps[kept][..., ::-1], first.maps[kept], atol=1e-5)
+    np.testing.assert_allclose(second.maps[-2], -first.maps[-2][:, ::-1], atol=1e-6)
+
+
+def test_the_veil_of_a_fog_that_is_known_comes_off():
+    alpha, beta, scale, depth = 0.05, 2e-3, 1e4, 6.0
+    in_fog = beta * np.exp(-2 * alpha * VEIL_FROM_M) / VEIL_FROM_M
+    surface = 0.3 * np.exp(-2 * alpha * depth) / (np.pi * depth**2)
+    image = np.full((32, 32), scale * (surface + in_fog))
+    fog = {"extinction_per_m": alpha, "backscatter_per_m_sr": beta}
+    frame = seen(np.full((32, 32), depth), image, **fog)
+    anchors = np.array([[7.5, 7.5], [7.5, 23.5], [23.5, 7.5], [23.5, 23.5]])
+    assert veil(frame, anchors) == pytest.approx(scale * in_fog, rel=1e-6)
+    for unknown in (
+        replace(frame, extinction_per_m=np.nan),
+        replace(frame, log_reflectance=np.full(4, np.nan)),
+        replace(frame, plain=NOTHING),
+    ):
+        assert veil(unknown, anchors) == 0
+
+
+@pytest.mark.parametrize("spots", range(5))
+def test_any_number_of_spots_makes_inputs_and_an_answer(spots):
+    depth_m, image = plane((24, 40))
+    frame = seen(depth_m, image)
+    unknown = np.arange(4) >= spots
+    some = Anchors(*(np.where(unknown, np.nan, values) for values in frame.plain))
+    inputs = inputs_of(replace(frame, plain=some, lost=unknown))
+    assert inputs.maps.shape == (MAPS, 24, 40)
+    assert inputs.numbers.shape == (len(NUMBERS),)
+    told = learned.shipped()(inputs)
+    for values in (told.log_depth, told.deviation, told.nothing):
+        assert values.shape == (24, 40)
+        assert np.isfinite(values).all()
+
+
+@pytest.fixture(scope="module")
+def weights():
+    with np.load(learned.WEIGHTS, allow_pickle=False) as told:
+        return dict(told)
+
+
+def reference(inputs, weights):
+    """The network in double precision, channel by channel."""
+
+    def layer(channels, name):
+        return convolved(channels, weights, name)
+
+    def changed_by(channels, name, blocks):
+        for number in range(0, 2 * blocks, 2):
+            inner = np.maximum(layer(channels, f"{name}.{number}"), 0)
+            channels = channels + layer(inner, f"{name}.{number + 1}")
+        return channels
+
+    half = unshuffled(inputs.maps.astype(np.float64))
+    constant = [np.full(half.shape[1:], number) for number in inputs.numbers]
+    kept = np.maximum(layer(np.concatenate([half, constant]), "enter"), 0)
+    kept = np.maximum(layer(kept, "before"), 0)
+    quarter = changed_by(np.maximum(layer(unshuffled(kept), "down"), 0), "middle", 1)
+    eighth = changed_by(np.maximum(layer(unshuffled(quarter), "deeper"), 0), "deep", 2)
+    quarter = changed_by(np.maximum(quarter + shuffled(layer(eighth, "rise")), 0), "again", 1)
+    kept = np.maximum(kept + shuffled(layer(quarter, "up")), 0)
+    return shuffled(layer(np.maximum(layer(kept, "after"), 0), "leave"))
+
+
+def test_the_network_is_what_its_definition_says(weights):
+    depth_m, image = plane((16, 32))
+    inputs = inputs_of(seen(depth_m, image))
+    change, log_sigma, logit = reference(inputs, weights)
+    found = learned.shipped()(inputs)
+    np.testing.assert_allclose(found.log_depth, inputs.start + change, atol=1e-4)
+    expected = np.exp(np.clip(log_sigma, -4.5, 1) + weights["calibration"][0])
+    np.testing.assert_allclose(found.deviation, expected, rtol=1e-3)
+    np.testing.assert_allclose(found.nothing, expit(logit), atol=1e-4)
+
+
+def test_the_file_is_small():
+    assert learned.WEIGHTS.stat().st_size < 1_000_000
+
+
+@pytest.fixture(scope="module")
+def capture():
+    place = worlds.scene(worlds.plane(4.0, 0.5))
+    return simulate(place, changed("paper"), light="surrogate", seed=1).capture
+
+
+def solved(capture: Capture, view=None, setup: Setup | None = None):
+    """The learned map and the anchored one, of a view or that of the capture."""
+    setup = setup or capture.setup
+    context = Context(setup, Imaging(setup.plan))
+    view = view or view_of(capture)
+    return [depth_method(name, setup).compile(context)(view) for name in ("learned", "anchored")]
+
+
+def view_of(capture, **changes):
+    frame = capture.frame(0)
+    result = Reconstructor(capture.setup, image="edge-preserving", depth=())(frame)
+    return replace(View(result.image.astype(np.float64), result.ranges, frame), **changes)
+
+
+def test_a_wall_is_where_it_is(capture):
+    found, _ = solved(capture)
+    assert found.note is None
+    assert np.nanmedian(found.depth_m) == pytest.approx(4.0, rel=0.05)
+    assert np.mean(np.isfinite(found.depth_m)) > 0.99
+    assert found.deviation.shape == found.nothing.shape == found.depth_m.shape
+    assert ((found.nothing >= 0) & (found.nothing <= 1)).all()
+
+
+def test_reflectance_is_that_of_the_wall(capture):
+    view = view_of(capture)
+    found = Observer.of(capture.setup)(view)
+    cosines = view.frame.spots.directions[:, 2]
+    np.testing.assert_allclose(np.exp(found.log_reflectance), 0.5 * cosines, rtol=0.05)
+    assert found.reach_m == pytest.approx(10.0, rel=1e-3)
+
+
+def test_ranges_that_know_of_fog_are_not_made_again(capture):
+    view = view_of(capture)
+    fog = FogOptics(0.05, 1e-3, 0.1)
+    told = replace(view.ranges, range_m=view.ranges.range_m * 1.5, fog=fog)
+    found = Observer.of(capture.setup)(replace(view, ranges=told))
+    np.testing.assert_allclose(found.fitted.log_depth - found.plain.log_depth, np.log(1.5))
+    assert found.extinction_per_m == 0.05
+    unsure = replace(told, fog=fog._replace(log_sigma=0.6))
+    found = Observer.of(capture.setup)(replace(view, ranges=unsure))
+    assert np.isnan(found.extinction_per_m)
+
+
+def test_what_is_unlike_all_it_learned_from_gets_the_anchored_map(capture, weights, monkeypatch):
+    strict = DepthNetwork(weights | {"limits": np.zeros((2, len(FEATURES)))})
+    monkeypatch.setattr(learned, "shipped", lambda: strict)
+    found, plain = solved(capture)
+    assert "anchored on the spots, not learned: level = " in found.note
+    assert found.nothing is None
+    np.testing.assert_array_equal(found.depth_m, plain.depth_m)
+
+
+COLLINEAR = directions([[-0.6, 0.1], [-0.2, 0.1], [0.2, 0.1], [0.6, 0.1]])
+OUTSIDE = directions([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [1.6, 0.5]])
+
+
+@pytest.mark.parametrize(
+    ("towards", "said"), [(COLLINEAR, "spots off a line = "), (OUTSIDE, "farthest spot = ")]
+)
+def test_spots_in_a_line_or_outside_the_image_are_told(capture, towards, said):
+    spots = replace(capture.spots, directions=towards)
+    moved = replace(capture, spots=spots)
+    found, plain = solved(moved, view_of(moved))
+    assert f"not learned: {said}" in found.note
+    np.testing.assert_array_equal(found.depth_m, plain.depth_m)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"tan_half_width": 1.2, "tan_half_height": 1.2}, {"tan_half_width": 0.02}],
+)
+def test_fields_that_it_never_saw_are_told(capture, change):
+    wide = replace(capture, optics=replace(capture.optics, **change))
+    found, _ = solved(wide, view_of(wide))
+    assert "not learned: " in found.note
+
+
+def test_an_image_of_zeros_is_told(capture):
+    found, plain = solved(capture, view_of(capture, image=np.zeros((64, 64))))
+    assert plain is None
+    assert np.isnan(found.depth_m).all()
+    assert found.note == "no depth; not learned: the image is dark"
+
+
+def test_without_any_range_there_is_no_depth(capture):
+    view = view_of(capture)
+    nothing = np.full(4, np.nan)
+    lost = replace(
+        view.ranges, range_m=nothing, sigma_m=nothing, status=("no signal",) * 4, fog=None
+    )
+    taps = np.full_like(view.frame.spots.taps, round(float(view.frame.spots.taps.mean())))
+    frame = replace(view.frame, spots=replace(view.frame.spots, taps=taps))
+    found, _ = solved(capture, View(view.image, lost, frame))
+    assert np.isnan(found.depth_m).all()
+    assert "no depth" in found.note or "no spot has a range" in found.note
+
+
+def test_there_is_none_without_spots(capture):
+    found, _ = solved(capture, view_of(capture, ranges=None))
+    assert found is None
+
+
+def test_other_kinds_of_spots_get_the_anchored_map():
+    place = worlds.scene(worlds.plane(4.0, 0.5))
+    capture = simulate(place, changed("spad"), light="surrogate", seed=1).capture
+    found, plain = solved(capture)
+    assert "not learned: learned from spots of continuous wave alone" in found.note
+    np.testing.assert_array_equal(found.depth_m, plain.depth_m)
+
+
+@pytest.mark.parametrize("content", [None, b"weights"])
+def test_weights_that_are_missing_or_none_are_told(capture, tmp_path, monkeypatch, content):
+    file = tmp_path / "learned.npz"
+    if content is not None:
+        file.write_bytes(content)
+    monkeypatch.setattr(learned, "shipped", lambda: load(file))
+    found, plain = solved(capture)
+    assert "holds no weights of a network" in found.note
+    np.testing.assert_array_equal(found.depth_m, plain.depth_m)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"version": np.array(VERSION + 1)}, rf"version of the weights = {VERSION + 1}, must be"),
+        ({"deep.3.bias": None}, "weights without deep.3.bias"),
+        ({"calibration": np.array([np.nan])}, "calibration must be finite"),
+        ({"limits": np.zeros(3)}, "limits must be finite numbers along 2 axes"),
+    ],
+)
+def test_weights_of_another_kind_are_refused(tmp_path, weights, change, said):
+    told = {name: value for name, value in (weights | change).items() if value is not None}
+    np.savez(tmp_path / "w.npz", **told)
+    with pytest.raises(InputError, match=said):
+        load(tmp_path / "w.npz")
+
+
+def test_features_are_as_many_as_their_names(weights):
+    depth_m, image = plane()
+    frame = seen(depth_m, image)
+    assert features(frame, inputs_of(frame)).shape == (len(FEATURES),)
+    assert weights["limits"].shape == (2, len(FEATURES))
+
+
+def test_measured_depths_join_by_inverse_variance():
+    ours = DepthEstimate(
+        np.array([[2.0, np.nan, 3.0]]), np.array([[0.2, 0.2, 0.2]]), np.array([[0.1, 0.9, 0.1]])
+    )
+    measured = DepthEstimate(np.array([[4.0, 5.0, np.nan]]), np.array([[0.1, 0.1, np.nan]]))
+    found = learned.joined(ours, measured)
+    mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / (1 / 0.04 + 1 / 0.01)
+    np.testing.assert_allclose(found.depth_m, [[np.exp(mean), 5.0, 3.0]])
+    np.testing.assert_allclose(found.deviation, [[(1 / 0.04 + 1 / 0.01) ** -0.5, 0.1, 0.2]])
+    np.testing.assert_allclose(found.nothing, [[0.1, 0.5, 0.1]])

@@ -1,0 +1,143 @@
+"""Metrics of depth maps: known values, honest deviations, skies, obstacles and free space."""
+
+import numpy as np
+import pytest
+
+from reconstruction.capture import Optics
+from reconstruction.depth import REACH_M, pixel_rays
+from reconstruction.evaluation import depth_metrics
+from reconstruction.evaluation.depths import CORRIDOR_M, OBSTACLE_M2, nearest_obstacle
+
+SHAPE = (64, 64)
+TAN = np.tan(np.radians(10))
+RAYS = pixel_rays(Optics(TAN, TAN), SHAPE)
+ROWS, COLUMNS = np.mgrid[:64, :64]
+WALL = np.full(SHAPE, 8.0)
+SKY = np.full(SHAPE, np.nan)
+
+
+def with_box(depth_m, side, row=32, column=32, behind=WALL):
+    """A square of so many pixels before a wall."""
+    inside = (abs(ROWS + 0.5 - row) < side / 2) & (abs(COLUMNS + 0.5 - column) < side / 2)
+    return np.where(inside, depth_m, behind)
+
+
+def of(depth_m, true_m, **known):
+    return depth_metrics(depth_m, true_m, rays=RAYS, **known)
+
+
+def test_relative_errors_are_those_of_the_literature():
+    metrics = depth_metrics(np.array([1.1, 1.6, 6.0]), np.array([1.0, 2.0, 5.0]))
+    assert metrics["abs_rel"] == pytest.approx((0.1 + 0.2 + 0.2) / 3)
+    # 2 / 1.6 is 1.25, though the error is 20 % of the truth
+    assert metrics["delta_1_25"] == pytest.approx(2 / 3)
+    assert metrics["within_25_percent"] == 1
+
+
+def test_honest_deviations_hold_their_shares():
+    rng = np.random.default_rng(1)
+    sigma = rng.uniform(0.05, 0.4, (100, 100))
+    found = depth_metrics(5 * np.exp(sigma * rng.normal(size=sigma.shape)), 5 + 0 * sigma,
+                          deviation=sigma)  # fmt: skip
+    for sigmas, share in ((1, 0.6827), (2, 0.9545)):
+        z = (found[f"within_{sigmas}_sigma"] - share) / np.sqrt(share * (1 - share) / sigma.size)
+        assert abs(z) < 4
+    proud = depth_metrics(5 * np.exp(sigma), 5 + 0 * sigma, deviation=sigma / 3)
+    assert proud["within_1_sigma"] == proud["within_2_sigma"] == 0
+    assert depth_metrics(WALL, WALL)["within_1_sigma"] is None
+
+
+def test_what_is_beyond_reach_counts_as_nothing():
+    true_m = np.array([5.0, REACH_M + 1, 3000.0, np.nan])
+    found = depth_metrics(np.array([5.0, 20.0, np.nan, REACH_M + 9]), true_m)
+    assert found["coverage"] == found["within_25_percent"] == 1
+    assert found["mae_m"] == 0
+    assert found["nothing_share"] == 0.75
+    assert found["invented"] == pytest.approx(1 / 3)  # what is told farther than that is nothing
+    assert depth_metrics(WALL, WALL)["invented"] is None
+
+
+def test_the_brier_score_of_the_base_rate_is_its_variance():
+    true_m = np.where(COLUMNS < 16, np.nan, WALL)
+    share = 0.25
+    score = of(WALL, true_m, nothing=np.full(SHAPE, share))["nothing_brier"]
+    assert score == pytest.approx(share * (1 - share))
+    assert of(WALL, true_m, nothing=np.isnan(true_m).astype(float))["nothing_brier"] == 0
+    assert of(WALL, true_m, nothing=(~np.isnan(true_m)).astype(float))["nothing_brier"] == 1
+    assert of(WALL, true_m)["nothing_brier"] is None
+
+
+@pytest.mark.parametrize(
+    ("told", "true", "missed", "false"),
+    [
+        (4.0, 4.0, 0, 0),
+        (4.9, 4.0, 0, 0),
+        (5.2, 4.0, 1, 0),
+        (8.0, 4.0, 1, 0),
+        (3.1, 4.0, 0, 0),
+        (2.9, 4.0, 0, 1),
+    ],
+)
+def test_obstacles_ahead_are_missed_or_seen_where_there_are_none(told, true, missed, false):
+    found = of(with_box(told, 12), with_box(true, 12))
+    assert found["obstacle_error"] == pytest.approx(told / true - 1)
+    assert (found["obstacle_missed"], found["obstacle_false"]) == (missed, false)
+
+
+def test_without_an_obstacle_one_is_neither_missed_nor_off():
+    seen = of(with_box(4.0, 12, behind=SKY), SKY)
+    assert seen["obstacle_missed"] is seen["obstacle_error"] is None
+    assert seen["obstacle_false"] == 1
+    nothing_told = of(SKY, with_box(4.0, 12, behind=SKY))
+    assert (nothing_told["obstacle_missed"], nothing_told["obstacle_false"]) == (1, 0)
+    assert nothing_told["obstacle_error"] is None
+    assert of(SKY, SKY)["obstacle_false"] == 0
+
+
+def test_only_what_is_in_the_corridor_is_an_obstacle():
+    wide = 2 * TAN * 4 / 64  # of a pixel at 4 m
+    for column in range(64):
+        box = with_box(4.0, 8, column=column, behind=SKY)
+        at_m = abs(column - 32) * wide
+        if at_m < CORRIDOR_M / 2 - 2 * wide:
+            assert nearest_obstacle(box, RAYS) == 4
+        if at_m > CORRIDOR_M / 2 + 6 * wide:
+            assert np.isnan(nearest_obstacle(box, RAYS))
+
+
+@pytest.mark.parametrize("depth_m", [1.0, 4.0, 12.0])
+@pytest.mark.parametrize("pixels", [32, 64, 256])
+def test_an_obstacle_has_a_size_whatever_the_pixels(depth_m, pixels):
+    rays = pixel_rays(Optics(TAN, TAN), (pixels, pixels))
+    pixel_m2 = (2 * TAN * depth_m / pixels) ** 2
+    least = int(np.ceil(OBSTACLE_M2 / pixel_m2 - 1e-9))
+    inside = np.abs(rays[..., :2]).max(axis=-1) * depth_m <= CORRIDOR_M / 2
+    order = np.flatnonzero(inside)
+    for count, seen in ((least, True), (least - 1, False)):
+        depth = np.full(pixels**2, np.nan)
+        depth[order[:count]] = depth_m
+        found = nearest_obstacle(depth.reshape(pixels, pixels), rays)
+        assert (found == depth_m) if seen else np.isnan(found)
+
+
+def test_free_space_is_told_up_to_the_surface():
+    near = of(WALL / 2, WALL)
+    assert (near["free_precision"], near["free_recall"]) == (1, 0.5)
+    far = of(2 * WALL, WALL)
+    assert (far["free_precision"], far["free_recall"]) == (0.5, 1)
+    unknown = of(SKY, WALL)
+    assert unknown["free_precision"] is None
+    assert unknown["free_recall"] == 0
+
+
+def test_where_nothing_is_told_all_is_free_within_reach():
+    sky = of(SKY, SKY, nothing=np.ones(SHAPE))
+    assert (sky["free_precision"], sky["free_recall"]) == (1, 1)
+    wrong = of(SKY, WALL, nothing=np.ones(SHAPE))
+    assert wrong["free_precision"] == pytest.approx(8 / REACH_M)
+    assert of(SKY, SKY, nothing=np.zeros(SHAPE))["free_recall"] == 0
+
+
+def test_a_map_of_one_row_has_its_obstacles():
+    rays = pixel_rays(Optics(TAN, TAN), (1, 64))
+    assert nearest_obstacle(np.full((1, 64), 5.0), rays) == 5.0

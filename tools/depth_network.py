@@ -1,0 +1,399 @@
+"""Train the network of the depth method `learned`, on the frames of `tools/depth_frames.py`.
+
+    pip install 'spisim[torch]'
+    python tools/depth_network.py FOLDER WEIGHTS.npz [--steps 12000] [--onnx FILE]
+
+The loss is that of a Laplace distribution of log depth, whose deviation is told besides; the mean
+relative error, which counts most what is told too far; and the cross entropy of "nothing". Every
+frame is shown with some of its spots, as it is or mirrored, with what fitting the fog tells or
+without. One family and every 20th scene are kept aside; on the former the deviations are calibrated
+so that 95 % of the pixels lie within 1.96 of them. Beside the weights, a JSON file of their name
+tells what they were trained on, and how good they are on what was kept aside.
+"""
+
+import argparse
+import hashlib
+import json
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import binary_cross_entropy_with_logits, pixel_shuffle, pixel_unshuffle
+
+from depth_frames import PLAN
+from reconstruction.capture import Optics
+from reconstruction.depth.network import (
+    DEEP_BLOCKS,
+    LOG_SIGMA,
+    MIDDLE_BLOCKS,
+    VERSION,
+    features,
+)
+from reconstruction.depth.shown import MAPS, NUMBERS, Anchors, Inputs, Shown, inputs_of
+
+SEED = 7
+BATCH = 8
+RATE = 1.5e-3
+NARROW, MIDDLE, WIDE = 24, 48, 80
+"""Channels at a half, a quarter and an eighth of the resolution."""
+ASIDE = 20
+FAMILY_ASIDE = "scaffold"
+AVERAGED = 0.998
+WARM = 0.05
+"""Share of the steps in which the rate rises."""
+OF_RELATIVE, OF_NOTHING = 2.0, 1.0
+"""Weights in the loss, besides that of the likelihood."""
+FARTHEST = 1.5
+"""Error of log depth, at most: one pixel does not decide."""
+USUAL = 0.05, 99.95
+"""Percentiles of what is like the frames learned from."""
+BEYOND = 0.1
+"""What is still like them, over the range of a feature."""
+
+
+class Blocks(nn.ModuleList):
+    """Pairs of convolutions, each of which adds to what it is given."""
+
+    def __init__(self, channels: int, blocks: int) -> None:
+        super().__init__(nn.Conv2d(channels, channels, 3, padding=1) for _ in range(2 * blocks))
+
+    def forward(self, channels: Tensor) -> Tensor:
+        """Changed, block by block."""
+        layers = list(self)
+        for first, second in zip(layers[::2], layers[1::2], strict=True):
+            channels = channels + second(torch.relu(first(channels)))
+        return channels
+
+
+class Net(nn.Module):
+    """As `reconstruction.depth.network` evaluates it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.enter = nn.Conv2d(4 * MAPS + len(NUMBERS), NARROW, 3, padding=1)
+        self.before = nn.Conv2d(NARROW, NARROW, 3, padding=1)
+        self.down = nn.Conv2d(4 * NARROW, MIDDLE, 1)
+        self.middle = Blocks(MIDDLE, MIDDLE_BLOCKS)
+        self.deeper = nn.Conv2d(4 * MIDDLE, WIDE, 1)
+        self.deep = Blocks(WIDE, DEEP_BLOCKS)
+        self.rise = nn.Conv2d(WIDE, 4 * MIDDLE, 1)
+        self.again = Blocks(MIDDLE, MIDDLE_BLOCKS)
+        self.up = nn.Conv2d(MIDDLE, 4 * NARROW, 1)
+        self.after = nn.Conv2d(NARROW, NARROW, 3, padding=1)
+        self.leave = nn.Conv2d(NARROW, 4 * 3, 3, padding=1)
+        nn.init.zeros_(self.leave.weight)
+        bias = torch.tensor([0.0, -1.5, -2.0]).repeat_interleave(4)
+        self.leave.bias = nn.Parameter(bias)
+
+    def forward(self, maps: Tensor, numbers: Tensor) -> Tensor:
+        """Log depth over the start, log of its deviation, logit of nothing: (B, 3, H, W)."""
+        half = pixel_unshuffle(maps, 2)
+        constant = numbers[:, :, None, None].expand(-1, -1, *half.shape[2:])
+        kept = torch.relu(self.enter(torch.cat([half, constant], dim=1)))
+        kept = torch.relu(self.before(kept))
+        quarter = self.middle(torch.relu(self.down(pixel_unshuffle(kept, 2))))
+        eighth = self.deep(torch.relu(self.deeper(pixel_unshuffle(quarter, 2))))
+        quarter = self.again(torch.relu(quarter + pixel_shuffle(self.rise(eighth), 2)))
+        kept = torch.relu(kept + pixel_shuffle(self.up(quarter), 2))
+        return pixel_shuffle(self.leave(torch.relu(self.after(kept))), 2)
+
+
+class Frames:
+    """Frames of files, as the network may see them."""
+
+    def __init__(self, files: list[Path]) -> None:
+        self.shown: list[Shown] = []
+        self.depth_m: list[Any] = []
+        self.family: list[str] = []
+        for file in files:
+            with np.load(file) as told:
+                columns = {name: told[name] for name in told.files}
+            for number, family in enumerate(columns["family"].tolist()):
+                each = {name: values[number] for name, values in columns.items()}
+                if not np.percentile(each["image"], 90) > 0:  # dark: no method is asked
+                    continue
+                self.shown.append(from_arrays(each))
+                self.depth_m.append(each["depth_m"])
+                self.family.append(family)
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.shown)
+
+    def of(self, family: str) -> "tuple[Frames, Frames]":
+        """Those of other families, and those of one."""
+        others, its = Frames([]), Frames([])
+        for shown, depth_m, each in zip(self.shown, self.depth_m, self.family, strict=True):
+            part = its if each == family else others
+            part.shown.append(shown)
+            part.depth_m.append(depth_m)
+            part.family.append(each)
+        return others, its
+
+    def batch(self, rng: np.random.Generator) -> list[Tensor]:
+        """Some of them, varied: maps, numbers, start and log depth."""
+        chosen = rng.integers(len(self), size=BATCH)
+        return stacked([varied(self.shown[n], self.depth_m[n], rng) for n in chosen])
+
+
+def from_arrays(told: dict[str, Any]) -> Shown:
+    """What `depth_frames.to_arrays` told."""
+    names = ("noise", "share", "reach_m", "extinction_per_m", "backscatter_per_m_sr")
+    return Shown(
+        image=told["image"].astype(np.float64),
+        optics=Optics(*told["slopes"].tolist()),
+        directions=told["directions"],
+        plain=Anchors(*told["anchors"][:2]),
+        fitted=Anchors(*told["anchors"][2:]),
+        lost=told["lost"],
+        log_reflectance=told["log_reflectance"],
+        **{name: float(told[name]) for name in names},
+    )
+
+
+def varied(shown: Shown, depth_m: Any, rng: np.random.Generator) -> tuple[Inputs, Any]:
+    """A frame as it might have been seen as well."""
+    if rng.random() < 0.5:
+        mirrored = shown.directions * np.array([-1.0, 1.0, 1.0])
+        shown = replace(shown, image=shown.image[:, ::-1], directions=mirrored)
+        depth_m = depth_m[:, ::-1]
+    if rng.random() < 0.35:
+        shown = without_fog(shown)
+    if rng.random() < 0.3:
+        shown = without_spots(shown, rng.random(4) < rng.uniform(0.2, 0.8))
+    if rng.random() < 0.25:
+        shown = replace(shown, log_reflectance=np.full(4, np.nan))
+    jitter = rng.normal(0, 0.15)
+    shown = replace(shown, log_reflectance=shown.log_reflectance + jitter)
+    return inputs_of(shown), depth_m
+
+
+def without_fog(shown: Shown) -> Shown:
+    """With plain ranges alone."""
+    nothing = Anchors(np.full(4, np.nan), np.full(4, np.nan))
+    return replace(shown, fitted=nothing, extinction_per_m=np.nan, backscatter_per_m_sr=np.nan)
+
+
+def without_spots(shown: Shown, dropped: Any) -> Shown:
+    """With some of the ranges unknown."""
+    plain, fitted = (
+        Anchors(*(np.where(dropped, np.nan, values) for values in anchors))
+        for anchors in (shown.plain, shown.fitted)
+    )
+    return replace(shown, plain=plain, fitted=fitted)
+
+
+def stacked(frames: list[tuple[Inputs, Any]]) -> list[Tensor]:
+    """Maps, numbers, start and log depth, nan for nothing, of frames of one shape."""
+    with np.errstate(divide="ignore"):
+        columns = [
+            [inputs.maps for inputs, _ in frames],
+            [inputs.numbers for inputs, _ in frames],
+            [inputs.start for inputs, _ in frames],
+            [np.log(depth_m) for _, depth_m in frames],
+        ]
+    return [torch.from_numpy(np.array(column, np.float32)) for column in columns]
+
+
+def loss_of(out: Tensor, start: Tensor, log_depth: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+    """The loss, and the parts of it."""
+    there = torch.isfinite(log_depth)
+    error = torch.where(there, start + out[:, 0] - torch.nan_to_num(log_depth), 0)
+    error = error.clamp(-FARTHEST, FARTHEST)
+    log_scale = out[:, 1].clamp(*LOG_SIGMA) - np.log(2) / 2  # of a Laplace distribution
+    unlikely = log_scale + error.abs() * torch.exp(-log_scale)
+    relative = (torch.exp(error) - 1).abs()
+    share = there.float().mean(dim=(1, 2)).clamp(min=0.05)
+    parts = {
+        "unlikely": ((unlikely * there).mean(dim=(1, 2)) / share).mean(),
+        "relative": ((relative * there).mean(dim=(1, 2)) / share).mean(),
+        "nothing": binary_cross_entropy_with_logits(out[:, 2], (~there).float()),
+    }
+    loss = parts["unlikely"] + OF_RELATIVE * parts["relative"] + OF_NOTHING * parts["nothing"]
+    return loss, parts
+
+
+def trained(
+    train: Frames, aside: Frames, steps: int, minutes: float, start: Path | None
+) -> tuple[Net, int]:
+    """The mean of the weights over the last steps, and how many there were."""
+    rng = np.random.default_rng(SEED)
+    net = Net()
+    if start is not None:
+        told = np.load(start)
+        net.load_state_dict({n: torch.from_numpy(told[n]).float() for n in net.state_dict()})
+    net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    mean = torch.optim.swa_utils.AveragedModel(
+        net, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(AVERAGED)
+    )
+    optimiser = torch.optim.AdamW(net.parameters(), lr=RATE, weight_decay=1e-3)
+    begun, step, done = time.perf_counter(), 0, 0.0
+    recent: Counter[str] = Counter()
+    while done < 1:
+        optimiser.param_groups[0]["lr"] = RATE * rate(done)
+        maps, numbers, first, log_depth = train.batch(rng)
+        loss, parts = loss_of(net(_last(maps), numbers), first, log_depth)
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(net.parameters(), 1.0)
+        optimiser.step()
+        mean.update_parameters(net)
+        recent.update({name: value.item() / 500 for name, value in parts.items()})
+        step += 1
+        seconds = time.perf_counter() - begun
+        done = max(step / steps, seconds / (60 * minutes))
+        if step % 500 == 0:
+            kept = {name: round(value, 4) for name, value in recent.items()}
+            print(f"{step} steps, {seconds:.0f} s, {100 * done:.0f} %: {kept}", flush=True)
+            recent.clear()
+            if step % 2000 == 0:
+                print("  aside", quality(mean.module, aside), flush=True)
+                torch.save(mean.module.state_dict(), "/tmp/learned-checkpoint.pt")
+    kept_net = mean.module
+    assert isinstance(kept_net, Net)
+    return kept_net, step
+
+
+def rate(done: float) -> float:
+    """Of learning, over the largest: it rises at once and falls as a cosine."""
+    if done < WARM:
+        return (done + 1e-3) / WARM
+    return float(1 + np.cos(np.pi * (done - WARM) / (1 - WARM))) / 2
+
+
+def _last(maps: Tensor) -> Tensor:
+    """Channels last, which is faster."""
+    return maps.contiguous(memory_format=torch.channels_last)
+
+
+@torch.no_grad()
+def told(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
+    """Error of log depth, its deviation, probability of nothing and whether there is, (n, H, W)."""
+    columns: list[list[Any]] = [[], [], [], []]
+    for first in range(0, len(frames), BATCH):
+        some = range(first, min(first + BATCH, len(frames)))
+        pairs = [(inputs_of(frames.shown[n]), frames.depth_m[n]) for n in some]
+        maps, numbers, start, log_depth = stacked(pairs)
+        out = net(_last(maps), numbers)
+        values = (
+            start + out[:, 0] - log_depth,
+            torch.exp(out[:, 1].clamp(*LOG_SIGMA)),
+            torch.sigmoid(out[:, 2]),
+            ~torch.isfinite(log_depth),
+        )
+        for column, value in zip(columns, values, strict=True):
+            column.append(value.numpy())
+    error, sigma, nothing, empty = (np.concatenate(column) for column in columns)
+    return error, sigma, nothing, empty
+
+
+def quality(net: nn.Module, frames: Frames, scale: float = 1.0) -> dict[str, float]:
+    """AbsRel, share within 25 % and within 1.96 deviations, Brier score and that of base rates."""
+    error, sigma, nothing, empty = told(net, frames)
+    relative = np.abs(np.expm1(error))[~empty]
+    within = np.abs(error)[~empty] < 1.96 * scale * sigma[~empty]
+    return {
+        "abs_rel": float(np.mean(relative)),
+        "within_25_percent": float(np.mean(np.abs(error[~empty]) < np.log(1.25))),
+        "within_95_percent_interval": float(np.mean(within)),
+        "brier": float(np.mean((nothing - empty) ** 2)),
+        "brier_base": float(empty.mean() * (1 - empty.mean())),
+        "sky_without_depth": float(np.mean(nothing[empty] > 0.5)) if empty.any() else float("nan"),
+    }
+
+
+def calibration(net: nn.Module, frames: Frames) -> float:
+    """Log of the factor with which 95 % of the pixels lie within 1.96 deviations."""
+    error, sigma, _, empty = told(net, frames)
+    return float(np.log(np.quantile(np.abs(error[~empty]) / sigma[~empty], 0.95) / 1.96))
+
+
+def limits_of(frames: Frames) -> Any:
+    """Of what makes a frame like these (2, features)."""
+    rng = np.random.default_rng(SEED)
+    found = []
+    for shown in frames.shown:
+        poorer = without_fog(without_spots(shown, rng.random(4) < 0.5))
+        found += [features(each, inputs_of(each)) for each in (shown, poorer)]
+    least, most = np.percentile(found, USUAL, axis=0)
+    beyond = BEYOND * (most - least) + 1e-3
+    return np.array([least - beyond, most + beyond], np.float32)
+
+
+def digest(files: list[Path]) -> str:
+    """SHA-256 over names and contents."""
+    total = hashlib.sha256()
+    for file in files:
+        total.update(file.name.encode() + hashlib.sha256(file.read_bytes()).digest())
+    return total.hexdigest()
+
+
+def main() -> None:
+    """Train, and write weights and manifest."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("weights", type=Path)
+    parser.add_argument("--steps", type=int, default=12000)
+    parser.add_argument("--minutes", type=float, default=np.inf, help="if that is sooner")
+    parser.add_argument("--start", type=Path, help="weights to begin with")
+    parser.add_argument("--onnx", type=Path, help="file for the network as an ONNX graph")
+    asked = parser.parse_args()
+    torch.manual_seed(SEED)
+    torch.set_num_threads(1)
+    files = sorted(asked.folder.glob("*.npz"))
+    aside = files[::ASIDE]
+    train, seeds = Frames([file for file in files if file not in set(aside)]), Frames(aside)
+    train, family = train.of(FAMILY_ASIDE)
+    held = {"seeds": seeds.of(FAMILY_ASIDE)[0], "family": family}
+    print(len(train), {name: len(each) for name, each in held.items()}, Counter(train.family))
+    net, steps = trained(train, held["family"], asked.steps, asked.minutes, asked.start)
+    log_scale = calibration(net, held["family"])
+    weights = {name: value.half().numpy() for name, value in net.state_dict().items()}
+    np.savez(
+        asked.weights,
+        version=VERSION,
+        limits=limits_of(train),
+        calibration=np.array([log_scale], np.float32),
+        **weights,
+    )
+    if asked.onnx is not None:
+        export(net, asked.onnx)
+    plan = PLAN.read_bytes()
+    manifest = {
+        "frames": len(train),
+        "scenes": len(files),
+        "families": dict(Counter(train.family)),
+        "family_aside": FAMILY_ASIDE,
+        "steps": steps,
+        "start": asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest(),
+        "seed": SEED,
+        "plan": hashlib.sha256(plan).hexdigest(),
+        "data": digest(files),
+        "sha256": hashlib.sha256(asked.weights.read_bytes()).hexdigest(),
+        "aside": {name: quality(net, each, np.exp(log_scale)) for name, each in held.items()},
+    }
+    asked.weights.with_suffix(".json").write_text(json.dumps(manifest, indent=2) + "\n")
+    print(json.dumps(manifest, indent=2))
+
+
+def export(net: Net, file: Path) -> None:
+    """The network as an ONNX graph of maps (B, C, H, W) and numbers (B, N)."""
+    maps, numbers = torch.zeros(1, MAPS, 64, 64), torch.zeros(1, len(NUMBERS))
+    torch.onnx.export(
+        net,
+        (maps, numbers),
+        str(file),
+        input_names=["maps", "numbers"],
+        output_names=["told"],
+        dynamic_axes={"maps": {0: "frames", 2: "rows", 3: "columns"}, "numbers": {0: "frames"}},
+        dynamo=False,
+    )
+
+
+if __name__ == "__main__":
+    main()
