@@ -11,7 +11,7 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import drone as drones
-from spisim.scene.importing.drone import DronePose
+from spisim.scene.importing.drone import DronePose, Surroundings
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.materials import Match, check_map, match, read_map
 from spisim.scene.importing.meshes import READERS
@@ -97,13 +97,9 @@ def import_scene(
     matches = [match(part, chosen) for part in content.parts]
     with _naming_once(file):
         placed = _placed(content)
-    bounds_m = np.array(
-        [
-            np.min([m.bounds[0] for m in placed], axis=0),
-            np.max([m.bounds[1] for m in placed], axis=0),
-        ]
-    )
-    drone = _drone(placed, content, options)
+    around = Surroundings.of(placed)
+    bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
+    drone = _drone(around, content, options)
     fields, meshes = scene_fields(output.stem, content.parts, matches, drone, file.name)
     written = write_scene(output, fields, meshes, HEADER)
     odd = odd_sizes(bounds_m)
@@ -164,22 +160,22 @@ def _placed(content: Content) -> list[trimesh.Trimesh]:
     return placed
 
 
-def _drone(placed: Sequence[trimesh.Trimesh], content: Content, options: Options) -> DronePose:
+def _drone(around: Surroundings, content: Content, options: Options) -> DronePose:
     """The pose that is asked for, else the camera's where that is in the open, else a proposal."""
     if options.position_m is not None:
         given, target = options.position_m, options.look_at_m
         with naming("--drone"):
-            goal = drones.aim(placed, given) if target is None else np.array(target)
-            return drones.pose_at(placed, given, goal, "--drone")
+            goal = drones.aim(around, given) if target is None else np.array(target)
+            return drones.pose_at(around, given, goal, "--drone")
     if options.look_at_m is not None:
         raise InputError("--look-at goes with --drone")
     if content.camera is not None:
         position, forward = content.camera[:3, 3], content.camera[:3, 2]
         forward = forward / np.linalg.norm(forward)
-        if np.linalg.norm(forward[:2]) > 1e-3 and drones.is_open(placed, position):
-            return drones.pose_at(placed, position, position + forward, "the file's sensor")
+        if np.linalg.norm(forward[:2]) > 1e-3 and around.is_open(position):
+            return drones.pose_at(around, position, position + forward, "the file's sensor")
         content.note("the file's sensor is inside an object or looks straight up or down")
-    return drones.propose(placed)
+    return drones.propose(around)
 
 
 def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:

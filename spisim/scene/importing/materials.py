@@ -1,9 +1,9 @@
 """Which material of spisim a surface of a foreign file is, by name, by a word, or by colour."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +104,11 @@ def _by_color(surface: Surface) -> Match:
 
 def _by_words(text: str) -> tuple[str, str] | None:
     """The entry of the table that fits a text best, and its material."""
-    there = _words(text)
+    return _best_entry(tuple(_words(text)))
+
+
+@lru_cache(maxsize=4096)  # worlds have thousands of `tree_1`
+def _best_entry(there: tuple[str, ...]) -> tuple[str, str] | None:
     fitting = {
         (phrase, material): whole
         for phrase, material in _keywords()["words"].items()
@@ -115,7 +119,7 @@ def _by_words(text: str) -> tuple[str, str] | None:
     return max(fitting, key=lambda entry: (len(entry[0].split()), fitting[entry]))
 
 
-def _whole_words(there: list[str], phrase: list[str]) -> int | None:
+def _whole_words(there: Sequence[str], phrase: list[str]) -> int | None:
     """How many words of a phrase stand alone; None unless all of them are there somehow."""
     whole = [word in there or f"{word}s" in there for word in phrase]
     inside = [
