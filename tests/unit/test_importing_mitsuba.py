@@ -189,7 +189,7 @@ def test_a_sensor_inside_an_object_is_no_place_for_the_drone(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (shape("serialized"), "'serialized' is not supported: export the mesh as PLY"),
+        (shape("serialized"), "serialized shape: the reference to a file is empty"),
         (shape("teapot"), "shape 'teapot' is not supported: .*allowed: obj, ply"),
         (shape("hair") + shape("cube"), "shape 'hair' is not supported"),
         (shape("shapegroup"), "has no shapes that can be read"),

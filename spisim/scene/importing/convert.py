@@ -100,7 +100,7 @@ def import_scene(
     around = Surroundings.of(placed)
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)
-    fields, meshes = scene_fields(output.stem, content.parts, matches, drone, file.name)
+    fields, meshes = scene_fields(output.stem, content, matches, drone, file.name)
     written = write_scene(output, fields, meshes, HEADER)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
@@ -169,12 +169,14 @@ def _drone(around: Surroundings, content: Content, options: Options) -> DronePos
             return drones.pose_at(around, given, goal, "--drone")
     if options.look_at_m is not None:
         raise InputError("--look-at goes with --drone")
-    if content.camera is not None:
-        position, forward = content.camera[:3, 3], content.camera[:3, 2]
+    for number, camera in enumerate(content.cameras, 1):
+        position, forward = camera[:3, 3], camera[:3, 2]
         forward = forward / np.linalg.norm(forward)
         if np.linalg.norm(forward[:2]) > 1e-3 and around.is_open(position):
-            return drones.pose_at(around, position, position + forward, "the file's sensor")
-        content.note("the file's sensor is inside an object or looks straight up or down")
+            why = "the file's sensor" if number == 1 else f"sensor {number} of the file"
+            return drones.pose_at(around, position, position + forward, why)
+    if content.cameras:
+        content.note("the file's sensors are inside objects or look straight up or down")
     return drones.propose(around)
 
 

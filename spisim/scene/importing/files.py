@@ -32,14 +32,14 @@ class Folders:
                 raise InputError(f"--model-path {folder}: no such folder")
         return cls(tuple(folder.resolve() for folder in (file.parent, *more)))
 
-    def find(self, reference: str, beside: Path, referrer: str) -> Path:
+    def find(self, reference: str, beside: Path, referrer: str, more: Sequence[Path] = ()) -> Path:
         """Path of the file or folder that a file in folder `beside` refers to.
 
-        `reference` is a path or a URI: relative to `beside`, `file://…`, or `model://name/…` in one
-        of the roots. Raises InputError, starting with `referrer`, where there is none, for one
-        outside the roots, and for one on the network.
+        `reference` is a path or a URI: relative to `beside` or `more` folders, `file://…`, or
+        `model://name/…` in one of the roots. Raises InputError, starting with `referrer`, where
+        there is none, for one outside the roots, and for one on the network.
         """
-        candidates = self._candidates(reference.strip(), beside, referrer)
+        candidates = self._candidates(reference.strip(), (beside, *more), referrer)
         try:
             resolved = [path.resolve() for path in candidates]
             inside = [path for path in resolved if self._holds(path)]
@@ -54,9 +54,11 @@ class Folders:
                 f"({self._list()}); copy it there or name its folder with --model-path"
             )
         searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
-        raise InputError(f"{referrer}: no file {shown(reference)}; searched {searched}")
+        closed = [str(folder) for folder in more if not self._holds(folder.resolve())]
+        hint = f"; --model-path allows to read in {', '.join(closed)}, too" if closed else ""
+        raise InputError(f"{referrer}: no file {shown(reference)}; searched {searched}{hint}")
 
-    def _candidates(self, reference: str, beside: Path, referrer: str) -> list[Path]:
+    def _candidates(self, reference: str, places: Sequence[Path], referrer: str) -> list[Path]:
         if not reference:
             raise InputError(f"{referrer}: the reference to a file is empty")
         scheme, rest = _split(reference)
@@ -67,7 +69,7 @@ class Folders:
             own = [root.parent / rest for root in self.roots if root.name == model]
             return [*(root / rest for root in self.roots), *own]
         if scheme in ("", "file"):
-            return [beside / rest]
+            return [place / rest for place in places]
         if scheme in ("http", "https", "ftp", "fuel"):
             raise InputError(
                 f"{referrer}: {shown(reference)} is on the network, which is never read; "
