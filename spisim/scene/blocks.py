@@ -122,6 +122,11 @@ def _keys(triangles: Floats) -> NDArray[np.int64]:
 
 def _spread(values: NDArray[np.int64]) -> NDArray[np.int64]:
     """Bits of numbers three places apart."""
-    for shift, mask in ((16, 0xFF0000FF), (8, 0xF00F00F00F), (4, 0xC30C30C30C3), (2, 0x249249249249)):
+    for shift, mask in (
+        (16, 0xFF0000FF),
+        (8, 0xF00F00F00F),
+        (4, 0xC30C30C30C3),
+        (2, 0x249249249249),
+    ):
         values = (values | (values << shift)) & mask
     return values

@@ -22,8 +22,8 @@ from foreign import (
 )
 from reconstruction.errors import InputError
 from spisim.scene import enclosing_object, load_scene
-from spisim.scene.importing import import_scene
 from spisim.scene.blocks import distance
+from spisim.scene.importing import import_scene
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.model import Content, Part, Surface
 

@@ -13,6 +13,7 @@ from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import drone as drones
 from spisim.scene.importing.drone import DronePose, Surroundings
 from spisim.scene.importing.files import Folders
+from spisim.scene.importing.ground import ground, ground_material
 from spisim.scene.importing.materials import Match, check_map, match, read_map
 from spisim.scene.importing.meshes import READERS
 from spisim.scene.importing.model import Content, Reader
@@ -36,6 +37,7 @@ class Options:
     """How to read a foreign file; the defaults believe the file.
 
     `units` is a name of `UNITS` or "auto"; `up` a letter of `TO_Z_UP`, or None for the file's own.
+    `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything.
     """
 
     units: str = "auto"
@@ -43,6 +45,9 @@ class Options:
     scale: float = 1.0
     materials: Path | None = None
     model_path: tuple[Path, ...] = ()
+    fuel: Path | None = None
+    skip_missing: bool = False
+    ground: str | None = None
     position_m: Vector3 | None = None
     look_at_m: Vector3 | None = None
     overwrite: bool = False
@@ -84,7 +89,7 @@ def import_scene(
     inputs = [path for path in (file, options.materials) if path is not None]
     check_free(output, options.overwrite, inputs)
     chosen = {} if options.materials is None else read_map(options.materials)
-    folders = Folders.around(file, options.model_path)
+    folders = Folders.around(file, options.model_path, options.fuel, options.skip_missing)
     with _naming_once(file):
         content = reader(file, folders)
     content = choose_up(choose_unit(content, options.units), options.up)
@@ -97,6 +102,11 @@ def import_scene(
     matches = [match(part, chosen) for part in content.parts]
     with _naming_once(file):
         placed = _placed(content)
+    if options.ground is not None:
+        floor = ground(placed)
+        content.parts.append(floor)
+        placed.append(as_mesh(floor.geometry).copy().apply_transform(floor.to_world))
+        matches.append(ground_material(options.ground))
     around = Surroundings.of(placed)
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)

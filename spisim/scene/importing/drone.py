@@ -1,5 +1,7 @@
 """A place for the drone in an imported scene: in the open, looking at the bulk of it."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -48,7 +50,7 @@ class Surroundings:
     bounds_m: Floats  # (meshes, 2, 3)
 
     @classmethod
-    def of(cls, meshes: Sequence[trimesh.Trimesh]) -> "Surroundings":
+    def of(cls, meshes: Sequence[trimesh.Trimesh]) -> Surroundings:
         """Surroundings of at least one mesh."""
         triangles = np.concatenate([mesh.triangles for mesh in meshes])
         bounds_m = np.array([mesh.bounds for mesh in meshes])
@@ -58,7 +60,7 @@ class Surroundings:
         """Whether no mesh encloses a position, as scenes are checked when they are loaded."""
         place = np.asarray(position_m, float)
         low, high = self.bounds_m[:, 0], self.bounds_m[:, 1]
-        around = np.flatnonzero(((low <= place) & (place <= high)).all(axis=1))
+        around = np.flatnonzero(((low <= place) & (place <= high)).all(axis=1)).tolist()
         return all(winding_number(place, self.meshes[k].triangles) <= 0.5 for k in around)
 
     def bulk(self) -> Floats:
@@ -68,9 +70,9 @@ class Surroundings:
         """
         sizes = self.bounds_m[:, 1] - self.bounds_m[:, 0]
         standing = np.flatnonzero(sizes[:, 2] > 0.01 * sizes[:, :2].max(axis=1))
-        chosen = standing if len(standing) else np.arange(len(sizes))
-        triangles = [self.meshes[k].triangles for k in chosen]
-        areas = [self.meshes[k].area_faces for k in chosen]
+        chosen = [self.meshes[k] for k in standing.tolist()] or self.meshes
+        triangles = [mesh.triangles for mesh in chosen]
+        areas = [mesh.area_faces for mesh in chosen]
         weights = np.concatenate([area / np.sqrt(area.sum()) for area in areas])
         rng = np.random.default_rng(0)
         found = rng.choice(len(weights), SAMPLES, p=weights / weights.sum())

@@ -26,7 +26,9 @@ def take_medium(node: Node, box: Floats | None, name: str, content: Content) -> 
         content.note(f"{what}: grids are left out; give `density` of a volume in the scene file")
         return
     extinction, albedo, g = _coefficients(node)
-    told = f"extinction {extinction:.4g} per unit, albedo {albedo:.4g}, g {g:.3g} (red, as at 1550 nm)"
+    told = (
+        f"extinction {extinction:.4g} per unit, albedo {albedo:.4g}, g {g:.3g} (red, as at 1550 nm)"
+    )
     if box is None:
         content.note(f"{what}: {told}: left out, media fill boxes here and this is none")
         return
@@ -46,11 +48,13 @@ def _coefficients(node: Node) -> tuple[float, float, float]:
         albedo = scattering / extinction if extinction > 0 else 0.0
     else:
         extinction, albedo = _infrared(node, "sigma_t", 1.0), _infrared(node, "albedo", 0.75)
-    phase = next((each for each in node.children if each.kind == "phase"), None)
+    phase = next((each for each in node.children if each.kind == "phasefunction"), None)
     g = phase.value("g", 0.8) if phase is not None and phase.type == "hg" else 0.0
     extinction *= scale
     if not (0 <= extinction < np.inf and 0 <= albedo <= 1 and -1 < g < 1):
-        raise InputError(f"{node.what}: extinction {extinction}, albedo {albedo} and g {g} are none")
+        raise InputError(
+            f"{node.what}: extinction {extinction}, albedo {albedo} and g {g} are none"
+        )
     return float(extinction), float(albedo), float(g)
 
 
