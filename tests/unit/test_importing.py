@@ -118,7 +118,7 @@ def test_one_object_per_primitive_and_lines_left_out(tmp_path: Path) -> None:
     primitives = [
         row | {"mode": 1},
         row | {"material": 1},
-        row | {"mode": 6},
+        row | {"mode": 0},
         row | {"material": 0},
     ]
     meshes = [{"name": "sheet", "primitives": primitives}]

@@ -140,6 +140,14 @@ def check_poses(matrices: Floats, what: Sequence[str]) -> None:
         raise InputError(f"{what[place]}: its pose flattens it; a scale is zero")
 
 
+def with_texture_coordinates(mesh: trimesh.Trimesh, uv: ArrayLike) -> trimesh.Trimesh:
+    """The mesh with texture coordinates (vertices, 2), v up; without where they do not fit."""
+    coordinates = np.asarray(uv, dtype=np.float64)
+    if coordinates.shape == (len(mesh.vertices), 2) and np.isfinite(coordinates).all():
+        mesh.visual = trimesh.visual.TextureVisuals(uv=coordinates)
+    return mesh
+
+
 def translation(offset: ArrayLike) -> Floats:
     """(4, 4) matrix that moves."""
     matrix = np.eye(4)
