@@ -139,7 +139,7 @@ NOT_FINITE = np.array([[0, 0, 0], [1, 0, np.nan], [0, 1, 0]], "<f4").tobytes()
                          "sparse": {}}]}, "count should be a whole number"),
         ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
                          "sparse": {"count": 1, "indices": {"bufferView": 0, "componentType": 5121,
-                         "byteOffset": 6}, "values": {"bufferView": 0}}}]}, "beyond its end"),
+                         "byteOffset": 14}, "values": {"bufferView": 0}}}]}, "beyond its end"),
         ({"accessors": [{"bufferView": 0, "byteOffset": -12, "componentType": 5126, "count": 1,
                          "type": "VEC3"}]}, "byteOffset should be a whole number"),
         ({"bufferViews": [{"buffer": 0, "byteLength": -1}]}, "byteLength should be a whole number"),

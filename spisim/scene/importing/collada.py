@@ -29,13 +29,14 @@ MAX_NODES = 200_000
 def read_collada(path: Path, folders: Folders) -> Content:
     """Parts of a COLLADA file. InputError for what is damaged or refers to what is not there."""
     import collada
-    from collada.common import DaeError
+    from collada.common import DaeBrokenRefError, DaeIncompleteError, DaeUnsupportedError
 
     data = read_bytes(path)
     parse_xml(data, path)  # for what it refuses: pycollada's own parser expands entities
     _refuse_nan(data)
     with readable(str(path), "a COLLADA file"):
-        document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
+        lacking = [DaeUnsupportedError, DaeBrokenRefError, DaeIncompleteError]
+        document = collada.Collada(io.BytesIO(data), ignore=lacking)
         if document.scene is None:
             raise InputError(f"{path}: has no scene")
         content = _empty(document.assetInfo)
