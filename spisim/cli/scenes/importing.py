@@ -31,7 +31,8 @@ def command(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A scene or mesh: .glb .gltf .obj .stl .ply .dae .sdf .world, Mitsuba's .xml.",
+            help="A scene or mesh: .glb .gltf .obj .stl .ply .dae .usd .usda .usdc .urdf .sdf "
+            ".world, Mitsuba's .xml.",
             show_default=False,
         ),
     ],

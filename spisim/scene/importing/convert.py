@@ -20,6 +20,8 @@ from spisim.scene.importing.model import Content, Reader
 from spisim.scene.importing.sdf import read_sdf
 from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
+from spisim.scene.importing.urdf import read_urdf
+from spisim.scene.importing.usd import read_usd
 from spisim.scene.importing.write import scene_fields
 from spisim.scene.model import Vector3
 from spisim.scene.placing import MAX_COORDINATE_M
@@ -27,7 +29,13 @@ from spisim.scene.shapes import check_triangles
 from spisim.scene.write import Written, check_free, write_scene
 
 #: By suffix. Mitsuba's scenes need Mitsuba: their reader stands in `spisim.transport`.
-FORMATS: dict[str, Reader] = {**READERS, ".sdf": read_sdf, ".world": read_sdf}
+FORMATS: dict[str, Reader] = {
+    **READERS,
+    ".sdf": read_sdf,
+    ".world": read_sdf,
+    ".urdf": read_urdf,
+    **dict.fromkeys((".usd", ".usda", ".usdc"), read_usd),
+}
 HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
