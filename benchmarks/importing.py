@@ -92,9 +92,9 @@ def independent_mesh(path: Path) -> trimesh.Trimesh | bool | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             mesh = trimesh.load_scene(path, process=False, skip_materials=True).to_mesh()
-    except Exception:  # whatever trimesh's parsers run into
+            usable = len(mesh.faces) > 0 and np.isfinite(mesh.bounds).all() and mesh.area > 0
+    except Exception:  # whatever trimesh runs into
         return None
-    usable = len(mesh.faces) > 0 and np.isfinite(mesh.bounds).all() and mesh.area > 0
     return mesh if usable else None
 
 
