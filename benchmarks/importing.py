@@ -8,6 +8,7 @@ triangles or not; triangles and bounds are compared with trimesh's. The large wo
 5000 models of 40 meshes, is made here. `--markdown` pastes the tables into docs/importing.md.
 """
 
+import logging
 import resource
 import subprocess
 import sys
@@ -208,6 +209,7 @@ def suite_table(suites: list[Suite]) -> Table:
 
 def main() -> int:
     """Run it."""
+    logging.disable(logging.ERROR)  # what trimesh and pycollada say of textures
     options = benchmark_options(
         __doc__,
         f"a world of {QUICK_MODELS} models",
