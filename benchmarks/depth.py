@@ -72,7 +72,7 @@ Cells = dict[Cell, list[Judged]]
 
 def main() -> int:
     """Every method on every capture."""
-    options = benchmark_options(__doc__, "one scene of each group", PAGE, FOLDER)
+    options = benchmark_options(__doc__, "one scene of each group", PAGE, folder=FOLDER)
     folder = options.folder / "quick" if options.quick else options.folder
     cases = list(captures(folder, quick=options.quick))
     cells: Cells = defaultdict(list)

@@ -1,7 +1,7 @@
 """Command line of the benchmarks."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,18 @@ from spisim.paper.checks import Check, Table, checks_table, paste, report
 
 
 def benchmark_options(
-    doc: str | None, quick: str, page: Path, folder: Path | None = None
+    doc: str | None,
+    quick: str,
+    page: Path,
+    *,
+    folder: Path | None = None,
+    repeatable: Mapping[str, str] | None = None,
 ) -> argparse.Namespace:
     """Options of a benchmark: `quick`, `json`, `markdown`, and `folder` if there is a usual one.
 
     The first line of `doc` says what it measures, `quick` what is left out, `page` where its tables
-    go; in the folder stays what is worth keeping for another run.
+    go; in the folder stays what is worth keeping for another run. `repeatable` are further options
+    by their help, whose values come as lists.
     """
     parser = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help=quick)
@@ -22,6 +28,8 @@ def benchmark_options(
     parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{page.name}")
     if folder is not None:
         parser.add_argument("--folder", type=Path, default=folder, help="where captures are kept")
+    for name, told in (repeatable or {}).items():
+        parser.add_argument(name, action="append", default=[], help=told)
     return parser.parse_args()
 
 
