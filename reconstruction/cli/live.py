@@ -9,10 +9,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import InputError
-from ..image import load
+from ..image import load_pursuit
 from ..live import CaptureSource, Loop, Outcome, Reception, State
 from ..live.links import Source, is_link, source_at
 from ..live.sinks import Detached, sink_to
+from ..reconstructor import USUAL_IMAGES
 from ..text import printable
 from .reconstruct import OVERWRITE, STATIONS, names
 
@@ -70,11 +71,12 @@ def run(options: argparse.Namespace) -> None:
         reception,
         results=[teller.result, *(each.result for each in detached)],
         states=[teller.state, *(each.state for each in detached)],
-        image=names(options.image),
+        image=names(options.image) or USUAL_IMAGES[0],
         ranging=names(options.ranging),
         depth=names(options.depth),
     )
-    load()
+    if options.image is not None:
+        load_pursuit()  # which some of them will need
     with _running(reception, detached):
         loop.run(options.frames)
     for each in detached:

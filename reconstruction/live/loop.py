@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..errors import InputError
-from ..reconstructor import Names, Reconstructor
+from ..reconstructor import USUAL_IMAGES, Names, Reconstructor
 from .counts import Latencies
 from .reception import POLL_S, Arrival, Reception
 from .results import Outcome, State
@@ -17,6 +17,7 @@ STATE_EVERY_S = 1.0
 class Loop:
     """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
 
+    Methods are named as for a `Reconstructor`; of the usual images there is the first alone.
     Raises InputError for methods that the first setup does not suit, and where the reception has
     failed.
     """
@@ -25,7 +26,7 @@ class Loop:
         self,
         reception: Reception,
         *,
-        image: Names = None,
+        image: Names = USUAL_IMAGES[0],
         ranging: Names = None,
         depth: Names = None,
         results: Sequence[Callable[[Outcome], None]] = (),

@@ -26,8 +26,8 @@ class Detached:
 
     @property
     def dropped(self) -> int:
-        """What it was too slow to take."""
-        return self._work.dropped
+        """What it was too slow to take, and misses."""
+        return 0 if self._sink.skips else self._work.dropped
 
     def start(self) -> None:
         """Begin to take."""

@@ -19,6 +19,7 @@ class LatestResult(Sink):
     """What a reconstruction leaves, once a second, and how the stream is. Each file is whole."""
 
     waiting = 2
+    skips = True
 
     def __init__(
         self,

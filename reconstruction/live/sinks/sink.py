@@ -11,6 +11,8 @@ class Sink:
 
     waiting: ClassVar[int] = 16
     """How many may wait for it, before the oldest are dropped."""
+    skips: ClassVar[bool] = False
+    """Whether it is there for the newest alone, and the others are not missed."""
 
     def check(self) -> None:
         """Raise InputError where it can never take anything."""

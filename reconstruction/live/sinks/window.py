@@ -16,6 +16,7 @@ class WindowSink(Sink):
     """Hands results to the process that draws; raises InputError where there can be no window."""
 
     waiting = 2
+    skips = True
 
     def __init__(self, program: list[str] | None = None) -> None:
         self._program = program or [sys.executable, "-m", "reconstruction.live.drawing"]
