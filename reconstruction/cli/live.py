@@ -23,6 +23,10 @@ SINKS = (
     "FILE.jsonl or - (results, a line each), an address as for SOURCE (results), window"
 )
 
+EXPECTED = ("received", "reconstructed", "connections")
+PURSUING = ("pursuit", "usual", "all")
+"""Names that have a part of those of methods that pursue."""
+
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of this command."""
@@ -75,8 +79,8 @@ def run(options: argparse.Namespace) -> None:
         ranging=names(options.ranging),
         depth=names(options.depth),
     )
-    if options.image is not None:
-        load_pursuit()  # which some of them will need
+    if any(name in (options.image or "") for name in PURSUING):
+        load_pursuit()
     with _running(reception, detached):
         loop.run(options.frames)
     for each in detached:
@@ -131,7 +135,6 @@ class _Teller:
         print(printable("; ".join(self._words(state))), file=sys.stderr)
 
     def _words(self, state: State) -> Iterator[str]:
-        counts = state.counts
         if self._latest is not None:
             latest = self._latest.result
             yield f"frame {latest.frame}, {state.age_s:.1f} s old"
@@ -144,15 +147,7 @@ class _Teller:
                 yield "ranges " + ", ".join(
                     f"{range_m:.2f} m" if status == "ok" else status for range_m, status in spots
                 )
-        amiss = {
-            name: value
-            for name, value in vars(counts).items()
-            if value and name not in ("received", "reconstructed", "connections")
-        }
-        if amiss:
-            yield ", ".join(f"{name} {value}" for name, value in amiss.items())
-        if state.trouble:
-            yield state.trouble
+        yield from (each for each in (_amiss(state), state.trouble) if each)
         for each in self._detached:
             if each.trouble is not None:
                 yield each.trouble
@@ -161,10 +156,15 @@ class _Teller:
 
 
 def _why(state: State) -> str:
-    counts = {name: value for name, value in vars(state.counts).items() if value}
-    told = [state.trouble] * bool(state.trouble)
-    told += [", ".join(f"{name} {value}" for name, value in counts.items())] * bool(counts)
+    told = [each for each in (state.trouble, _amiss(state)) if each]
     return f": {'; '.join(told)}" if told else ""
+
+
+def _amiss(state: State) -> str:
+    """Counts that had better be 0."""
+    counts = vars(state.counts).items()
+    told = {name: value for name, value in counts if value and name not in EXPECTED}
+    return ", ".join(f"{name} {value}" for name, value in told.items())
 
 
 def _count(text: str) -> int:

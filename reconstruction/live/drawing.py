@@ -150,7 +150,7 @@ def told(source: Incoming) -> list[str]:
     if source.state:
         names = ("frames_per_s", "lost", "late", "corrupted", "dropped")
         lines.append(", ".join(f"{name} {float(source.state[name]):g}" for name in names))
-        lines += [text_of(source.state["trouble"])] * bool(source.state["trouble"].size)
+        lines += [trouble] if (trouble := text_of(source.state["trouble"])) else []
     return lines
 
 

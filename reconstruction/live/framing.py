@@ -5,6 +5,8 @@ import zlib
 from enum import IntEnum
 from typing import NamedTuple
 
+from ..errors import InputError
+
 MAGIC = b"SPI\x1a"
 VERSION = 1
 HEADER = struct.Struct("<4sBBHIIQII")
@@ -42,10 +44,13 @@ class Message(NamedTuple):
 
 
 def pack(message: Message) -> bytes:
-    """The bytes of a message. Raises ValueError for one that is too long."""
+    """The bytes of a message. Raises InputError for one that is too long."""
     payload = message.payload or b""
     if len(payload) > MAX_PAYLOAD_BYTES:
-        raise ValueError(f"a payload of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}")
+        raise InputError(
+            f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}: fewer pixels, or fewer "
+            "readings of each frame"
+        )
     told = (message.run, message.number, len(payload), message.time_ns, message.setup)
     head = HEADER.pack(MAGIC, message.version, message.kind, *told, 0)[: -CRC.size]
     return b"".join((head, CRC.pack(zlib.crc32(head)), payload, CRC.pack(zlib.crc32(payload))))

@@ -52,7 +52,7 @@ class Reception:
         self.queue: Waiting[Arrival] = Waiting(waiting)
         self.stream: StreamSetup | None = None
         self.trouble: str | None = f"waiting for {source.address}"
-        self.failure: InputError | None = None
+        self.failure: Exception | None = None
         self._source = source
         self._parser = Parser()
         self._turn: InTurn[Arrival] = InTurn(self.counts, window)
@@ -69,9 +69,10 @@ class Reception:
         try:
             while not self._stopped.is_set():
                 self.step()
-        except InputError as error:
+        except Exception as error:  # of a thread that nobody else would hear of
             self.failure = error
         finally:
+            self._stopped.set()
             self._parser.reset()
             self.counts.discarded_bytes = self._parser.discarded_bytes
             self._give(self._turn.flush())

@@ -90,4 +90,4 @@ def state_entries(state: State) -> dict[str, Any]:
 
 def text_of(value: Value) -> str:
     """A text of a table; what is none in UTF-8 is shown as an escape."""
-    return bytes(value.tobytes()).decode(errors="backslashreplace")
+    return bytes(value.item()).decode(errors="backslashreplace")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from captures import full_capture
+from reconstruction import InputError
 from reconstruction.live import Kind, Message, Parser, pack
 from reconstruction.live.framing import HEADER, MAGIC, MAX_PAYLOAD_BYTES, MAX_SEARCHED_BYTES
 from streams import messages
@@ -97,7 +98,7 @@ def test_lengths_and_kinds_that_cannot_be_are_no_header():
         head = struct.pack("<4sBBHIIQI", MAGIC, 1, kind, 0, 0, length, 0, 0)
         found, _ = parsed(head + struct.pack("<I", zlib.crc32(head)) + pack(MESSAGES[3]))
         assert found == [MESSAGES[3]]
-    with pytest.raises(ValueError, match="at most"):
+    with pytest.raises(InputError, match="at most"):
         pack(Message(Kind.FRAME, b"\0" * (MAX_PAYLOAD_BYTES + 1)))
 
 

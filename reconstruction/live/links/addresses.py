@@ -33,7 +33,7 @@ def source_at(address: str, *, followed: bool = False) -> Source:
     if scheme == "serial":
         return _serial(address)
     kinds = {"tcp": Tcp, "tcp-listen": TcpListen, "udp": UdpListen}
-    return kinds[scheme](address, *_place(address))
+    return kinds[scheme](address, *_place(address, listens=scheme != "tcp"))
 
 
 def outlet_to(address: str) -> Outlet:
@@ -46,19 +46,21 @@ def outlet_to(address: str) -> Outlet:
     if scheme == "serial":
         return _serial(address)
     kinds = {"tcp": Tcp, "tcp-listen": TcpListen, "udp": Udp}
-    return kinds[scheme](address, *_place(address))
+    return kinds[scheme](address, *_place(address, listens=scheme == "tcp-listen"))
 
 
-def _place(address: str) -> tuple[str, int]:
+def _place(address: str, *, listens: bool) -> tuple[str, int]:
     try:
         split = urlsplit(address)
         host, port = split.hostname or "", split.port
     except ValueError:
         port = None
-    listens = address.startswith(("tcp-listen", "udp"))
     if port is None or not (host or listens):
-        example = "tcp-listen://:5800" if listens else "tcp://192.168.0.10:5800"
-        raise InputError(f"{address} tells no host and port, 0 to 65535, as in {example}")
+        what, example = ("port", "") if listens else ("host and port", "192.168.0.10")
+        raise InputError(
+            f"{address} tells no {what}, 0 to 65535, as in {address.partition('://')[0]}://"
+            f"{example}:5800"
+        )
     return host, port
 
 

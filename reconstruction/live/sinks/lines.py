@@ -1,5 +1,6 @@
 """One JSON object for each result, and for each state."""
 
+import sys
 from collections.abc import Callable
 from typing import IO, Any
 
@@ -27,8 +28,8 @@ class JsonLines(Sink):
         self._write({"state": state_report(state)})
 
     def close(self) -> None:
-        if self._file is not None:
-            self._file.flush()
+        if self._file not in (None, sys.stdout):
+            self._file.close()
 
     def _write(self, report: dict[str, Any]) -> None:
         if self._file is None:

@@ -8,8 +8,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...capture import Capture, write_capture
+from ...capture.file import KINDS
 from ...capture.schema import stored_fields
-from ...files import Output, require_outputs
+from ...files import Output, is_marked, require_outputs
 from ..framing import Kind, Message, pack
 from ..links import Outlet
 from ..reception import Arrival
@@ -61,6 +62,7 @@ class CaptureRecord(Sink):
         self._path = path
         self._overwrite = overwrite
         self._number = 0
+        self._begun = False
         self._arrivals: list[Arrival] = []
 
     def check(self) -> None:
@@ -89,6 +91,7 @@ class CaptureRecord(Sink):
     def _next_part(self) -> None:
         self._write()
         self._arrivals = []
+        self._begun = False
         self._number += 1
 
     @property
@@ -98,12 +101,16 @@ class CaptureRecord(Sink):
         return self._path.with_name(f"{self._path.stem}-{self._number + 1}{self._path.suffix}")
 
     def _require(self) -> None:
-        output = Output(self._part, "hardware capture", (".h5", ".hdf5"))
+        part = self._part
+        kinds = [kind for kind in KINDS.values() if part.is_file() and is_marked(part, kind)]
+        kind = kinds[0] if kinds else "capture"
+        output = Output(part, kind, (".h5", ".hdf5"))
         require_outputs([output], overwrite=self._overwrite)
 
     def _write(self) -> None:
-        if len(self._arrivals) <= FRAMES_BETWEEN:
+        if not self._begun:
             self._require()
+        self._begun = True
         write_capture(_capture(self._arrivals), self._part)
 
 
