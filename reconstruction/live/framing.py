@@ -48,8 +48,8 @@ def pack(message: Message) -> bytes:
     payload = message.payload or b""
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise InputError(
-            f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}: fewer pixels, or fewer "
-            "readings of each frame"
+            f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}: fewer pixels, or "
+            "fewer readings of each frame"
         )
     told = (message.run, message.number, len(payload), message.time_ns, message.setup)
     head = HEADER.pack(MAGIC, message.version, message.kind, *told, 0)[: -CRC.size]
