@@ -41,7 +41,8 @@ def main() -> int:
         return 2
     print(READY, flush=True)
     source = Incoming()
-    while plt.fignum_exists(window.figure.number) and source.look(EVERY_S):
+    while plt.fignum_exists(window.figure.number) and not source.over:
+        source.look(EVERY_S)
         window.show(source)
         window.figure.canvas.draw_idle()
         window.figure.canvas.flush_events()
@@ -60,6 +61,7 @@ class Incoming:
         self.result: dict[str, Value] = {}
         self.state: dict[str, Value] = {}
         self.frame = 0
+        self.over = False
         self._came_s = float("nan")
         self._descriptor = descriptor
         self._parser = Parser()
@@ -69,15 +71,13 @@ class Incoming:
         """Since the latest result came."""
         return time.monotonic() - self._came_s
 
-    def look(self, timeout_s: float) -> bool:
-        """Take what is there, waiting for it a moment; False after the end."""
-        while select.select([self._descriptor], [], [], timeout_s)[0]:
+    def look(self, timeout_s: float) -> None:
+        """Take what is there, waiting for it a moment."""
+        while not self.over and select.select([self._descriptor], [], [], timeout_s)[0]:
             content = os.read(self._descriptor, 2**16)
-            if not content:
-                return False
+            self.over = not content
             self.take(content)
             timeout_s = 0.0
-        return True
 
     def take(self, content: bytes) -> None:
         """Take some bytes."""

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import sys
 from dataclasses import replace
 
@@ -16,7 +17,7 @@ from reconstruction import (
     read_result,
     reconstruct,
 )
-from reconstruction.live import Kind, Loop, Parser, Reception, unpacked
+from reconstruction.live import Kind, Loop, Parser, Reception, drawing, unpacked
 from reconstruction.live.drawing import Incoming, Window, told
 from reconstruction.live.links import NewFile
 from reconstruction.live.results import STATUSES, text_of
@@ -200,9 +201,9 @@ def test_while_nobody_listens_results_are_gone_and_who_comes_gets_new_ones(recor
     reception.run()
     loop.run()
     outlet.deaf = True
-    with pytest.raises(OSError, match="refused"):
-        sink.result(results[0])
-    sink.result(results[1])
+    for outcome in results[:2]:
+        with pytest.raises(OSError, match="refused"):
+            sink.result(outcome)
     assert outlet.opened == 1  # not tried again at once
     outlet.deaf = False
     clock.wait(10)
@@ -258,6 +259,37 @@ def test_a_window_without_a_display_says_so(monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")
     with pytest.raises(InputError, match=r"window: there is no display .*; use --to FOLDER"):
         WindowSink().check()
+
+
+def test_the_window_draws_until_its_input_ends(recording, monkeypatch, capsys):
+    """With a toolkit that has no windows, but believes to have."""
+    import matplotlib as mpl
+    from matplotlib import pyplot as plt
+
+    outlet = Outgoing()
+    fed(MessageSink(outlet), messages(recording))
+    reading, writing = os.pipe()
+    os.write(writing, outlet.content)
+    os.close(writing)
+    monkeypatch.setattr(mpl, "get_backend", lambda: "TkAgg")
+    monkeypatch.setattr(plt, "show", lambda block: None)
+    monkeypatch.setattr(drawing, "Incoming", lambda: Incoming(reading))
+    assert drawing.main() == 0
+    assert capsys.readouterr().out == "ready\n"
+    image, depth, _ = plt.gcf().axes
+    assert image.images[0].get_array().shape == depth.images[0].get_array().shape == (16, 16)
+    plt.close("all")
+    os.close(reading)
+
+
+def test_a_window_that_its_user_has_closed_is_no_trouble(recording):
+    sink = WindowSink([sys.executable, "-c", "print('ready')"])
+    sink.check()
+    sink._process.wait(600)
+    fed(sink, messages(recording))
+    sink.abandon()
+    sink._process.stdin.close()
+    sink._process.stdout.close()
 
 
 def test_what_the_window_draws(recording, tmp_path):

@@ -18,6 +18,7 @@ class MessageSink(Sink):
         self._outlet = outlet
         self._clock = clock
         self._open = False
+        self._broken: OSError | None = None
         self._delay_s = FIRST_DELAY_S
         self._again_s = -float("inf")
 
@@ -42,15 +43,15 @@ class MessageSink(Sink):
 
     def _send(self, message: Message) -> None:
         """Send it, if somebody is there; raises OSError if nobody is."""
-        if not self._open and self._clock() < self._again_s:
-            return
+        if self._broken is not None and self._clock() < self._again_s:
+            raise self._broken
         try:
             if not self._open:
                 self._outlet.open()
-                self._open, self._delay_s = True, FIRST_DELAY_S
+                self._open, self._broken, self._delay_s = True, None, FIRST_DELAY_S
             self._outlet.send(pack(message))
-        except OSError:
-            self._open = False
+        except OSError as error:
+            self._open, self._broken = False, error
             self._again_s = self._clock() + self._delay_s
             self._delay_s = min(2 * self._delay_s, MOST_DELAY_S)
             raise

@@ -46,6 +46,8 @@ class WindowSink(Sink):
     def _send(self, message: Message) -> None:
         process = self._process
         assert process is not None
+        if process.poll() is not None:
+            return  # its user has closed it
         assert process.stdin is not None
         process.stdin.write(pack(message))
         process.stdin.flush()
