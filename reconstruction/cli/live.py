@@ -40,9 +40,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--to", metavar="SINK", action="append", default=[], help=f"{SINKS}; several of them"
     )
     parser.add_argument("--follow", action="store_true", help="wait for a file to grow")
-    parser.add_argument("--frames", metavar="N", type=_count, help="end after so many results")
     parser.add_argument(
-        "--waiting", metavar="N", type=_count, default=16, help="frames that may wait (16)"
+        "--frames", metavar="N", type=whole_number, help="end after so many results"
+    )
+    parser.add_argument(
+        "--waiting", metavar="N", type=whole_number, default=16, help="frames that may wait (16)"
     )
     parser.add_argument(
         "--reorder", metavar="N", type=_window, default=1, help="frames to hold for an earlier (1)"
@@ -60,7 +62,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a stream until it ends, or this is interrupted."""
     source = _source(options.source, followed=options.follow)
-    sinks = [(name, sink_to(name, overwrite=options.overwrite)) for name in options.to]
+    twice = [name for name in options.to if options.to.count(name) > 1]
+    if twice:
+        raise InputError(f"--to {twice[0]} is told twice")
+    read = [] if is_link(options.source) else [Path(options.source)]
+    sinks = [(name, sink_to(name, read, overwrite=options.overwrite)) for name in options.to]
     for _, sink in sinks:
         sink.check()
     detached = [Detached(sink, name) for name, sink in sinks]
@@ -135,7 +141,9 @@ class _Teller:
         print(printable("; ".join(self._words(state))), file=sys.stderr)
 
     def _words(self, state: State) -> Iterator[str]:
-        if self._latest is not None:
+        if self._latest is None:
+            yield "no frame yet"
+        else:
             latest = self._latest.result
             yield f"frame {latest.frame}, {state.age_s:.1f} s old"
             yield (
@@ -167,7 +175,7 @@ def _amiss(state: State) -> str:
     return ", ".join(f"{name} {value}" for name, value in told.items())
 
 
-def _count(text: str) -> int:
+def whole_number(text: str) -> int:
     if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= 10**9:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
     return int(text)

@@ -15,6 +15,7 @@ from ..live import Sender, frame_period_s
 from ..live.framing import MAGIC
 from ..live.links import NewFile, Outlet, outlet_to
 from ..live.sending import SETUP_EVERY_S
+from .live import whole_number
 from .reconstruct import OVERWRITE
 
 EXAMPLE = "python -m reconstruction replay flight.h5 --to tcp://localhost:5800"
@@ -34,7 +35,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rate", metavar="HZ", type=_rate, help="frames a second (the capture's own); inf: all"
     )
-    parser.add_argument("--times", metavar="N", type=int, default=1, help="over and over (1)")
+    parser.add_argument(
+        "--times", metavar="N", type=whole_number, default=1, help="over and over (1)"
+    )
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
 
 

@@ -1,7 +1,7 @@
 """The latest result in a folder."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ...files import Output, mark, require_outputs, write_atomically
@@ -24,11 +24,13 @@ class LatestResult(Sink):
     def __init__(
         self,
         folder: Path,
+        read: Sequence[Path] = (),
         *,
         overwrite: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._folder = folder
+        self._read = read
         self._overwrite = overwrite
         self._clock = clock
         self._written_s = -float("inf")
@@ -36,7 +38,7 @@ class LatestResult(Sink):
 
     def check(self) -> None:
         outputs = [*outputs_in(self._folder), Output(self._folder / STATE, KIND)]
-        require_outputs(outputs, overwrite=self._overwrite)
+        require_outputs(outputs, self._read, overwrite=self._overwrite)
 
     def result(self, outcome: Outcome) -> None:
         self._latest = outcome

@@ -1,6 +1,7 @@
 """Sinks by what stands behind ``--to``."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
@@ -24,8 +25,8 @@ ENDINGS = {
 }
 
 
-def sink_to(name: str, *, overwrite: bool = False) -> Sink:
-    """A sink; InputError for what is none, and files that are not to be overwritten."""
+def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) -> Sink:
+    """A sink; InputError for what is none, and files that are ``read`` or others' already."""
     if name == "-":
         return JsonLines(lambda: sys.stdout)
     if name == WINDOW:
@@ -34,12 +35,13 @@ def sink_to(name: str, *, overwrite: bool = False) -> Sink:
         return MessageSink(outlet_to(name))
     path = Path(name)
     if path.suffix.lower() in (".h5", ".hdf5"):
-        return CaptureRecord(path, overwrite=overwrite)
+        return CaptureRecord(path, read, overwrite=overwrite)
     if path.suffix == STREAM:
-        _require(path, "stream", overwrite, MAGIC.decode())
+        output = Output(path, "stream", sign=MAGIC.decode())
+        require_outputs([output], read, overwrite=overwrite)
         return StreamRecord(NewFile(path))
     if path.suffix == ".jsonl":
-        _require(path, KIND, overwrite)
+        require_outputs([Output(path, KIND)], read, overwrite=overwrite)
         return JsonLines(lambda: _opened(path))
     if path.suffix and not path.is_dir():
         known = ", ".join(f"{ending} ({what})" for ending, what in ENDINGS.items())
@@ -47,11 +49,7 @@ def sink_to(name: str, *, overwrite: bool = False) -> Sink:
             f"{name}: nothing is known to write with the ending {path.suffix!r}; allowed: {known}, "
             "a folder, an address, window or -"
         )
-    return LatestResult(path, overwrite=overwrite)
-
-
-def _require(path: Path, kind: str, overwrite: bool, sign: str = "") -> None:
-    require_outputs([Output(path, kind, sign=sign)], overwrite=overwrite)
+    return LatestResult(path, read, overwrite=overwrite)
 
 
 def _opened(path: Path) -> IO[str]:

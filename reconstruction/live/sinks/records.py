@@ -1,6 +1,7 @@
 """Frames as they came, in a file of their messages or in captures."""
 
 import datetime
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -58,8 +59,9 @@ class CaptureRecord(Sink):
 
     waiting = 256
 
-    def __init__(self, path: Path, *, overwrite: bool = False) -> None:
+    def __init__(self, path: Path, read: Sequence[Path] = (), *, overwrite: bool = False) -> None:
         self._path = path
+        self._read = read
         self._overwrite = overwrite
         self._number = 0
         self._begun = False
@@ -105,7 +107,7 @@ class CaptureRecord(Sink):
         kinds = [kind for kind in KINDS.values() if part.is_file() and is_marked(part, kind)]
         kind = kinds[0] if kinds else "capture"
         output = Output(part, kind, (".h5", ".hdf5"))
-        require_outputs([output], overwrite=self._overwrite)
+        require_outputs([output], self._read, overwrite=self._overwrite)
 
     def _write(self) -> None:
         if not self._begun:
