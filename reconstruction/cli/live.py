@@ -176,6 +176,7 @@ def _amiss(state: State) -> str:
 
 
 def whole_number(text: str) -> int:
+    """A number of things behind an option."""
     if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= 10**9:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
     return int(text)
