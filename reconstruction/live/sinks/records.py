@@ -18,7 +18,7 @@ from ..reception import Arrival
 from ..setups import StreamSetup
 from .sink import Sink
 
-FRAMES_OF_A_PART = 4096
+FRAMES_OF_A_PART, BYTES_OF_A_PART = 4096, 2**26
 FRAMES_BETWEEN = 512
 """After which the last part is written again: so many are lost in a crash."""
 
@@ -53,8 +53,8 @@ class CaptureRecord(Sink):
     """Captures of frames that follow each other, each whole at any time.
 
     The first has the name that is told, further ones a number too: a new one begins after
-    `FRAMES_OF_A_PART`, with another setup, and, where frames show different patterns in turn, after
-    a lost one.
+    `FRAMES_OF_A_PART` or `BYTES_OF_A_PART`, with another setup, and, where frames show different
+    patterns in turn, after a lost one.
     """
 
     waiting = 256
@@ -76,7 +76,8 @@ class CaptureRecord(Sink):
         self._arrivals.append(arrival)
         if len(self._arrivals) % FRAMES_BETWEEN == 0:
             self._write()
-        if len(self._arrivals) >= FRAMES_OF_A_PART:
+        most = min(FRAMES_OF_A_PART, BYTES_OF_A_PART // arrival.stream.frame_bytes)
+        if len(self._arrivals) >= most:
             self._next_part()
 
     def close(self) -> None:
