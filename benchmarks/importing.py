@@ -214,7 +214,7 @@ def main() -> int:
         __doc__,
         f"a world of {QUICK_MODELS} models",
         PAGE,
-        {"--suite": "NAME=FOLDER of other people's files; repeatable"},
+        repeatable={"--suite": "NAME=FOLDER of other people's files; repeatable"},
     )
     given = (text.partition("=") for text in options.suite)
     suites = [read_suite(name, Path(folder)) for name, _, folder in given]

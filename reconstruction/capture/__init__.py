@@ -2,7 +2,14 @@
 
 from .buckets import Buckets, Unit
 from .charge import Charge, check_taps
-from .file import CaptureFile, open_capture, read_capture, write_capture
+from .file import (
+    CaptureFile,
+    datasets,
+    open_capture,
+    read_capture,
+    read_setup,
+    write_capture,
+)
 from .model import (
     PARTS,
     SURROGATE,
@@ -15,9 +22,11 @@ from .model import (
     Setup,
     Truth,
     check_frames,
+    check_parts,
 )
 from .pattern_taps import PatternTaps
 from .readings import READINGS
+from .schema import stored_fields
 from .selection import first_patterns
 from .spots import Spots
 
@@ -40,9 +49,13 @@ __all__ = [
     "Truth",
     "Unit",
     "check_frames",
+    "check_parts",
     "check_taps",
+    "datasets",
     "first_patterns",
     "open_capture",
     "read_capture",
+    "read_setup",
+    "stored_fields",
     "write_capture",
 ]

@@ -30,7 +30,7 @@ from .model import (
 )
 from .pattern_taps import PatternTaps
 from .readings import READINGS
-from .schema import FRAMES, Stored, check_shape, stored_fields
+from .schema import Stored, check_shape, stored_fields
 from .spots import Spots
 
 FORMAT = hdf5.Format(
@@ -45,6 +45,8 @@ KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
 MAX_PLANS = 4096
 """Frames until patterns repeat."""
 TEXTS = ("instrument", "scene", "settings")
+READ = ("buckets", "spots", "pattern_taps")
+"""Parts that hold readings."""
 
 Part = TypeVar("Part")
 
@@ -90,34 +92,18 @@ class CaptureFile:
     def __init__(self, file: hdf5.Contents) -> None:
         self._file = file
         self.provenance = _read_provenance(file)
-        plan, *later_plans = _read_plans(file)
-        sizes = axis_sizes(plan)
-        kinds: dict[str, type | None] = {
-            "buckets": Buckets,
-            "spots": _spots_class(file),
-            "pattern_taps": PatternTaps if "pattern_taps" in file else None,
-            "optics": Optics if "optics" in file else None,
-        }
-        for group, part in kinds.items():
-            if part is not None:
-                _check_shapes(file, group, part, sizes)
-        self.frames = sizes[FRAMES]
+        self.setup = read_setup(file)
+        self.frames = file.shape("buckets/counts", "count")[0]
         if self.frames < 1:
             raise InputError("buckets/counts holds no frame")
-        parts: dict[str, Any] = {
-            group: None if part is None else _read(file, group, part, slice(0, 0))
-            for group, part in kinds.items()
-        }
-        self.setup = Setup(plan=plan, later_plans=tuple(later_plans), **parts)
-        check_parts(self.setup)
         self._by_frame = {
             group: {
                 name: (stored, file.dataset(f"{group}/{name}", stored.units))
-                for name, stored in stored_fields(part)
+                for name, stored in stored_fields(type(part))
                 if stored.by_frame
             }
-            for group, part in kinds.items()
-            if part is not None
+            for group in READ
+            if (part := getattr(self.setup, group)) is not None
         }
 
     def frame(self, frame: int = 0) -> Frames:
@@ -186,40 +172,73 @@ class CaptureFile:
         )
 
 
+def read_setup(file: hdf5.Tables) -> Setup:
+    """What the frames of a recording have in common, whatever holds it; raises as `read_capture`.
+
+    The datasets are those of a file, with any number of frames, none too.
+    """
+    plan, *later_plans = _read_plans(file)
+    sizes = axis_sizes(plan)
+    kinds: dict[str, type | None] = {
+        "buckets": Buckets,
+        "spots": _spots_class(file),
+        "pattern_taps": PatternTaps if "pattern_taps" in file else None,
+        "optics": Optics if "optics" in file else None,
+    }
+    for group, part in kinds.items():
+        if part is not None:
+            _check_shapes(file, group, part, sizes)
+    parts: dict[str, Any] = {
+        group: None if part is None else _read(file, group, part, slice(0, 0))
+        for group, part in kinds.items()
+    }
+    setup = Setup(plan=plan, later_plans=tuple(later_plans), **parts)
+    check_parts(setup)
+    return setup
+
+
 def _write(file: h5py.File, capture: Capture) -> None:
     provenance = capture.provenance
     hdf5.put_format(file, FORMAT)
     for name in ("source", "software", "created"):
         hdf5.put_attribute(file, name, getattr(provenance, name))
-    _write_plans(file, capture.setup.plans)
-    for group in PARTS:
-        part = getattr(capture, group)
-        if part is not None:
-            for name, stored in stored_fields(type(part)):
-                value = stored.kept(f"{group}/{name}", np.asarray(getattr(part, name)))
-                on_disk = value.astype(np.uint8) if value.dtype.kind == "b" else value
-                hdf5.put(file, f"{group}/{name}", on_disk, stored.units)
-    if capture.spots is not None:
-        hdf5.put(file, "spots/method", capture.spots.method, "1")
+    for name, value, units in datasets(capture.setup.plans, capture):
+        hdf5.put(file, name, value, units)
     for name in TEXTS:
         hdf5.put(file, f"provenance/{name}", getattr(provenance, name), "1")
     if provenance.seed is not None:
         hdf5.put(file, "provenance/seed", np.int64(provenance.seed), "1")
 
 
-def _write_plans(file: h5py.File, plans: Sequence[PatternPlan]) -> None:
+def datasets(
+    plans: Sequence[PatternPlan], parts: Capture | Setup
+) -> Iterator[tuple[str, Any, str]]:
+    """Name, value and unit of what a file holds of plans, and of parts with their frames."""
+    yield from _datasets_of_plans(plans)
+    for group in PARTS:
+        part = getattr(parts, group, None)
+        if part is not None:
+            for name, stored in stored_fields(type(part)):
+                value = stored.kept(f"{group}/{name}", np.asarray(getattr(part, name)))
+                on_disk = value.astype(np.uint8) if value.dtype.kind == "b" else value
+                yield f"{group}/{name}", on_disk, stored.units
+    if parts.spots is not None:
+        yield "spots/method", parts.spots.method, "1"
+
+
+def _datasets_of_plans(plans: Sequence[PatternPlan]) -> Iterator[tuple[str, Any, str]]:
     first = plans[0]
-    hdf5.put(file, "patterns/shape", np.array(first.shape, np.int32), "1")
+    yield "patterns/shape", np.array(first.shape, np.int32), "1"
     for name in ("index", "polarity"):
         shown = np.stack([getattr(plan, name) for plan in plans])
-        hdf5.put(file, f"patterns/{name}", shown if len(plans) > 1 else shown[0], "1")
+        yield f"patterns/{name}", shown if len(plans) > 1 else shown[0], "1"
     for name in ("basis", "order"):
-        hdf5.put(file, f"patterns/{name}", getattr(first, name), "1")
+        yield f"patterns/{name}", getattr(first, name), "1"
     for name in first.patterns.arrays:
-        hdf5.put(file, f"patterns/{name}", getattr(first.patterns, name), "1")
+        yield f"patterns/{name}", getattr(first.patterns, name), "1"
 
 
-def _read_plans(file: hdf5.Contents) -> list[PatternPlan]:
+def _read_plans(file: hdf5.Tables) -> list[PatternPlan]:
     """Of successive frames: one of all, or as many as there are rows of indices."""
     basis = BASES[file.text("patterns/basis")]
     shape = file.numbers("patterns/shape")
@@ -258,7 +277,7 @@ def _read_provenance(file: hdf5.Contents) -> Provenance:
     )
 
 
-def _spots_class(file: hdf5.Contents) -> type[Spots] | None:
+def _spots_class(file: hdf5.Tables) -> type[Spots] | None:
     if "spots" not in file:
         return None
     try:
@@ -267,7 +286,7 @@ def _spots_class(file: hdf5.Contents) -> type[Spots] | None:
         raise InputError(f"spots/method: {error}") from error
 
 
-def _check_shapes(file: hdf5.Contents, group: str, part: type, sizes: dict[str, int]) -> None:
+def _check_shapes(file: hdf5.Tables, group: str, part: type, sizes: dict[str, int]) -> None:
     for name, stored in _told_fields(file, group, part):
         shape = file.shape(f"{group}/{name}", stored.units)
         if (stored.one_for_all or not stored.axes) and set(shape) == {1}:
@@ -275,13 +294,13 @@ def _check_shapes(file: hdf5.Contents, group: str, part: type, sizes: dict[str, 
         check_shape(f"{group}/{name}", shape, stored, sizes)
 
 
-def _read(file: hdf5.Contents, group: str, part: type[Part], rows: slice | None = None) -> Part:
+def _read(file: hdf5.Tables, group: str, part: type[Part], rows: slice | None = None) -> Part:
     """A part of the capture, of what there is for each frame only some ``rows``."""
     told = _told_fields(file, group, part)
     return part(**{name: _value(file, f"{group}/{name}", kept, rows) for name, kept in told})
 
 
-def _told_fields(file: hdf5.Contents, group: str, part: type) -> list[tuple[str, Stored]]:
+def _told_fields(file: hdf5.Tables, group: str, part: type) -> list[tuple[str, Stored]]:
     """The datasets of a part but those that a file lacks, as what they tell is not known."""
     default = {
         field.name
@@ -295,7 +314,7 @@ def _told_fields(file: hdf5.Contents, group: str, part: type) -> list[tuple[str,
     ]
 
 
-def _value(file: hdf5.Contents, where: str, stored: Stored, rows: slice | None) -> Any:
+def _value(file: hdf5.Tables, where: str, stored: Stored, rows: slice | None) -> Any:
     value = file.get(where, stored.units, rows if stored.by_frame else None)
     array = stored.kept(where, value)
     scalar = array.size == 1 and (stored.one_for_all or not stored.axes)

@@ -1,4 +1,4 @@
-"""The command line: reconstruct a capture, import a recording, check a calibration."""
+"""The command line: reconstruct a capture or a stream, import a recording, check a calibration."""
 
 import argparse
 import sys
@@ -13,6 +13,8 @@ COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
     "import": ("importing", "array of bucket readings -> capture"),
     "check": ("check", "captures in fog -> whether the spots' paths are calibrated alike"),
+    "live": ("live", "frames as they come -> results as they go"),
+    "replay": ("replay", "capture -> its frames as a stream"),
 }
 """Module of each, imported when it is called, and what it does."""
 

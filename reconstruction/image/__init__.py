@@ -7,7 +7,7 @@ from .dictionary import Band, Dictionary
 from .imaging import Imaging, UsableReadings
 from .method import CarryingMethod, Estimate, ImageMethod, ImageSolver
 from .methods import IMAGE_METHODS, image_method
-from .omp import batch_omp
+from .omp import batch_omp, load_pursuit
 from .prior import Prior, fit_variance
 from .recognition import (
     UNLIT,
@@ -44,6 +44,7 @@ __all__ = [
     "fit_variance",
     "image_method",
     "known_layouts",
+    "load_pursuit",
     "recognise",
     "without_shared_errors",
 ]

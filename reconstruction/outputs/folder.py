@@ -3,10 +3,11 @@
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
-from ..capture import Recording, Setup
+from ..capture import Setup
 from ..depth import DEPTH_METHODS, REACH_M, pixel_rays, point_cloud_ply
 from ..evaluation.methods import method_title
 from ..files import Output, write_atomically
@@ -14,6 +15,14 @@ from ..image import DICTIONARIES, IMAGE_METHODS
 from ..result import Result
 from .pictures import depth_picture, deviation_picture, image_picture, nothing_picture
 from .result_file import result_bytes
+
+
+class Recorded(Protocol):
+    """A recording, or whatever else has a setup."""
+
+    @property
+    def setup(self) -> Setup:
+        """What its frames have in common."""
 
 
 def outputs_in(directory: str | Path) -> list[Output]:
@@ -33,7 +42,7 @@ def outputs_in(directory: str | Path) -> list[Output]:
     ]
 
 
-def write_outputs(result: Result, recording: Recording, directory: str | Path) -> dict[str, Path]:
+def write_outputs(result: Result, recording: Recorded, directory: str | Path) -> dict[str, Path]:
     """Write result.h5, cloud.ply, and a picture of each image and depth map; return their paths.
 
     image.png and depth.png show what the default methods found, others have the method in their

@@ -28,8 +28,14 @@ def imported(source: str) -> set[str]:
 def test_its_distribution_asks_for_what_it_imports() -> None:
     project = tomllib.loads((ROOT / "reconstruction" / "pyproject.toml").read_text())["project"]
     required = {re.split(r"\W", line)[0] for line in project["dependencies"]}
-    extras = {"compiled.py": "fast", "in_step.py": "gpu", "_wavelets.py": "wavelets"}
-    modules = {"PyWavelets": "pywt"}
+    extras = {
+        "compiled.py": "fast",
+        "in_step.py": "gpu",
+        "_wavelets.py": "wavelets",
+        "serial_port.py": "serial",
+        "drawing.py": "window",
+    }
+    modules = {"PyWavelets": "pywt", "pyserial": "serial"}
     for path in sorted((ROOT / "reconstruction").rglob("*.py")):
         if path.parent.name == "adapters":  # each for a library of its own
             continue

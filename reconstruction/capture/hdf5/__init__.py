@@ -2,7 +2,7 @@
 
 from .formats import Format
 from .opening import opened, surveyed
-from .reading import Contents, Dataset
+from .reading import Contents, Dataset, Readable, Tables
 from .sizes import MAX_UNPACKED_BYTES, NUMBER_BYTES, check_sizes
 from .writing import content, put, put_attribute, put_format
 
@@ -12,6 +12,8 @@ __all__ = [
     "Contents",
     "Dataset",
     "Format",
+    "Readable",
+    "Tables",
     "check_sizes",
     "content",
     "opened",

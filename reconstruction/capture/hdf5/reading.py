@@ -1,9 +1,10 @@
 """Datasets by name, each with its unit."""
 
 import math
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import h5py
 import numpy as np
@@ -53,46 +54,36 @@ class Dataset:
             return np.asarray(self._dataset[()] if rows is None else self._dataset[rows])
 
 
-class Contents:
-    """The datasets of an open file, read when they are asked for.
+class Readable(Protocol):
+    """Values that are read when they are asked for."""
+
+    shape: tuple[int, ...]
+
+    def read(self, rows: slice | None = None) -> NDArray[Any]:
+        """All values, or some rows of them."""
+
+
+class Tables(ABC):
+    """Datasets by name, whatever holds them.
 
     Raises InputError for one that is missing, damaged or not what is asked for.
     """
 
-    def __init__(self, file: h5py.File, datasets: Mapping[str, h5py.Dataset]) -> None:
-        self.version = (0, 0)
-        self._file = file
-        self._found = datasets
-        self._datasets: dict[str, Dataset] = {}
+    def __init__(self, found: Collection[str]) -> None:
+        self._names = found
+
+    @abstractmethod
+    def dataset(self, name: str, units: str) -> Readable:
+        """A dataset that is not read yet; InputError too if its unit is another."""
 
     def __contains__(self, name: str) -> bool:
         """Whether there is a dataset of this name, or a group of it that holds any."""
-        return any(path == name or path.startswith(f"{name}/") for path in self._found)
+        return any(path == name or path.startswith(f"{name}/") for path in self._names)
 
     def names_in(self, group: str) -> list[str]:
         """Names of the datasets in a group, none if it is missing."""
-        paths = (name.rpartition("/") for name in self._found)
+        paths = (name.rpartition("/") for name in self._names)
         return [name for folder, _, name in paths if folder == group]
-
-    def has_attribute(self, name: str) -> bool:
-        """Whether the file has an attribute."""
-        with undamaged():
-            return name in self._file.attrs
-
-    def attribute(self, name: str) -> str:
-        """An attribute of the file as text."""
-        return text_attribute(self._file, name)
-
-    def units(self, name: str) -> str:
-        """The unit of a dataset."""
-        return self._dataset(name).units
-
-    def dataset(self, name: str, units: str) -> Dataset:
-        """A dataset that is not read yet; InputError too if its unit is another."""
-        dataset = self._dataset(name)
-        if dataset.units != units:
-            raise InputError(f"dataset {name} has units {dataset.units!r}, expected {units!r}")
-        return dataset
 
     def shape(self, name: str, units: str) -> tuple[int, ...]:
         """Shape of a dataset."""
@@ -132,17 +123,48 @@ class Contents:
         """All strings of a dataset."""
         return [_as_text(value) for value in self.get(name, "1").flat]
 
+    def _check_single(self, name: str, units: str) -> None:
+        shape = self.shape(name, units)
+        if set(shape) - {1}:
+            raise InputError(f"{name} has shape {shape}, expected a scalar")
+
+
+class Contents(Tables):
+    """The datasets of an open file, read when they are asked for."""
+
+    def __init__(self, file: h5py.File, datasets: Mapping[str, h5py.Dataset]) -> None:
+        super().__init__(datasets)
+        self.version = (0, 0)
+        self._file = file
+        self._found = datasets
+        self._datasets: dict[str, Dataset] = {}
+
+    def has_attribute(self, name: str) -> bool:
+        """Whether the file has an attribute."""
+        with undamaged():
+            return name in self._file.attrs
+
+    def attribute(self, name: str) -> str:
+        """An attribute of the file as text."""
+        return text_attribute(self._file, name)
+
+    def units(self, name: str) -> str:
+        """The unit of a dataset."""
+        return self._dataset(name).units
+
+    def dataset(self, name: str, units: str) -> Dataset:
+        """A dataset that is not read yet; InputError too if its unit is another."""
+        dataset = self._dataset(name)
+        if dataset.units != units:
+            raise InputError(f"dataset {name} has units {dataset.units!r}, expected {units!r}")
+        return dataset
+
     def _dataset(self, name: str) -> Dataset:
         if name not in self._found:
             raise InputError(f"dataset {name} is missing")
         if name not in self._datasets:
             self._datasets[name] = Dataset(name, self._found[name])
         return self._datasets[name]
-
-    def _check_single(self, name: str, units: str) -> None:
-        shape = self.shape(name, units)
-        if set(shape) - {1}:
-            raise InputError(f"{name} has shape {shape}, expected a scalar")
 
 
 def _as_text(value: Any) -> str:

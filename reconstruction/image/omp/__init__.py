@@ -68,6 +68,11 @@ def pursuit_of(frames: int) -> Callable[..., NDArray[Any]]:
     return (_compiled() if many else None) or interpreted.pursue_frames
 
 
+def load_pursuit() -> None:
+    """Load the compiled pursuit, where there is one, before calls that are in a hurry."""
+    batch_omp(np.eye(2), np.ones((2, 2)), np.ones(2), max_atoms=1)
+
+
 @cache
 def _compiled() -> Callable[..., NDArray[Any]] | None:
     if find_spec("numba") is None:

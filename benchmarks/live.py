@@ -1,0 +1,216 @@
+"""A live stream: frames at the rate of the rig, and a link that loses, spoils and mixes them up.
+
+    python benchmarks/live.py [--quick] [--json] [--markdown]
+
+64 × 64 pixels, 128 exposures a frame at 15 kHz, 117 frames a second, from counts to image, ranges
+and depth with the usual methods. A process of its own sends simulated frames of the warehouse by
+TCP, on the same machine; its first frame leaves a few seconds after the setup, while which the
+methods are compiled. Then the same with one frame in a hundred corrupted in any one byte, one lost
+and one swapped with the next. Every result is compared with that of the same frame reconstructed
+from memory. `--markdown` pastes the tables into docs/live.md.
+"""
+
+import hashlib
+import multiprocessing
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from options import benchmark_options, finish
+
+import spisim
+from reconstruction import Capture, Reconstructor, Result
+from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
+from reconstruction.live.links.sockets import TcpListen
+from reconstruction.reconstructor import USUAL_IMAGES
+from spisim.paper.checks import Check, Table, surroundings
+
+PAGE = Path(__file__).parents[1] / "docs" / "live.md"
+SECONDS, QUICK_S = 60, 10
+DIFFERENT = 32
+"""Frames that differ, sent over and over."""
+SHARE = 0.01
+"""Of the frames, for each kind of fault."""
+HEAD_START_S = 4.0
+MOST_LATENCY_MS = 25.0
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Numbers of frames that are to be spoilt; a swapped one changes places with the next."""
+
+    corrupted: frozenset[int] = frozenset()
+    lost: frozenset[int] = frozenset()
+    swapped: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What came of a stream: digests of the results by number, counts, latencies in ms.
+
+    ``processor_ms`` is the time that the thread with the results took for each, however busy the
+    machine was with other things.
+    """
+
+    digests: dict[int, str]
+    counts: Counts
+    latencies_ms: np.ndarray
+    processor_ms: np.ndarray
+
+
+def main() -> int:
+    """Measure, print, and tell by the exit status whether every promise is kept."""
+    options = benchmark_options(__doc__, f"{QUICK_S} s each", PAGE)
+    capture = spisim.simulate(
+        spisim.load_scene("warehouse"), spisim.load_instrument("paper"), spp=16, frames=DIFFERENT
+    ).capture
+    frames = round((QUICK_S if options.quick else SECONDS) / frame_period_s(capture.setup))
+    reconstruct = Reconstructor(capture.setup, image=USUAL_IMAGES[0])
+    expected = [digest(reconstruct(capture.frame(n))) for n in range(DIFFERENT)]
+    faults = drawn(frames, np.random.default_rng(0))
+    clean, spoilt = run(capture, frames, Faults()), run(capture, frames, faults)
+    rows = [row("clean", clean, expected), row("with faults", spoilt, expected)]
+    checks = [
+        Check("clean: frames without a result", frames - len(clean.digests), 0),
+        Check("clean: wrong results", wrong(clean, expected), 0),
+        Check("clean: latency, 99 %, ms", percentile(clean.latencies_ms, 99), MOST_LATENCY_MS),
+        *detected(spoilt, faults),
+        Check("faults: sound frames without a result", missing(spoilt, frames, faults), 0),
+        Check("faults: wrong results", wrong(spoilt, expected), 0),
+    ]
+    columns = (
+        *("link", "frames", "results", "wrong", "latency, median, ms", "99 %, ms", "most, ms"),
+        *("processor time of a frame, median, ms", "99 %, ms"),
+    )
+    title = f"{frames} frames at {1 / frame_period_s(capture.setup):.1f} a second:"
+    around = surroundings(("spisim", "numpy", "scipy", "numba"))
+    return finish(options, PAGE, "benchmark", around, [Table(title, columns, rows)], checks)
+
+
+def row(name: str, run: Run, expected: list[str]) -> tuple[str, ...]:
+    """Cells of a table."""
+    figures = [percentile(run.latencies_ms, share) for share in (50, 99, 100)]
+    figures += [percentile(run.processor_ms, share) for share in (50, 99)]
+    numbers = (run.counts.received, len(run.digests), wrong(run, expected))
+    return (name, *map(str, numbers), *(f"{each:.1f}" for each in figures))
+
+
+def detected(run: Run, faults: Faults) -> list[Check]:
+    """What was told of faults, beside what there were.
+
+    One in the header of a message is a frame lost and bytes discarded.
+    """
+    counts = run.counts
+    gone = len(faults.lost) + len(faults.corrupted)
+    return [
+        Check(
+            "faults: corrupted and lost, not told", abs(counts.lost + counts.corrupted - gone), 0
+        ),
+        Check("faults: lost, not told as lost", max(len(faults.lost) - counts.lost, 0), 0),
+        Check("faults: reordered, not told", abs(counts.reordered - len(faults.swapped)), 0),
+        Check("faults: told of late or double ones", counts.late + counts.duplicated, 0),
+    ]
+
+
+def missing(run: Run, frames: int, faults: Faults) -> int:
+    """Frames that came whole and have no result."""
+    return len(set(range(frames)) - faults.corrupted - faults.lost - set(run.digests))
+
+
+def wrong(run: Run, expected: list[str]) -> int:
+    """Results other than those of the same frames from memory, in any bit."""
+    return sum(each != expected[number % DIFFERENT] for number, each in run.digests.items())
+
+
+def percentile(values: np.ndarray, share: float) -> float:
+    """What so many per cent stay below."""
+    return float(np.percentile(values, share)) if values.size else np.inf
+
+
+def digest(result: Result) -> str:
+    """Of image, ranges and depth."""
+    told = hashlib.sha256(result.image.tobytes())
+    assert result.ranges is not None
+    for values in (result.ranges.range_m, result.ranges.sigma_m, result.depth_m):
+        told.update(b"" if values is None else values.tobytes())
+    return told.hexdigest()
+
+
+def drawn(frames: int, rng: np.random.Generator) -> Faults:
+    """Faults by chance; neither a swapped frame nor the next has another one."""
+    each = round(SHARE * frames)
+    swapped = 2 * rng.choice(frames // 2 - 1, each, replace=False)
+    free = np.setdiff1d(np.arange(frames - 1), [swapped, swapped + 1])
+    others = rng.permutation(free)[: 2 * each]
+    corrupted, lost = others[:each], others[each:]
+    return Faults(*(frozenset(map(int, some)) for some in (corrupted, lost, swapped)))
+
+
+def run(capture: Capture, frames: int, faults: Faults) -> Run:
+    """Receive and reconstruct what another process sends."""
+    source = TcpListen("tcp-listen://127.0.0.1:0", "127.0.0.1", 0)
+    reception = Reception(source)
+    digests: dict[int, str] = {}
+    latencies: list[float] = []
+    stamps_s: list[float] = []
+
+    def note(outcome: Outcome) -> None:
+        latencies.append(1e3 * outcome.latency_s)
+        stamps_s.append(time.thread_time())
+        digests[outcome.result.frame] = digest(outcome.result)
+
+    loop = Loop(reception, results=[note])
+    spawned = multiprocessing.get_context("spawn")
+    sending = spawned.Process(target=send, args=(capture, frames, faults, source.port))
+    receiving = threading.Thread(target=reception.run, daemon=True)
+    receiving.start()
+    sending.start()
+    loop.run()
+    receiving.join()
+    sending.join()
+    # Of the first, the methods are compiled.
+    return Run(digests, reception.counts, np.array(latencies), 1e3 * np.diff(stamps_s))
+
+
+def send(capture: Capture, frames: int, faults: Faults, port: int) -> None:
+    """The process that sends, each message when its frame has been measured."""
+    period_s = frame_period_s(capture.setup)
+    messages = list(stream(capture, frames, faults))
+    with socket.create_connection(("127.0.0.1", port)) as connection:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.sendall(messages[0])
+        began_s = time.monotonic() + HEAD_START_S
+        for number, message in enumerate(messages[1:]):
+            time.sleep(max(began_s + number * period_s - time.monotonic(), 0))
+            connection.sendall(message)
+
+
+def stream(capture: Capture, frames: int, faults: Faults) -> Iterator[bytes]:
+    """The setup, a message of each frame, and the end."""
+    rng = np.random.default_rng(1)
+    sender = Sender(capture.setup, capture.provenance, run=1)
+    yield sender.setup()
+    readings = [capture.frame(n) for n in range(DIFFERENT)]
+    held = b""
+    for number in range(frames):
+        message = bytearray(sender.frame(readings[number % DIFFERENT]))
+        if number in faults.corrupted:
+            message[rng.integers(len(message))] ^= rng.integers(1, 256)
+        if number in faults.lost:
+            message.clear()
+        if number in faults.swapped:
+            held = bytes(message)
+            yield b""
+        else:
+            yield bytes(message) + held
+            held = b""
+    yield sender.end()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,188 @@
+"""Frames as they come -> results as they go."""
+
+import argparse
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import InputError
+from ..image import load_pursuit
+from ..live import CaptureSource, Loop, Outcome, Reception, State
+from ..live.links import Source, is_link, source_at
+from ..live.sinks import Detached, sink_to
+from ..reconstructor import USUAL_IMAGES
+from ..text import printable
+from .reconstruct import OVERWRITE, STATIONS, names
+
+EXAMPLE = "python -m reconstruction live tcp-listen://:5800 --to latest --to flight.h5"
+SINKS = (
+    "FOLDER (the latest result), FILE.h5 (captures), FILE.stream (frames as they came), "
+    "FILE.jsonl or - (results, a line each), an address as for SOURCE (results), window"
+)
+
+EXPECTED = ("received", "reconstructed", "connections")
+PURSUING = ("pursuit", "usual", "all")
+"""Names that have a part of those of methods that pursue."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of this command."""
+    parser.add_argument(
+        "source",
+        metavar="SOURCE",
+        help="tcp://HOST:PORT, tcp-listen://:PORT, udp://:PORT, serial:///dev/ttyUSB0?baud=921600, "
+        "- (a pipe), or a file: a stream or a capture",
+    )
+    parser.add_argument(
+        "--to", metavar="SINK", action="append", default=[], help=f"{SINKS}; several of them"
+    )
+    parser.add_argument("--follow", action="store_true", help="wait for a file to grow")
+    parser.add_argument(
+        "--frames", metavar="N", type=whole_number, help="end after so many results"
+    )
+    parser.add_argument(
+        "--waiting", metavar="N", type=whole_number, default=16, help="frames that may wait (16)"
+    )
+    parser.add_argument(
+        "--reorder", metavar="N", type=_window, default=1, help="frames to hold for an earlier (1)"
+    )
+    for station, methods in STATIONS.items():
+        parser.add_argument(
+            f"--{station}",
+            metavar="METHOD[,METHOD]",
+            help=f"methods, the default one first: {', '.join(methods)}",
+        )
+    parser.add_argument("--quiet", action="store_true", help="tell nothing each second")
+    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Reconstruct a stream until it ends, or this is interrupted."""
+    source = _source(options.source, followed=options.follow)
+    twice = [name for name in options.to if options.to.count(name) > 1]
+    if twice:
+        raise InputError(f"--to {twice[0]} is told twice")
+    read = [] if is_link(options.source) else [Path(options.source)]
+    sinks = [(name, sink_to(name, read, overwrite=options.overwrite)) for name in options.to]
+    for _, sink in sinks:
+        sink.check()
+    detached = [Detached(sink, name) for name, sink in sinks]
+    reception = Reception(
+        source,
+        waiting=options.waiting,
+        window=options.reorder,
+        recorders=[each.frame for each in detached],
+    )
+    teller = _Teller(detached, quiet=options.quiet)
+    loop = Loop(
+        reception,
+        results=[teller.result, *(each.result for each in detached)],
+        states=[teller.state, *(each.state for each in detached)],
+        image=names(options.image) or USUAL_IMAGES[0],
+        ranging=names(options.ranging),
+        depth=names(options.depth),
+    )
+    if any(name in (options.image or "") for name in PURSUING):
+        load_pursuit()
+    with _running(reception, detached):
+        loop.run(options.frames)
+    for each in detached:
+        if each.trouble is not None:
+            raise InputError(each.trouble)
+    if not reception.counts.reconstructed:
+        raise InputError(f"{options.source}: no frame was reconstructed{_why(loop.state())}")
+
+
+@contextmanager
+def _running(reception: Reception, detached: list[Detached]) -> Iterator[None]:
+    """With the threads that receive and write; an interrupt ends it as the stream's end does."""
+    receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
+    for each in detached:
+        each.start()
+    receiving.start()
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(file=sys.stderr)
+    finally:
+        reception.stop()
+        receiving.join(5.0)
+        for each in detached:
+            each.close()
+
+
+def _source(address: str, *, followed: bool) -> Source:
+    if not is_link(address) and _is_capture(Path(address)):
+        return CaptureSource(Path(address), followed=followed, wait=time.sleep)
+    return source_at(address, followed=followed)
+
+
+def _is_capture(path: Path) -> bool:
+    return path.suffix.lower() in (".h5", ".hdf5") or path.is_dir()
+
+
+class _Teller:
+    """Tells people how the stream is."""
+
+    def __init__(self, detached: list[Detached], *, quiet: bool) -> None:
+        self._detached = detached
+        self._quiet = quiet
+        self._latest: Outcome | None = None
+
+    def result(self, outcome: Outcome) -> None:
+        self._latest = outcome
+
+    def state(self, state: State) -> None:
+        if self._quiet:
+            return
+        print(printable("; ".join(self._words(state))), file=sys.stderr)
+
+    def _words(self, state: State) -> Iterator[str]:
+        if self._latest is None:
+            yield "no frame yet"
+        else:
+            latest = self._latest.result
+            yield f"frame {latest.frame}, {state.age_s:.1f} s old"
+            yield (
+                f"{state.frames_per_s:.0f} frames/s, latency {1e3 * state.latency_s:.1f} ms, "
+                f"99 % below {1e3 * state.latency_99_s:.1f} ms"
+            )
+            if latest.ranges is not None:
+                spots = zip(latest.ranges.range_m, latest.ranges.status, strict=True)
+                yield "ranges " + ", ".join(
+                    f"{range_m:.2f} m" if status == "ok" else status for range_m, status in spots
+                )
+        yield from (each for each in (_amiss(state), state.trouble) if each)
+        for each in self._detached:
+            if each.trouble is not None:
+                yield each.trouble
+            if each.dropped:
+                yield f"{each.name}: dropped {each.dropped}"
+
+
+def _why(state: State) -> str:
+    told = [each for each in (state.trouble, _amiss(state)) if each]
+    return f": {'; '.join(told)}" if told else ""
+
+
+def _amiss(state: State) -> str:
+    """Counts that had better be 0."""
+    counts = vars(state.counts).items()
+    told = {name: value for name, value in counts if value and name not in EXPECTED}
+    return ", ".join(f"{name} {value}" for name, value in told.items())
+
+
+def whole_number(text: str) -> int:
+    """A number of things behind an option."""
+    if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= 10**9:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+    return int(text)
+
+
+def _window(text: str) -> int:
+    if not (text.isascii() and text.isdigit()) or int(text) > 64:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 64")
+    return int(text)

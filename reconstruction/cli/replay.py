@@ -1,0 +1,112 @@
+"""A capture -> its frames as a stream, as a rig would send them."""
+
+import argparse
+import secrets
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ..capture import CaptureFile, open_capture
+from ..errors import InputError
+from ..files import Output, require_outputs
+from ..live import Sender, frame_period_s
+from ..live.framing import MAGIC
+from ..live.links import NewFile, Outlet, outlet_to
+from ..live.sending import SETUP_EVERY_S
+from .live import whole_number
+from .reconstruct import OVERWRITE
+
+EXAMPLE = "python -m reconstruction replay flight.h5 --to tcp://localhost:5800"
+AGAIN_S = 0.5
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of this command."""
+    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
+    parser.add_argument(
+        "--to",
+        metavar="OUTLET",
+        required=True,
+        help="tcp://HOST:PORT, tcp-listen://:PORT, udp://HOST:PORT, serial:///dev/ttyUSB0, - (a "
+        "pipe), FILE.stream",
+    )
+    parser.add_argument(
+        "--rate", metavar="HZ", type=_rate, help="frames a second (the capture's own); inf: all"
+    )
+    parser.add_argument(
+        "--times", metavar="N", type=whole_number, default=1, help="over and over (1)"
+    )
+    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Send a capture."""
+    outlet = outlet_to(options.to)
+    if isinstance(outlet, NewFile):
+        file = Output(Path(options.to), "stream", (".stream",), MAGIC.decode())
+        require_outputs([file], [options.capture], overwrite=options.overwrite)
+    outlet.check()
+    with open_capture(options.capture) as capture:
+        period_s = _period_s(capture, options.rate)
+        if np.isnan(period_s) and not isinstance(outlet, NewFile):
+            raise InputError(
+                f"{options.capture} does not tell its pattern_period_s: tell the frames a second "
+                "with --rate"
+            )
+        try:
+            _opened(outlet)
+            send(capture, outlet, 0.0 if np.isnan(period_s) else period_s, options.times)
+        finally:
+            outlet.close()
+
+
+def send(
+    capture: CaptureFile,
+    outlet: Outlet,
+    period_s: float,
+    times: int = 1,
+    *,
+    clock: Callable[[], float] = time.monotonic,
+    wait: Callable[[float], object] = time.sleep,
+) -> None:
+    """Send all frames in turn, each so long after the one before it."""
+    sender = Sender(capture.setup, capture.provenance, run=1 + secrets.randbelow(2**16 - 1))
+    began_s = clock()
+    told_s = -np.inf
+    for turn in range(times * capture.frames):
+        due_s = began_s + turn * period_s
+        if (early_s := due_s - clock()) > 0:
+            wait(early_s)
+        stamp = round(1e9 * (due_s - began_s))
+        if due_s - told_s >= SETUP_EVERY_S or turn == 0:
+            told_s = due_s
+            outlet.send(sender.setup(stamp))
+        outlet.send(sender.frame(capture.frame(turn % capture.frames), stamp))
+    outlet.send(sender.end())
+
+
+def _period_s(capture: CaptureFile, rate: float | None) -> float:
+    return frame_period_s(capture.setup) if rate is None else 1 / rate
+
+
+def _opened(outlet: Outlet, wait: Callable[[float], object] = time.sleep) -> None:
+    """Open it as soon as somebody is there."""
+    while True:
+        try:
+            outlet.open()
+        except (ConnectionRefusedError, TimeoutError):
+            wait(AGAIN_S)
+        else:
+            return
+
+
+def _rate(text: str) -> float:
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = np.nan
+    if not rate > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of frames a second above 0")
+    return rate

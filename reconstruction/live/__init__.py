@@ -1,0 +1,31 @@
+"""Frames as they come, from a rig or a file, and results as they go (docs/live.md)."""
+
+from .counts import Counts
+from .framing import Kind, Message, Parser, pack
+from .loop import Loop
+from .reception import Arrival, Reception
+from .results import Outcome, State
+from .sending import CaptureSource, Sender, frame_period_s
+from .setups import StreamSetup, frame_payload, setup_payload
+from .tables import packed, unpacked
+
+__all__ = [
+    "Arrival",
+    "CaptureSource",
+    "Counts",
+    "Kind",
+    "Loop",
+    "Message",
+    "Outcome",
+    "Parser",
+    "Reception",
+    "Sender",
+    "State",
+    "StreamSetup",
+    "frame_payload",
+    "frame_period_s",
+    "pack",
+    "packed",
+    "setup_payload",
+    "unpacked",
+]

@@ -1,0 +1,79 @@
+"""Addresses: tcp://host:port, tcp-listen://:port, udp://, serial:///dev/ttyUSB0, -, a file."""
+
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+from ...errors import InputError, nearest
+from .files import NewFile, Stdin, Stdout, StreamFile
+from .link import Outlet, Source
+from .serial_port import SerialPort
+from .sockets import Tcp, TcpListen, Udp, UdpListen
+
+SCHEMES = ("tcp", "tcp-listen", "udp", "serial")
+USUAL_BAUD = 921_600
+
+
+def is_link(address: str) -> bool:
+    """Whether this is no name of a file; InputError for an address of an unknown kind."""
+    scheme, found, _ = address.partition("://")
+    if found and scheme not in SCHEMES:
+        raise InputError(
+            f"{address}: unknown kind of address {scheme!r}: {nearest(scheme, SCHEMES)}"
+        )
+    return address == "-" or bool(found)
+
+
+def source_at(address: str, *, followed: bool = False) -> Source:
+    """Where bytes come from; a file is ``followed`` as it grows. Raises InputError."""
+    if address == "-":
+        return Stdin(address)
+    if not is_link(address):
+        return StreamFile(Path(address), followed=followed)
+    scheme = address.partition("://")[0]
+    if scheme == "serial":
+        return _serial(address)
+    kinds = {"tcp": Tcp, "tcp-listen": TcpListen, "udp": UdpListen}
+    return kinds[scheme](address, *_place(address, listens=scheme != "tcp"))
+
+
+def outlet_to(address: str) -> Outlet:
+    """Where bytes go. Raises InputError."""
+    if address == "-":
+        return Stdout(address)
+    if not is_link(address):
+        return NewFile(Path(address))
+    scheme = address.partition("://")[0]
+    if scheme == "serial":
+        return _serial(address)
+    kinds = {"tcp": Tcp, "tcp-listen": TcpListen, "udp": Udp}
+    return kinds[scheme](address, *_place(address, listens=scheme == "tcp-listen"))
+
+
+def _place(address: str, *, listens: bool) -> tuple[str, int]:
+    try:
+        split = urlsplit(address)
+        host, port = split.hostname or "", split.port
+    except ValueError:
+        port = None
+    if port is None or not (host or listens):
+        what, example = ("port", "") if listens else ("host and port", "192.168.0.10")
+        raise InputError(
+            f"{address} tells no {what}, 0 to 65535, as in {address.partition('://')[0]}://"
+            f"{example}:5800"
+        )
+    return host, port
+
+
+def _serial(address: str) -> SerialPort:
+    split = urlsplit(address)
+    told = parse_qs(split.query)
+    unknown = set(told) - {"baud"}
+    if unknown:
+        name = min(unknown)
+        raise InputError(f"{address}: unknown {name!r}: {nearest(name, ['baud'])}")
+    baud = told.get("baud", [str(USUAL_BAUD)])[0]
+    if not baud.isascii() or not baud.isdigit() or not int(baud):
+        raise InputError(f"{address}: baud is {baud!r}, must be a whole number, as in baud=921600")
+    if not split.path or split.netloc:
+        raise InputError(f"{address} tells no device, as in serial:///dev/ttyUSB0?baud=921600")
+    return SerialPort(address, split.path, int(baud))

@@ -1,0 +1,92 @@
+"""Pipes and files."""
+
+import os
+import select
+import sys
+import time
+from pathlib import Path
+from typing import IO
+
+from ...errors import InputError
+from .link import PIECE_BYTES, Ended, Outlet, Source
+
+
+class Stdin(Source):
+    """A pipe to this program."""
+
+    patient = True
+
+    def receive(self, timeout_s: float) -> bytes:
+        descriptor = sys.stdin.fileno()
+        if not select.select([descriptor], [], [], timeout_s)[0]:
+            return b""
+        content = os.read(descriptor, PIECE_BYTES)
+        if not content:
+            raise Ended
+        return content
+
+
+class Stdout(Outlet):
+    """A pipe from this program."""
+
+    def send(self, content: bytes) -> None:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+
+
+class StreamFile(Source):
+    """A file of messages: read to its end, or on as it grows where it is ``followed``."""
+
+    patient = True
+
+    def __init__(self, path: Path, *, followed: bool) -> None:
+        super().__init__(str(path))
+        self._path = path
+        self._followed = followed
+        self._file: IO[bytes] | None = None
+
+    def check(self) -> None:
+        if not self._path.is_file():
+            raise InputError(f"{self._path}: no such file, neither of a stream nor a capture")
+
+    def open(self) -> None:
+        self.close()
+        self._file = self._path.open("rb", buffering=0)
+
+    def receive(self, timeout_s: float) -> bytes:
+        assert self._file is not None
+        content = self._file.read(PIECE_BYTES)
+        if not content and not self._followed:
+            raise Ended
+        if not content:
+            time.sleep(timeout_s)  # files do not tell when they grow
+        return content
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+class NewFile(Outlet):
+    """A file of messages, which begins anew."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path))
+        self._path = path
+        self._file: IO[bytes] | None = None
+
+    def open(self) -> None:
+        if self._file is None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self._path.open("wb")
+
+    def send(self, content: bytes) -> None:
+        assert self._file is not None
+        self._file.write(content)
+        self._file.flush()
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None

@@ -1,0 +1,119 @@
+"""From frames as they come to results, with a reconstructor that is compiled once for a setup."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from ..errors import InputError
+from ..reconstructor import USUAL_IMAGES, Names, Reconstructor
+from .counts import Latencies
+from .reception import POLL_S, Arrival, Reception
+from .results import Outcome, State
+from .setups import StreamSetup
+
+STATE_EVERY_S = 1.0
+
+
+class Loop:
+    """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
+
+    Methods are named as for a `Reconstructor`; of the usual images there is the first alone.
+    Raises InputError for methods that the first setup does not suit, and where the reception has
+    failed.
+    """
+
+    def __init__(
+        self,
+        reception: Reception,
+        *,
+        image: Names = USUAL_IMAGES[0],
+        ranging: Names = None,
+        depth: Names = None,
+        results: Sequence[Callable[[Outcome], None]] = (),
+        states: Sequence[Callable[[State], None]] = (),
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.latencies = Latencies()
+        self._reception = reception
+        self._methods: dict[str, Any] = {"image": image, "ranging": ranging, "depth": depth}
+        self._results = results
+        self._states = states
+        self._clock = clock
+        self._stream: StreamSetup | None = None
+        self._reconstruct: Reconstructor | None = None
+        self._trouble: str | None = None
+        self._last_s = float("nan")
+        self._told_s = clock()
+        self._told_frames = 0
+
+    def run(self, most: int | None = None) -> None:
+        """Go on until the stream is over, or there are so many results."""
+        counts = self._reception.counts
+        while not self._reception.queue.over and (most is None or counts.reconstructed < most):
+            self.step(POLL_S)
+        if self._reception.failure is not None:
+            raise self._reception.failure
+        self._tell()
+
+    def step(self, timeout_s: float) -> None:
+        """Take one frame, if one comes in time, and tell the state where it is time to."""
+        arrival = self._reception.queue.get(timeout_s)
+        if arrival is not None:
+            self._frame(arrival)
+        elif self._reception.stream is not None:
+            self._compile(self._reception.stream)
+        if self._clock() - self._told_s >= STATE_EVERY_S:
+            self._tell()
+
+    def _compile(self, stream: StreamSetup) -> None:
+        """For another setup than the last; what the first one lacks is an error."""
+        if stream is self._stream:
+            return
+        first, self._stream, self._reconstruct = self._stream is None, stream, None
+        try:
+            self._reconstruct = Reconstructor(stream.setup, **self._methods)
+            self._trouble = None
+        except InputError as error:
+            if first:
+                raise
+            self._trouble = f"the setup cannot be used: {error}"
+
+    def _frame(self, arrival: Arrival) -> None:
+        self._compile(arrival.stream)
+        counts = self._reception.counts
+        if self._reconstruct is None:
+            counts.failed += 1
+            return
+        try:
+            result = self._reconstruct(arrival.frame)
+        except InputError as error:
+            counts.failed += 1
+            self._trouble = str(error)
+            return
+        self._trouble = None
+        counts.reconstructed += 1
+        self._last_s = arrival.received_s
+        latency_s = self._clock() - arrival.received_s
+        self.latencies.add(latency_s)
+        outcome = Outcome(arrival.stream, result, arrival.message.time_ns, latency_s)
+        for tell in self._results:
+            tell(outcome)
+
+    def state(self) -> State:
+        """How the stream is."""
+        now_s, counts = self._clock(), self._reception.counts
+        period_s = max(now_s - self._told_s, 1e-9)
+        return State(
+            counts=counts,
+            age_s=now_s - self._last_s,
+            latency_s=self.latencies.percentile(50),
+            latency_99_s=self.latencies.percentile(99),
+            frames_per_s=(counts.reconstructed - self._told_frames) / period_s,
+            trouble=self._trouble or self._reception.trouble or "",
+        )
+
+    def _tell(self) -> None:
+        state = self.state()
+        self._told_s, self._told_frames = self._clock(), self._reception.counts.reconstructed
+        for tell in self._states:
+            tell(state)

@@ -1,0 +1,104 @@
+"""Captures as streams: what a rig would send."""
+
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from ..capture import Frames, Provenance, Setup, open_capture
+from ..errors import InputError
+from .framing import Kind, Message, pack
+from .links import Ended, Source
+from .setups import frame_payload, setup_payload
+
+SETUP_EVERY_S = 1.0
+"""After which a setup is sent again, for those who came later."""
+
+
+class Sender:
+    """Messages of one start of a sender, which ``run`` tells from others; 0 does not tell."""
+
+    def __init__(self, setup: Setup, provenance: Provenance | None = None, run: int = 0) -> None:
+        self.number = 0
+        self._run = run
+        self._payload = setup_payload(setup, provenance)
+        self._id = zlib.crc32(self._payload)
+
+    def setup(self, time_ns: int = 0) -> bytes:
+        """What the frames have in common: before the first, and again from time to time."""
+        return self._message(Kind.SETUP, self._payload, time_ns)
+
+    def frame(self, frame: Frames, time_ns: int = 0) -> bytes:
+        """The next frame; ``time_ns`` is when it was recorded, by any clock."""
+        message = self._message(Kind.FRAME, frame_payload(frame), time_ns)
+        self.number = (self.number + 1) % 2**32
+        return message
+
+    def end(self, time_ns: int = 0) -> bytes:
+        """That no more will come."""
+        return self._message(Kind.END, b"", time_ns)
+
+    def _message(self, kind: Kind, payload: bytes, time_ns: int) -> bytes:
+        return pack(Message(kind, payload, self.number, time_ns, self._run, self._id))
+
+
+def frame_period_s(setup: Setup) -> float:
+    """From one frame of a recording to the next; nan where it is not told."""
+    return setup.buckets.pattern_period_s * setup.plan.exposures
+
+
+class CaptureSource(Source):
+    """A capture file, sent as fast as it is read, and on where it is ``followed``.
+
+    One that grows is one that a longer one replaces.
+    """
+
+    patient = True
+
+    def __init__(self, path: Path, *, followed: bool, wait: Callable[[float], object]) -> None:
+        super().__init__(str(path))
+        self._path = path
+        self._followed = followed
+        self._wait = wait
+        self._messages: Iterator[bytes] = iter(())
+
+    def check(self) -> None:
+        with open_capture(self._path):
+            pass
+
+    def open(self) -> None:
+        self._messages = self._all()
+
+    def receive(self, timeout_s: float) -> bytes:
+        message = next(self._messages, None)
+        if message is None:
+            raise Ended
+        if not message:
+            self._wait(timeout_s)
+        return message
+
+    def _all(self) -> Iterator[bytes]:
+        """Messages, empty ones while there is nothing new."""
+        sender: Sender | None = None
+        sent, seen = 0, None
+        while sender is None or self._followed:
+            now = self._path.stat()
+            state = (now.st_ino, now.st_size, now.st_mtime_ns)
+            if state == seen:
+                yield b""
+                continue
+            seen = state
+            with open_capture(self._path) as file:
+                if sender is None:
+                    sender = Sender(file.setup, file.provenance)
+                    yield sender.setup()
+                if file.frames < sent:
+                    raise InputError(f"{self._path} has become shorter: it is another capture")
+                for number in range(sent, file.frames):
+                    yield sender.frame(file.frame(number), _stamp(file.setup, number))
+                sent = file.frames
+
+
+def _stamp(setup: Setup, number: int) -> int:
+    """When a frame was recorded, from the first one on; 0 where it is not told."""
+    period_s = frame_period_s(setup)
+    return round(1e9 * number * period_s) if period_s > 0 else 0

@@ -1,0 +1,113 @@
+"""Frames in turn: which are lost, late, out of order or there twice."""
+
+from typing import Generic, TypeVar
+
+from .counts import Counts
+
+MODULUS = 2**32
+REMEMBERED = 64
+"""Numbers back to which a frame that was lost may be late."""
+HOLD_S = 0.1
+"""After so long a frame that came too early is waited for no more."""
+
+Item = TypeVar("Item")
+
+
+class Sequence(Generic[Item]):
+    """Gives frames in the turn of their numbers, which go from 2^32 - 1 on to 0.
+
+    One that comes too early is held until those before it have come, or more than ``window`` are
+    held, or for `HOLD_S`: then those before it are lost. What cannot be used keeps its place. A
+    sender begins anew where its ``run`` is another; of one that does not tell, 0, where a number
+    is more than `REMEMBERED` back.
+    """
+
+    def __init__(self, counts: Counts, window: int) -> None:
+        self._counts = counts
+        self._window = window
+        self._run: int | None = None
+        self._next = 0
+        self._held: dict[int, Item | None] = {}
+        self._since_s = 0.0
+        self._missing: dict[int, bool] = {}
+
+    def take(self, run: int, number: int, item: Item | None, now_s: float) -> list[Item]:
+        """Frames whose turn it is after this one has come, None for one that cannot be used."""
+        ahead = self._ahead(number)
+        given: list[Item] = []
+        if run != self._run or (run == 0 and ahead < -REMEMBERED):
+            given = self.flush()
+            self._counts.restarts += self._run is not None
+            self._run, self._next, ahead = run, number, 0
+            self._missing.clear()
+        if ahead < 0:
+            self._behind(number, usable=item is not None)
+            return given
+        if self._held.get(number) is not None:
+            self._counts.duplicated += item is not None
+            return given
+        if any(self._ahead(held) > ahead for held in self._held):
+            self._counts.reordered += 1
+        if not self._held:
+            self._since_s = now_s
+        self._held[number] = item
+        given += self._due()
+        if len(self._held) > self._window:
+            given += self._give_up(now_s)
+        return given
+
+    def overdue(self, now_s: float) -> list[Item]:
+        """Frames that have been held for too long."""
+        late = bool(self._held) and now_s - self._since_s > HOLD_S
+        return self._give_up(now_s) if late else []
+
+    def flush(self) -> list[Item]:
+        """All frames that are held."""
+        given: list[Item] = []
+        while self._held:
+            given += self._give_up(0.0)
+        return given
+
+    def _ahead(self, number: int) -> int:
+        """Places after the next one."""
+        return (number - self._next + MODULUS // 2) % MODULUS - MODULUS // 2
+
+    def _behind(self, number: int, *, usable: bool) -> None:
+        """One whose turn is over."""
+        if number in self._missing:
+            self._counts.lost -= self._missing[number]
+            self._counts.late += usable
+            if usable:
+                del self._missing[number]
+            else:
+                self._missing[number] = False
+        elif usable:
+            self._counts.duplicated += 1
+
+    def _due(self) -> list[Item]:
+        """Frames that are held and whose turn it is."""
+        given: list[Item] = []
+        while self._next in self._held:
+            item = self._held.pop(self._next)
+            if item is None:
+                self._miss(self._next, lost=False)
+            else:
+                given.append(item)
+            self._next = (self._next + 1) % MODULUS
+        return given
+
+    def _give_up(self, now_s: float) -> list[Item]:
+        """The first that are held, without those before them."""
+        first = min(self._held, key=self._ahead)
+        missing = self._ahead(first)
+        self._counts.lost += missing
+        for back in range(min(missing, REMEMBERED), 0, -1):
+            self._miss((first - back) % MODULUS, lost=True)
+        self._next = first
+        self._since_s = now_s
+        return self._due()
+
+    def _miss(self, number: int, *, lost: bool) -> None:
+        self._missing[number] = lost
+        if len(self._missing) > REMEMBERED:
+            del self._missing[next(iter(self._missing))]

@@ -1,0 +1,142 @@
+"""What a stream tells before its frames, and frames as its messages hold them (docs/live.md)."""
+
+import math
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup, stored_fields
+from ..errors import InputError
+from .framing import MAX_PAYLOAD_BYTES
+from .tables import Arrays, Value, packed, unpacked
+
+READ = ("buckets", "spots", "pattern_taps")
+"""Parts that hold readings."""
+FLAGS = "saturated"
+TOLD = {"source": "hardware", "software": "", "provenance/instrument": ""}
+"""Texts that a setup may hold beside a capture's datasets, and what they are without."""
+
+Part = TypeVar("Part")
+
+
+class StreamSetup:
+    """What the frames of a stream have in common, and how their payloads are made.
+
+    ``entries``: what the message holds, datasets of a capture of no frames. Those whose first axis
+    is that of the frames, and so 0, make up the payload of a frame one after the other. ``id`` is
+    the CRC-32 of the message's payload. Raises InputError for what is no setup.
+    """
+
+    def __init__(self, payload: bytes) -> None:
+        self.payload = payload
+        self.id = zlib.crc32(payload)
+        entries = unpacked(payload)
+        self._readings = {
+            name: values for name, values in entries.items() if values.shape[:1] == (0,)
+        }
+        self.frame_bytes = sum(map(_frame_bytes, self._readings.values()))
+        tables = Arrays(_with_flags(entries))
+        _check_readings(entries, self.frame_bytes)
+        self.setup = read_setup(tables)
+        texts = {
+            name: tables.text(name) if name in entries else usual for name, usual in TOLD.items()
+        }
+        if texts["source"] not in ("hardware", "simulation"):
+            raise InputError(f"source is {texts['source']!r}; allowed: hardware, simulation")
+        self.provenance = Provenance(
+            source=texts["source"],  # type: ignore[arg-type]
+            software=texts["software"],
+            created="",
+            instrument=texts["provenance/instrument"],
+        )
+
+    def frames(self, payload: bytes, number: int) -> Frames:
+        """The frame of this number; InputError unless its readings can be of this setup."""
+        if len(payload) != self.frame_bytes:
+            raise InputError(f"a frame of {len(payload)} bytes; its setup tells {self.frame_bytes}")
+        values: dict[str, Value] = {}
+        at = 0
+        for name, none in self._readings.items():
+            shape = (1, *none.shape[1:])
+            values[name] = np.frombuffer(payload, none.dtype, math.prod(shape), at).reshape(shape)
+            at += _frame_bytes(none)
+        setup = self.setup
+        frames = Frames(
+            number,
+            _filled(setup.buckets, "buckets", values),
+            None if setup.spots is None else _filled(setup.spots, "spots", values),
+            None
+            if setup.pattern_taps is None
+            else _filled(setup.pattern_taps, "pattern_taps", values),
+        )
+        check_parts(frames)
+        return frames
+
+
+def setup_payload(setup: Setup, provenance: Provenance | None = None) -> bytes:
+    """The payload of a setup's message."""
+    entries: dict[str, Any] = {}
+    if provenance is not None:
+        entries["source"], entries["software"] = provenance.source, provenance.software
+        entries["provenance/instrument"] = provenance.instrument
+    entries |= {name: value for name, value, _ in datasets(setup.plans, setup)}
+    return packed(entries)
+
+
+def frame_payload(frame: Frames) -> bytes:
+    """The payload of a frame, of the setup whose payload `setup_payload` is."""
+    parts = [part for group in READ if (part := getattr(frame, group)) is not None]
+    return b"".join(
+        _bytes(stored.kept(name, getattr(part, name)))
+        for part in parts
+        for name, stored in stored_fields(type(part))
+        if stored.by_frame
+    )
+
+
+def _bytes(values: NDArray[Any]) -> bytes:
+    return values.astype(values.dtype.newbyteorder("<"), copy=False).tobytes()
+
+
+def _check_readings(entries: Mapping[str, Value], frame_bytes: int) -> None:
+    for name in ("buckets/counts", "spots/taps", "spots/counts", "pattern_taps/taps"):
+        if name in entries and entries[name].shape[:1] != (0,):
+            raise InputError(f"{name} has shape {entries[name].shape}; a setup has 0 frames")
+    if frame_bytes > MAX_PAYLOAD_BYTES:
+        raise InputError(f"a frame of {frame_bytes} bytes; at most {MAX_PAYLOAD_BYTES}")
+
+
+def _frame_bytes(none: Value) -> int:
+    """What one frame has of an array of none."""
+    return math.prod(none.shape[1:]) * none.dtype.itemsize
+
+
+def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
+    """A part without readings, with those of one frame; what is not told is not saturated."""
+    filled: dict[str, Any] = {}
+    for name, stored in stored_fields(type(part)):
+        if stored.by_frame:
+            where = f"{group}/{name}"
+            empty = getattr(part, name)
+            value = values.get(where)
+            if value is None:
+                value = np.zeros((1, *empty.shape[1:]), empty.dtype)
+            filled[name] = stored.kept(where, value)
+    return replace(part, **filled)  # type: ignore[type-var]
+
+
+def _with_flags(entries: Mapping[str, Value]) -> dict[str, Value]:
+    """The same, and flags of saturation where none are told."""
+    told = dict(entries)
+    for group, readings in (("buckets", "counts"), ("spots", ""), ("pattern_taps", "taps")):
+        flags = f"{group}/{FLAGS}"
+        names = [f"{group}/{readings}"] if readings else ["spots/taps", "spots/counts"]
+        for name in names:
+            if name in told and flags not in told:
+                shape = told[name].shape
+                told[flags] = np.zeros(shape[:2] if name == "spots/counts" else shape, np.uint8)
+    return told

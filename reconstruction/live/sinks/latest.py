@@ -1,0 +1,60 @@
+"""The latest result in a folder."""
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ...files import Output, mark, require_outputs, write_atomically
+from ...outputs import outputs_in, write_outputs
+from ...text import json_line
+from ..results import Outcome, State
+from .lines import state_report
+from .sink import Sink
+
+EVERY_S = 1.0
+STATE, KIND = "state.json", "state of a stream"
+
+
+class LatestResult(Sink):
+    """What a reconstruction leaves, once a second, and how the stream is. Each file is whole."""
+
+    waiting = 2
+    skips = True
+
+    def __init__(
+        self,
+        folder: Path,
+        read: Sequence[Path] = (),
+        *,
+        overwrite: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._folder = folder
+        self._read = read
+        self._overwrite = overwrite
+        self._clock = clock
+        self._written_s = -float("inf")
+        self._latest: Outcome | None = None
+
+    def check(self) -> None:
+        outputs = [*outputs_in(self._folder), Output(self._folder / STATE, KIND)]
+        require_outputs(outputs, self._read, overwrite=self._overwrite)
+
+    def result(self, outcome: Outcome) -> None:
+        self._latest = outcome
+        now_s = self._clock()
+        if now_s - self._written_s >= EVERY_S:
+            self._written_s = now_s
+            self._write()
+
+    def state(self, state: State) -> None:
+        report = {"made": mark(KIND), **state_report(state)}
+        write_atomically(self._folder / STATE, json_line(report).encode() + b"\n")
+
+    def close(self) -> None:
+        self._write()
+
+    def _write(self) -> None:
+        if self._latest is not None:
+            write_outputs(self._latest.result, self._latest.stream, self._folder)
+            self._latest = None

@@ -1,0 +1,69 @@
+"""One JSON object for each result, and for each state."""
+
+import sys
+from collections.abc import Callable
+from typing import IO, Any
+
+import numpy as np
+
+from ...files import mark
+from ...text import json_line
+from ..results import Outcome, State
+from .sink import Sink
+
+KIND = "results of a stream"
+
+
+class JsonLines(Sink):
+    """Lines of a text: what a frame has of numbers, not of images."""
+
+    def __init__(self, opened: Callable[[], IO[str]]) -> None:
+        self._opened = opened
+        self._file: IO[str] | None = None
+
+    def result(self, outcome: Outcome) -> None:
+        self._write(result_report(outcome))
+
+    def state(self, state: State) -> None:
+        self._write({"state": state_report(state)})
+
+    def close(self) -> None:
+        if self._file not in (None, sys.stdout):
+            self._file.close()
+
+    def _write(self, report: dict[str, Any]) -> None:
+        if self._file is None:
+            self._file = self._opened()
+            self._file.write(json_line({"made": mark(KIND)}) + "\n")
+        self._file.write(json_line(report) + "\n")
+        self._file.flush()
+
+
+def result_report(outcome: Outcome) -> dict[str, Any]:
+    """A result in numbers; null where there is none."""
+    result = outcome.result
+    report: dict[str, Any] = {
+        "frame": result.frame,
+        "time_ns": outcome.time_ns,
+        "latency_s": outcome.latency_s,
+    }
+    if result.ranges is not None:
+        report["range_m"] = [_number(value) for value in result.ranges.range_m]
+        report["range_sigma_m"] = [_number(value) for value in result.ranges.sigma_m]
+        report["range_status"] = list(result.ranges.status)
+    depth_m = result.depth_m
+    if depth_m is not None and np.isfinite(depth_m).any():
+        report["nearest_m"] = float(np.nanmin(depth_m))
+        report["median_m"] = float(np.nanmedian(depth_m))
+    return report
+
+
+def state_report(state: State) -> dict[str, Any]:
+    """The state in numbers; null for what is not known yet."""
+    return {name: _number(value) for name, value in state.numbers.items()}
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, int | str):
+        return value
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,57 @@
+"""Sinks by what stands behind ``--to``."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO
+
+from ...errors import InputError
+from ...files import Output, require_outputs
+from ..framing import MAGIC
+from ..links import NewFile, is_link, outlet_to
+from .latest import LatestResult
+from .lines import KIND, JsonLines
+from .messages import MessageSink
+from .records import CaptureRecord, StreamRecord
+from .sink import Sink
+from .window import WindowSink
+
+WINDOW = "window"
+STREAM = ".stream"
+ENDINGS = {
+    ".jsonl": "results, a line each",
+    ".h5 or .hdf5": "captures of the frames",
+    STREAM: "the frames as they came",
+}
+
+
+def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) -> Sink:
+    """A sink; InputError for what is none, and files that are ``read`` or others' already."""
+    if name == "-":
+        return JsonLines(lambda: sys.stdout)
+    if name == WINDOW:
+        return WindowSink()
+    if is_link(name):
+        return MessageSink(outlet_to(name))
+    path = Path(name)
+    if path.suffix.lower() in (".h5", ".hdf5"):
+        return CaptureRecord(path, read, overwrite=overwrite)
+    if path.suffix == STREAM:
+        output = Output(path, "stream", sign=MAGIC.decode())
+        require_outputs([output], read, overwrite=overwrite)
+        return StreamRecord(NewFile(path))
+    if path.suffix == ".jsonl":
+        require_outputs([Output(path, KIND)], read, overwrite=overwrite)
+        return JsonLines(lambda: _opened(path))
+    if path.suffix and not path.is_dir():
+        known = ", ".join(f"{ending} ({what})" for ending, what in ENDINGS.items())
+        raise InputError(
+            f"{name}: nothing is known to write with the ending {path.suffix!r}; allowed: {known}, "
+            "a folder, an address, window or -"
+        )
+    return LatestResult(path, read, overwrite=overwrite)
+
+
+def _opened(path: Path) -> IO[str]:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path.open("w", encoding="ascii")

@@ -1,0 +1,146 @@
+"""Frames as they came, in a file of their messages or in captures."""
+
+import datetime
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ...capture import Capture, write_capture
+from ...capture.file import KINDS
+from ...capture.schema import stored_fields
+from ...files import Output, is_marked, require_outputs
+from ..framing import Kind, Message, pack
+from ..links import Outlet
+from ..reception import Arrival
+from ..setups import StreamSetup
+from .sink import Sink
+
+FRAMES_OF_A_PART, BYTES_OF_A_PART = 4096, 2**26
+FRAMES_BETWEEN = 512
+"""After which the last part is written again: so many are lost in a crash."""
+
+Part = TypeVar("Part")
+
+
+class StreamRecord(Sink):
+    """All messages with frames, and the setups before them, one after the other."""
+
+    waiting = 256
+
+    def __init__(self, outlet: Outlet) -> None:
+        self._outlet = outlet
+        self._stream: StreamSetup | None = None
+
+    def frame(self, arrival: Arrival) -> None:
+        self._outlet.open()
+        message, stream = arrival.message, arrival.stream
+        if stream is not self._stream:
+            self._stream = stream
+            setup = message._replace(kind=Kind.SETUP, payload=stream.payload)
+            self._outlet.send(pack(setup))
+        self._outlet.send(pack(message))
+
+    def close(self) -> None:
+        if self._stream is not None:
+            self._outlet.send(pack(Message(Kind.END)))
+        self._outlet.close()
+
+
+class CaptureRecord(Sink):
+    """Captures of frames that follow each other, each whole at any time.
+
+    The first has the name that is told, further ones a number too: a new one begins after
+    `FRAMES_OF_A_PART` or `BYTES_OF_A_PART`, with another setup, and, where frames show different
+    patterns in turn, after a lost one.
+    """
+
+    waiting = 256
+
+    def __init__(self, path: Path, read: Sequence[Path] = (), *, overwrite: bool = False) -> None:
+        self._path = path
+        self._read = read
+        self._overwrite = overwrite
+        self._number = 0
+        self._begun = False
+        self._arrivals: list[Arrival] = []
+
+    def check(self) -> None:
+        self._require()
+
+    def frame(self, arrival: Arrival) -> None:
+        if self._arrivals and not self._belongs(arrival):
+            self._next_part()
+        self._arrivals.append(arrival)
+        if len(self._arrivals) % FRAMES_BETWEEN == 0:
+            self._write()
+        most = min(FRAMES_OF_A_PART, BYTES_OF_A_PART // arrival.stream.frame_bytes)
+        if len(self._arrivals) >= most:
+            self._next_part()
+
+    def close(self) -> None:
+        if self._arrivals:
+            self._write()
+
+    def _belongs(self, arrival: Arrival) -> bool:
+        last = self._arrivals[-1]
+        if arrival.stream is not last.stream:
+            return False
+        plans = arrival.stream.setup.plans
+        return len(plans) == 1 or arrival.message.number == last.message.number + 1
+
+    def _next_part(self) -> None:
+        self._write()
+        self._arrivals = []
+        self._begun = False
+        self._number += 1
+
+    @property
+    def _part(self) -> Path:
+        if not self._number:
+            return self._path
+        return self._path.with_name(f"{self._path.stem}-{self._number + 1}{self._path.suffix}")
+
+    def _require(self) -> None:
+        part = self._part
+        kinds = [kind for kind in KINDS.values() if part.is_file() and is_marked(part, kind)]
+        kind = kinds[0] if kinds else "capture"
+        output = Output(part, kind, (".h5", ".hdf5"))
+        require_outputs([output], self._read, overwrite=self._overwrite)
+
+    def _write(self) -> None:
+        if not self._begun:
+            self._require()
+        self._begun = True
+        write_capture(_capture(self._arrivals), self._part)
+
+
+def _capture(arrivals: list[Arrival]) -> Capture:
+    """Of frames of one setup."""
+    first, stream = arrivals[0].frame, arrivals[0].stream
+    plans = [stream.setup.plan_of(first.first + n) for n in range(len(stream.setup.plans))]
+    frames = [arrival.frame for arrival in arrivals]
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    return Capture(
+        plan=plans[0],
+        later_plans=tuple(plans[1 : len(frames)]),
+        buckets=_joined([frame.buckets for frame in frames]),
+        spots=None if first.spots is None else _joined([frame.spots for frame in frames]),
+        pattern_taps=None
+        if first.pattern_taps is None
+        else _joined([frame.pattern_taps for frame in frames]),
+        optics=stream.setup.optics,
+        provenance=replace(stream.provenance, created=now),
+    )
+
+
+def _joined(parts: list[Part]) -> Part:
+    """One part with the readings of all."""
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name, stored in stored_fields(type(parts[0]))
+        if stored.by_frame
+    }
+    return replace(parts[0], **joined)  # type: ignore[type-var]

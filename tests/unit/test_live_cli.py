@@ -1,0 +1,257 @@
+"""Streams on the command line: senders, replays, results; and what is refused with status 2."""
+
+import io
+import json
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from reconstruction import read_capture, reconstruct, write_capture
+from reconstruction.cli import main, replay
+from reconstruction.live import Message, Parser, pack
+from reconstruction.live.links import source_at
+from streams import Clock, film
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples" / "live"
+sys.path.insert(0, str(EXAMPLES))
+
+
+@pytest.fixture(scope="module")
+def stream(tmp_path_factory):
+    """What the sender in Python sends of 20 frames."""
+    import sender
+
+    path = tmp_path_factory.mktemp("stream") / "rig.stream"
+    path.write_bytes(b"".join(sender.stream(20)))
+    return path
+
+
+@pytest.fixture
+def path(capture, tmp_path):
+    write_capture(film(capture, 4), tmp_path / "flight.h5")
+    return tmp_path / "flight.h5"
+
+
+def test_the_sender_in_python_is_read_and_its_ranges_are_right(stream, tmp_path, capsys):
+    out = tmp_path / "rig"
+    sinks = ["--to", "-", "--to", str(out / "copy.h5"), "--to", str(out / "copy.stream")]
+    assert main(["live", str(stream), *sinks]) == 0
+    told = capsys.readouterr()
+    _, *lines = map(json.loads, told.out.splitlines())
+    frames = [line for line in lines if "frame" in line]
+    assert [line["frame"] for line in frames] == list(range(20))
+    assert np.allclose(frames[7]["range_m"], [2, 3, 4, 5], atol=0.02)
+    assert lines[-1]["state"]["reconstructed"] == 20
+    assert "frame 19, " in told.err
+    copy = read_capture(out / "copy.h5")
+    image = reconstruct(copy, 16).image
+    row, column = np.mgrid[:8, :8]
+    shown = 20 + 5 * column + 120 * ((row >= 2) & (row < 6) & ((column - 1) % 8 < 3))
+    assert np.allclose(image, 1000 * shown, rtol=1e-3)
+    assert main(["live", str(out / "copy.stream"), "--frames", "3", "--quiet"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_the_sender_in_c_sends_the_same_bytes(stream, tmp_path):
+    program = tmp_path / "sender"
+    strict = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    subprocess.run(["cc", *strict, "-o", program, EXAMPLES / "sender.c"], check=True)
+    sent = subprocess.run([program, "20"], check=True, capture_output=True).stdout
+    assert sent == stream.read_bytes()
+
+
+def test_the_sender_in_c_takes_no_memory_at_run_time():
+    source = (EXAMPLES / "sender.c").read_text(encoding="utf-8")
+    assert "alloc" not in source
+
+
+def test_a_replay_is_the_capture(path, tmp_path, capsys):
+    stream = tmp_path / "flight.stream"
+    assert main(["replay", str(path), "--to", str(stream), "--times", "2"]) == 0
+    copy = tmp_path / "copy.h5"
+    assert main(["live", str(stream), "--to", str(copy), "--image", "zero-filled"]) == 0
+    counts = read_capture(path).buckets.counts
+    assert np.array_equal(read_capture(copy).buckets.counts, np.concatenate([counts, counts]))
+    assert main(["live", str(path), "--quiet", "--depth", "nearest"]) == 0
+
+
+def test_frames_of_a_replay_are_on_time(capture):
+    clock = Clock()
+    began_s, sent = clock.now_s, []
+    outlet = SimpleNamespace(send=lambda content: sent.append((clock.now_s, content)))
+    replay.send(film(capture, 30), outlet, 0.1, clock=clock, wait=clock.wait)
+    found = Parser().feed(b"".join(content for _, content in sent))
+    assert [each.kind for each in found].count(1) == 3  # once a second
+    frames = [(at_s, each) for (at_s, _), each in zip(sent, found, strict=True) if each.kind == 2]
+    for number, (at_s, each) in enumerate(frames):
+        assert at_s - began_s == pytest.approx(0.1 * number)
+        assert each.number == number
+        assert each.time_ns == pytest.approx(1e8 * number, abs=2)
+        assert each.run > 0
+
+
+def test_a_replay_waits_until_somebody_is_there():
+    refusals = [ConnectionRefusedError(111, "refused")] * 3
+
+    def open_it():
+        if refusals:
+            raise refusals.pop()
+
+    clock = Clock()
+    began_s = clock.now_s
+    replay._opened(SimpleNamespace(open=open_it), clock.wait)
+    assert clock.now_s - began_s == 3 * replay.AGAIN_S
+
+
+def test_results_come_over_tcp_from_a_sender_over_tcp(path, monkeypatch, capsys):
+    """A rig, this, and an autopilot."""
+    ports = []
+    for _ in range(2):
+        probe = source_at("tcp-listen://127.0.0.1:0")
+        probe.check()
+        ports.append(probe.port)
+        probe.close()
+    pilot = source_at(f"tcp-listen://127.0.0.1:{ports[1]}")
+    pilot.check()
+    source = f"tcp-listen://127.0.0.1:{ports[0]}"
+    told = []
+
+    def fly():
+        status = main(["live", source, "--to", f"tcp://127.0.0.1:{ports[1]}", "--quiet"])
+        told.append(status)
+
+    flying = threading.Thread(target=fly)
+    flying.start()
+    sending = threading.Thread(
+        target=main, args=(["replay", str(path), "--to", f"tcp://127.0.0.1:{ports[0]}"],)
+    )
+    sending.start()
+    parser, found = Parser(), []
+    while True:
+        try:
+            pilot.open()
+            break
+        except TimeoutError:
+            assert flying.is_alive()
+    while not any(each.kind == 3 for each in found):
+        found += parser.feed(pilot.receive(60.0))
+    pilot.close()
+    for thread in (sending, flying):
+        thread.join(60)
+    assert told == [0]
+    assert {each.kind for each in found} == {3, 4, 5}
+    assert parser.discarded_bytes == 0
+
+
+def test_wrong_streams_end_with_status_2_and_one_line(path, tmp_path, capsys):
+    (tmp_path / "newer.stream").write_bytes(pack(Message(1, b"", version=9)))
+    (tmp_path / "noise.stream").write_bytes(b"noise" * 100)
+    (tmp_path / "plan.stream").write_bytes(pack(Message(1, b"\x01au1\x00\0")))
+    (tmp_path / "mine.jsonl").write_text("mine")
+    new = str(tmp_path / "new.stream")
+    source = str(path)
+    for arguments, message in [
+        (["live", str(tmp_path / "newer.stream")], "messages of version 9; this program reads ver"),
+        (["live", str(tmp_path / "plan.stream")], "its setup cannot be used: patterns/basis is"),
+        (
+            ["live", str(tmp_path / "noise.stream")],
+            "noise.stream: no frame was reconstructed: discarded_bytes 500",
+        ),
+        (["live", str(tmp_path / "none.stream")], "no such file, neither of a stream nor a capt"),
+        (["live", str(tmp_path / "none.h5")], "none.h5: no such capture file"),
+        (["live", str(tmp_path)], "is a folder; the name of a capture file is needed"),
+        (["live", "tpc://localhost:1"], "did you mean 'tcp'"),
+        (["live", source, "--to", str(tmp_path / "mine.jsonl")], "exists and is not an earlier"),
+        (["live", source, "--to", str(tmp_path / "film.mp4")], "nothing is known to write"),
+        (["live", source, "--to", source, "--overwrite"], "is read by this command; give its"),
+        (["live", source, "--to", "-", "--to", "-"], "--to - is told twice"),
+        (["live", source, "--image", "zero-fill"], "did you mean 'zero-filled'"),
+        (["live", source, "--depth", "dense"], "'dense' needs pattern taps, which"),
+        (["replay", source, "--to", str(tmp_path / "new.txt")], "'.txt' is no ending of a stream"),
+        (["replay", str(tmp_path / "none.h5"), "--to", new], "no such capture file"),
+        (["replay", source, "--to", "tcp://localhost"], "tells no host and port"),
+    ]:
+        assert main([*arguments, *(["--quiet"] if arguments[0] == "live" else [])]) == 2, arguments
+        error = capsys.readouterr().err
+        assert error.startswith("error: ")
+        assert message in error
+        assert error.count("\n") == 1
+    assert not Path(new).exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["--frames", "0"], ["--waiting", "x"], ["--reorder", "65"], ["--waiting", "-1"]],
+)
+def test_wrong_numbers_are_told(arguments, path):
+    with pytest.raises(SystemExit) as stop:
+        main(["live", str(path), *arguments])
+    assert stop.value.code == 2
+
+
+def test_a_capture_that_tells_no_time_needs_a_rate(capture, tmp_path, capsys):
+    from dataclasses import replace
+
+    path = tmp_path / "timeless.h5"
+    buckets = replace(capture.buckets, pattern_period_s=np.nan)
+    write_capture(replace(capture, buckets=buckets), path)
+    assert main(["replay", str(path), "--to", "udp://localhost:5899"]) == 2
+    assert "tell the frames a second with --rate" in capsys.readouterr().err
+    assert main(["replay", str(path), "--to", "udp://localhost:5899", "--rate", "inf"]) == 0
+    with pytest.raises(SystemExit):
+        main(["replay", str(path), "--to", "-", "--rate", "0"])
+
+
+def test_an_interrupt_ends_a_stream_with_what_it_has(path, tmp_path, monkeypatch):
+    """And closes its sinks."""
+    from reconstruction.cli import live
+
+    class Interrupted(live.Loop):
+        def run(self, most=None):
+            super().run(2)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(live, "Loop", Interrupted)
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    out = tmp_path / "kept.h5"
+    assert main(["live", str(path), "--to", str(out)]) == 0
+    assert 2 <= read_capture(out).frames <= 4
+
+
+def test_a_sink_that_failed_to_the_end_is_an_error(path, tmp_path, monkeypatch, capsys):
+    from reconstruction.live.sinks.records import CaptureRecord
+
+    def full(self):
+        raise OSError(28, "No space left on device", "flight.h5")
+
+    monkeypatch.setattr(CaptureRecord, "_write", full)
+    assert main(["live", str(path), "--to", str(tmp_path / "a.h5"), "--quiet"]) == 2
+    assert "a.h5: flight.h5: No space left on device" in capsys.readouterr().err
+
+
+def test_nothing_but_what_the_rig_has_is_loaded(path):
+    code = (
+        "import sys; from reconstruction.cli import main; "
+        f"status = main(['live', {str(path)!r}, '--quiet']); "
+        "banned = {'spisim', 'mitsuba', 'matplotlib', 'serial', 'numba', 'multiprocessing'}; "
+        "sys.exit(status or sorted(banned & set(sys.modules)) or None)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_example_has_no_other_needs():
+    """Of what MicroPython has not."""
+    import ast
+
+    tree = ast.parse((EXAMPLES / "sender.py").read_text(encoding="utf-8"))
+    names = {n.name for node in ast.walk(tree) if isinstance(node, ast.Import) for n in node.names}
+    assert names == {"binascii", "struct", "sys", "socket"}
