@@ -22,7 +22,6 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-
 #: Flights collide so many times as often as light does where they leave an end, at most,
 BIAS = 5.0
 #: so far from it, at most, or a mean free path,
