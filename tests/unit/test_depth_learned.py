@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import expit
+from test_learned import convolved, shuffled, unshuffled
 
 import worlds
 from instruments import changed
@@ -27,7 +28,6 @@ from reconstruction.errors import InputError
 from reconstruction.image import Imaging
 from reconstruction.ranging import FogOptics
 from spisim.simulation import simulate
-from test_learned import convolved, shuffled, unshuffled
 
 OPTICS = Optics(tan_half_width=np.tan(np.radians(10)), tan_half_height=np.tan(np.radians(10)))
 NOTHING = Anchors(np.full(4, np.nan), np.full(4, np.nan))

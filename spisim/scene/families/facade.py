@@ -328,5 +328,5 @@ FAMILY = Family(
     "The front of a house with balconies, windows and trees, the sky above or beside it",
     FacadeParameters,
     build,
-    least_spots=1,
+    least_spots=0,
 )

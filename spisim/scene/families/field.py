@@ -330,5 +330,5 @@ FAMILY = Family(
     "An open field: poles, fences, bales, bushes, animals and machines, far hills",
     FieldParameters,
     build,
-    least_spots=1,
+    least_spots=0,
 )

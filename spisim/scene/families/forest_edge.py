@@ -252,5 +252,5 @@ FAMILY = Family(
     "A field before the edge of a wood that recedes, the sky above",
     ForestEdgeParameters,
     build,
-    least_spots=1,
+    least_spots=0,
 )

@@ -349,5 +349,5 @@ FAMILY = Family(
     "The approach to a pad, a road, a runway or a flat roof, the horizon behind",
     LandingApproachParameters,
     build,
-    least_spots=1,
+    least_spots=0,
 )
