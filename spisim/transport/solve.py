@@ -28,6 +28,8 @@ from spisim.transport.world import World, build_world
 BIN_WIDTH_M = 0.02
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
+#: And first of all on the way to an error: a launch of fewer takes as long.
+FIRST_SPOT_PATHS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +125,7 @@ def solve(
     else:
         budgets = [
             TargetError(transport_noise_share, gauge, first)
-            for gauge, first in zip(gauges, (1, SPOT_PATHS_PER_SPP), strict=True)
+            for gauge, first in zip(gauges, (1, FIRST_SPOT_PATHS), strict=True)
         ]
     image = transport_image(
         world,

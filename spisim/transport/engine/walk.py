@@ -103,22 +103,26 @@ class Walk:
         """Follow the ray to a surface or a collision; paths that meet neither end here."""
         media, ray = self.world.media, path.ray
         si = self.world.geometry.scene.ray_intersect(ray, path.active)
-        collision = media.flight(ray, si.t, sampler, path.active)
+        left_m = dr.select(path.vertex == 1, path.densities.segment_m, dr.inf)
+        collision = media.flight(ray, si.t, sampler, path.active, left_m)
         in_fog = path.active & (collision.distance < si.t)
         on_surface = path.active & ~in_fog & si.is_valid()
+        distance = dr.select(in_fog, collision.distance, si.t)
+        biased = media.flight_density(ray.o, ray.d, distance, collision.medium, in_fog, left_m)
+        path.beta *= dr.rcp(biased)
         if self.sky is not None:
             escaped = path.active & ~in_fog & ~on_surface
             light = path.beta * self.sky(ray.d)
             found = Contribution(light, launch.cell, path.length_m, path.scatterings, escaped)
             self.deposit(found._replace(replica=launch.replica))
         path.active &= in_fog | on_surface
-        distance = dr.select(in_fog, collision.distance, si.t)
         distance = dr.select(path.active, distance, 0)
         point = mi.Point3f(ray(distance))
         path.length_m += distance
         path.scatterings += dr.select(in_fog, 1, 0)
         path.beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
-        path.densities.go(distance, media.known_transmittance(ray.o, ray.d, distance))
+        known = media.known_transmittance(ray.o, ray.d, distance)
+        path.densities.go(distance, known * dr.select(path.active, biased, 1))
         path.densities.arrive_first(path.vertex == 1, self.this.density(launch, point))
         mode = mi.TransportMode.Importance if self.outward else mi.TransportMode.Radiance
         return Vertex(
@@ -137,7 +141,7 @@ class Walk:
         self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
     ) -> None:
         """P or D: deposit what a vertex sends to the other end."""
-        end = self.other.connect(lane, here.point, sampler)
+        end = self._flown(self.other.connect(lane, here.point, sampler), here)
         has_part = path.active & self.weight.part(path.vertex, path.crossings > 0)
         join = self._join(here, end, path, has_part, sampler)
         others = join.ratio.value
@@ -149,6 +153,14 @@ class Walk:
         elif self.rays is not None:
             others += path.densities.bridge_inward(self.rays, end.point, here.point, here.in_fog)
         self._deposit(join, others, path.vertex, end, launch, path)
+
+    def _flown(self, end: Connection, here: Vertex) -> Connection:
+        """The other end, with the density of its paths' first flights as they are drawn."""
+        away, gap = direction_to(end.point, here.point)
+        biased = self.world.media.flight_density(
+            end.point, away, gap, here.medium, here.in_fog, mi.Float(0)
+        )
+        return end._replace(density=end.density * biased)
 
     def _join_ray(self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any) -> None:
         """The bridge: deposit what a vertex sends on to a point of a ray."""
