@@ -2,8 +2,9 @@
 
 The sun is parallel light, the sky a uniform upper hemisphere; both come through the fog like all
 light. They are nowhere close to a path, so that walks from the detectors alone find them with a
-finite variance, as they do lamps (`gather`). The projector is close, and its light is found like that of the image: summed
-along the detectors' rays where it is scattered once, and by all strategies where more often.
+finite variance, as those of `gather` do lamps. The projector is close, and its light is found like
+that of the image: summed along the detectors' rays where it is scattered once, and by all
+strategies where more often.
 """
 
 from __future__ import annotations
