@@ -276,6 +276,11 @@ class Detectors:
     def lanes(self) -> int:
         return self.count * self.samples
 
+    @property
+    def paths(self) -> Any:
+        """Paths of a launch."""
+        return self.count * self.rate
+
     def cell(self, lane: Any) -> Any:
         return lane % self.count
 

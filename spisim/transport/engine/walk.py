@@ -24,6 +24,7 @@ import mitsuba as mi
 
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Connection, Detectors, Launch, Projector
+from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.path import Path, Ratio, quotient
 from spisim.transport.engine.rays import FogRays
@@ -76,6 +77,7 @@ class Walk:
     weight: Weight
     deposit: Deposit
     rays: FogRays | None = None
+    footprint: Footprint | None = None
     sky: Sky | None = None
     ending: float = 1.0  # roulette may end paths that carry less than this share of their start
     replicas: int = 1  # estimates side by side, which paths take turns to be part of
@@ -95,6 +97,8 @@ class Walk:
                 self._join_by_mirror(here, path, launch, lane, sampler)
             if dr.hint(self.rays is not None and not self.outward, mode="scalar"):
                 self._join_ray(here, path, launch, limit, sampler)
+            if dr.hint(self.footprint is not None, mode="scalar"):
+                self._join_footprint(here, path, launch, limit, sampler)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
             self._roulette(turn, path, scale, limit, sampler)
@@ -152,6 +156,8 @@ class Walk:
             )
         elif self.rays is not None:
             others += path.densities.bridge_inward(self.rays, end.point, here.point, here.in_fog)
+        elif self.footprint is not None:
+            others = path.densities.footprint(self.footprint.density(end) * join.lobe.cosines)
         self._deposit(join, others, path.vertex, end, launch, path)
 
     def _flown(self, end: Connection, here: Vertex) -> Connection:
@@ -169,6 +175,16 @@ class Walk:
         join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
         detectors = quotient(join.lobe.forward * join.known, place * join.gap_m * join.gap_m)
         self._deposit(join, join.ratio.value + detectors, path.vertex + 1, end, launch, path)
+
+    def _join_footprint(
+        self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any
+    ) -> None:
+        """Deposit what a vertex sends to a place that the other end sees."""
+        assert self.footprint is not None
+        end, place = self.footprint.connect(here.point, sampler, path.active)
+        join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
+        walk = quotient(join.lobe.forward, place)
+        self._deposit(join, walk, path.vertex + 1, end, launch, path)
 
     def _join_by_mirror(
         self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
@@ -231,6 +247,8 @@ class Walk:
         if self.rays is not None:
             allowed = here.in_fog if self.outward else ~turn.specular
             path.densities.settle_bridge(turn, here.point, path.vertex == 2, allowed)
+        elif self.footprint is not None:
+            path.densities.before_forward = turn.forward
         path.vertex += dr.select(turn.straight, 0, 1)
         path.crossings += dr.select(turn.straight, 1, 0)
         path.ray = turn.ray
