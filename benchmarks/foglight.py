@@ -15,7 +15,7 @@ from spisim.atmosphere.structure import Structure
 from spisim.instrument import Instrument, SpotLight
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.scene.model import Volume
-from spisim.transport import MAX_PATH_M
+from spisim.transport import NEAR_PATH_M
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram
@@ -31,7 +31,7 @@ HAZES = ("haze-l", "haze-m", "haze-h", "chu-hogg")
 SMOKES = ("biomass", "glycol-fine", "glycol")
 REFLECTANCES = (0.1, 0.8)
 BOARD = 0.95  # width over the distance of its neighbour's middle, seen from the instrument
-BINS = PathLengthBins.up_to(MAX_PATH_M, 0.02)
+BINS = PathLengthBins.up_to(NEAR_PATH_M, 0.02)
 # Optical frame (x right, y down, z forward) in a world whose z is up.
 POSE = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]], dtype=np.float64)
 #: A uniform sky lights upright boards half as much as the ground.

@@ -125,7 +125,14 @@ def main() -> int:
         rows.append((name, f"{p.min():.1e}", f"{(p < 0.01).mean():.2%}",
                      f"{bias:+.3%} ± {error:.3%}", noise, seconds))  # fmt: skip
         checks.append(Check(f"smallest p over Šidák's, {name}", found.margin, 1.0, at_least=True))
-    columns = ("scene", "smallest p", "p < 1 %", "mean over theirs", "noise of a picture", "time, s")
+    columns = (
+        "scene",
+        "smallest p",
+        "p < 1 %",
+        "mean over theirs",
+        "noise of a picture",
+        "time, s",
+    )
     title = (
         f"Lamps and media against Mitsuba's volpath, {effort.side} × {effort.side} pixels, "
         f"{effort.pictures} pictures of {effort.ours} and {effort.theirs} paths per pixel; noise "
@@ -338,9 +345,7 @@ def rough_glass_spot() -> Scene:
     vessel = thing("vessel", ball(0.8), RoughDielectric(0.3, 1.3), 0.0)
     spot = PointLamp("spot", (-2.0, 0.0, -0.5), watts(1.0), tuple(np.array([2, 0, 1]) / 5**0.5),
                      np.radians(60), np.radians(45))  # fmt: skip
-    return scene_of(
-        backdrop(), vessel, volumes=(within("milk", vessel, 1.0, 0.5),), lamps=(spot,)
-    )
+    return scene_of(backdrop(), vessel, volumes=(within("milk", vessel, 1.0, 0.5),), lamps=(spot,))
 
 
 def point_lamps() -> Scene:

@@ -60,9 +60,8 @@ def simulate(
     Raises
     ------
     InputError
-        If a laser beam hits nothing, an object would pass through the instrument, the scene was
-        made for another wavelength than the instrument's, or no backend for the light transport
-        works.
+        If an object would pass through the instrument, the scene was made for another wavelength
+        than the instrument's, or no backend for the light transport works.
     """
     middles_s = (np.arange(frames if scene.moves else 1) + 0.5) * instrument.frame_time_s
     truths = tuple(ground_truth(scene.at(time_s), instrument) for time_s in middles_s.tolist())

@@ -4,10 +4,9 @@ from .geometry import range_from_path
 from .method import RangingMethod, RangingSolver
 from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads
 from .ranges import MIN_SIGNAL, Alternative, Paths, Ranges, Status, ranges_from_paths
-from .unwrap import MAX_PATH_M, path_from_phases, unambiguous_path_m
+from .unwrap import path_from_phases, unambiguous_path_m
 
 __all__ = [
-    "MAX_PATH_M",
     "MIN_SIGNAL",
     "RANGING_METHODS",
     "Alternative",

@@ -16,8 +16,11 @@ from .ranges import MIN_SIGNAL
 
 PHASE_ERROR_RAD = 0.05
 """Systematic error that a phase may have beside its noise: harmonics, echoes of fog."""
-MAX_PATH_M = 80.0
-"""Paths beyond this are not considered where several frequencies could tell them."""
+LONGEST_PATH_M = 20_000.0
+"""Paths beyond this are not considered where several frequencies could tell them: no laser of a
+drone shows anything there."""
+TRIED_AT_A_TIME = 2**20
+"""Phases times wraps, which bounds the memory."""
 
 
 def path_from_phases(
@@ -29,12 +32,27 @@ def path_from_phases(
     differ. A path is ambiguous where the frequencies contradict each other, or agree on another
     path nearly as well: by MIN_SIGNAL standard deviations, noise and PHASE_ERROR_RAD together.
     """
-    columns = (-1,) + (1,) * (phases.ndim - 1)
-    metres_per_radian = (c / (2 * np.pi * frequencies_hz)).reshape(columns)
-    finest = int(np.argmax(frequencies_hz))
     limit_m = unambiguous_path_m(frequencies_hz)
-    wraps = int(np.ceil(limit_m * frequencies_hz[finest] / c - 1e-9))
-    turns = 2 * np.pi * np.arange(wraps).reshape(-1, *([1] * (phases.ndim - 1)))
+    wraps = int(np.ceil(limit_m * frequencies_hz.max() / c - 1e-9))
+    both = np.stack(np.broadcast_arrays(phases, sigmas)).reshape(2, len(phases), -1)
+    step = max(1, TRIED_AT_A_TIME // (wraps * len(phases)))
+    parts = [
+        _of_some(*both[..., start : start + step], frequencies_hz, limit_m, wraps)
+        for start in range(0, both.shape[-1], step)
+    ]
+    path, sigma, ambiguous = (
+        np.concatenate(each).reshape(phases.shape[1:]) for each in zip(*parts, strict=True)
+    )
+    return path, sigma, ambiguous
+
+
+def _of_some(
+    phases: Floats, sigmas: Floats, frequencies_hz: Floats, limit_m: float, wraps: int
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """`path_from_phases` of phases (J, n), trying so many wraps of the highest frequency."""
+    metres_per_radian = (c / (2 * np.pi * frequencies_hz))[:, None]
+    finest = int(np.argmax(frequencies_hz))
+    turns = 2 * np.pi * np.arange(wraps)[:, None]
     candidates = (np.mod(phases[finest], 2 * np.pi) + turns) * metres_per_radian[finest]
 
     off = phases[:, None] - candidates / metres_per_radian[:, None]
@@ -61,15 +79,11 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
     """Path length at which the phases of all frequencies repeat, in metres.
 
     That is c / f of a single one. Of several it is the first multiple of the shortest wavelength at
-    which no phase differs by more than `path_from_phases` could tell, MAX_PATH_M at most.
+    which no phase differs by more than `path_from_phases` could tell, LONGEST_PATH_M at most.
     """
     shortest = c / float(frequencies_hz.max())
     unlike = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
-    path = shortest
-    while True:
-        cycles = path * frequencies_hz / c
-        if np.abs(cycles - np.round(cycles)).max() < unlike:
-            return path
-        if path > MAX_PATH_M:
-            return MAX_PATH_M
-        path += shortest
+    paths = shortest * np.arange(1, int(LONGEST_PATH_M / shortest) + 2)
+    cycles = np.multiply.outer(paths, frequencies_hz / c)
+    repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < unlike
+    return float(paths[repeats.argmax()]) if repeats.any() else LONGEST_PATH_M

@@ -55,11 +55,11 @@ def command(
     """Trace the light only: transport image and truth as channels of an OpenEXR file.
 
     The spots' light over path length goes into a NumPy file (.npz) beside it, as does the cube
-    (rows, columns, bins); `units.*` in either file tells the units. What is longer than 80 m is
-    in a histogram's last bin.
+    (rows, columns, bins), whose last bin has all that is longer than 80 m; `units.*` in either file
+    tells the units.
     """
     from reconstruction.files import require_outputs
-    from spisim.transport import MAX_PATH_M, Outputs, PathLengthBins, ground_truth, solve
+    from spisim.transport import NEAR_PATH_M, Outputs, PathLengthBins, ground_truth, solve
     from spisim.transport.light_files import light_channels, write_histograms, write_truth
 
     files = [named(output, "transport image"), beside(output, "histograms")]
@@ -68,7 +68,7 @@ def command(
     outputs = Outputs(
         orders=orders,
         frequencies_hz=tuple(frequency or ()),
-        bins=None if cube is None else PathLengthBins.up_to(MAX_PATH_M, cube),
+        bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
     )
     carried = instrument_with(instrument, wavelength)
     place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)

@@ -9,7 +9,6 @@ from reconstruction import Capture, InputError, read_capture
 from spisim.config import load_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, at_moment
-from spisim.transport import RayCaster
 
 #: Of a flight; each takes seconds at least.
 MAX_CAPTURES = 100_000
@@ -35,8 +34,8 @@ def instants(
 ) -> list[Instant]:
     """The captures of a flight, `rate_hz` of them a second, the first at its start.
 
-    Raises InputError for a rate at which the frames would overlap, more than `MAX_CAPTURES`, and
-    where a laser spot would hit nothing.
+    Raises InputError for a rate at which the frames would overlap, and for more than
+    `MAX_CAPTURES`.
     """
     frame_s = instrument.frame_time_s
     if rate_hz * frame_s > 1:
@@ -51,30 +50,10 @@ def instants(
             f"second; at most {MAX_CAPTURES:,}: fly a shorter path, or record fewer a second"
         )
     times = np.minimum(np.arange(count) / rate_hz, trajectory.duration_s).tolist()
-    flight = [
+    return [
         Instant(number, time_s, at_moment(scene, trajectory.moment(time_s)), seed + number)
         for number, time_s in enumerate(times)
     ]
-    _check_spots(flight, instrument)
-    return flight
-
-
-def _check_spots(flight: list[Instant], instrument: Instrument) -> None:
-    """The transport asks for it at every capture; here, before the first one is traced."""
-    still = not any(thing.moves for thing in flight[0].scene.objects)
-    caster = RayCaster.of(flight[0].scene)
-    for instant in flight:
-        if not still:
-            caster = RayCaster.of(instant.scene)
-        pose = instant.scene.drone_pose
-        beams = instrument.lasers.directions @ pose[:3, :3].T
-        found = caster.along(np.broadcast_to(pose[:3, 3], beams.shape), beams)
-        missing = np.flatnonzero(found.object_id < 0)
-        if missing.size:
-            raise InputError(
-                f"scene {instant.scene.name!r}: {instant.time_s:g} s into the flight, laser spot "
-                f"{missing[0]} hits nothing; change the path, or put something behind it"
-            )
 
 
 def kept_captures(

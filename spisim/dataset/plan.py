@@ -35,6 +35,7 @@ from spisim.config import (
 )
 from spisim.config.distributions import is_distribution, stream
 from spisim.config.messages import show
+from spisim.dataset.poses import AnyPoses, Poses, View
 from spisim.dataset.values import (
     Grid,
     drawn_value,
@@ -132,6 +133,8 @@ class Plan(Section):
     `wavelength_nm` for the wavelength that the instrument is built for; the scene follows. With
     grids, the samples run through all combinations, again and again with other random values;
     within one such round, these are the same. With `every_scene`, the scenes are a grid too.
+    `poses`, a number or a section, sees each scene from several poses, in as many rounds, one after
+    the other; scenes, wavelength and materials stay the same in them, the rest is drawn anew.
     """
 
     name: Name
@@ -140,6 +143,7 @@ class Plan(Section):
     seed: Seed = 0
     scenes: Annotated[tuple[SceneSource, ...], Field(min_length=1)]
     every_scene: bool = False
+    poses: AnyPoses = Poses()
     vary: dict[Name, Openable] = Field(default_factory=dict)
     materials: dict[Name, Openable] = Field(default_factory=dict)
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
@@ -260,6 +264,7 @@ class Sample:
     instrument_text: str
     instrument_folder: Path
     wavelength_nm: float | None  # that the instrument is moved to
+    view: View
     parameters: Mapping[str, Any]  # by field of the plan
 
 
@@ -311,14 +316,17 @@ class PlannedSet:
         """
         plan, seed = self.plan, self.plan.seed
         round_, chosen = self._place(index)
+        scene_round, number = divmod(round_, plan.poses.count)
         source = plan.scenes[self.source_of(index)]
         drawn: dict[str, Any] = {}
         for path, open_ in plan.open.items():
-            value = drawn_value(chosen.get(path, open_), seed, path, round_)
+            of_scene = path == "wavelength_nm" or path.startswith("materials.")
+            key = scene_round if of_scene else round_
+            value = drawn_value(chosen.get(path, open_), seed, path, key)
             together = path in plan.vary and not is_field(path)
             drawn |= value if together else {path: value}
         instrument = chosen.get("instrument", plan.instrument)
-        scene, folder, parameters = self._scene(source, round_)
+        scene, folder, parameters = self._scene(source, scene_round)
         files = {
             "scene": scene,
             "instrument": copy.deepcopy(self.files[f"instrument {instrument}"]),
@@ -331,7 +339,9 @@ class PlannedSet:
                 elif file == "materials":
                     section_of(scene, "material_swaps", path)[field] = value
         name = scene.get("name") or _name_drawn(scene) or str(source.scene)
-        told = {"instrument": instrument} if "instrument" in chosen else {}
+        told: dict[str, Any] = {"instrument": instrument} if "instrument" in chosen else {}
+        if plan.poses.count > 1:
+            told["pose"] = number
         return Sample(
             index,
             int(stream(seed, "capture", index).integers(2**62)),
@@ -341,6 +351,7 @@ class PlannedSet:
             _dump(files["instrument"]),
             self._instrument_file(instrument).parent,
             drawn.get("wavelength_nm"),
+            View(number, plan.poses, int(stream(seed, "pose", round_).integers(2**62))),
             {"scene": source.family or name, **told, **parameters, **drawn},
         )
 
@@ -350,8 +361,12 @@ class PlannedSet:
         if "scene" in chosen:
             return int(chosen["scene"])
         weights = np.array([source.weight for source in self.plan.scenes])
-        rng = stream(self.plan.seed, "scene", round_)
+        rng = stream(self.plan.seed, "scene", round_ // self.plan.poses.count)
         return int(rng.choice(len(weights), p=weights / weights.sum()))
+
+    def world_of(self, index: int) -> int:
+        """Number shared by samples whose surfaces are worth keeping from one to the next."""
+        return index // (self.plan.combinations * self.plan.poses.count)
 
     def _place(self, index: int) -> tuple[int, dict[str, Any]]:
         """Round of the grids, and the combination of their values within it."""

@@ -125,7 +125,7 @@ def load(sample: Sample) -> tuple[Scene, Instrument]:
         wavelength_nm=instrument.wavelength_nm,
         stock=_stock,
     )
-    return scene, instrument
+    return sample.view.of(scene), instrument
 
 
 def peak_memory_mb() -> float:

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, Protocol, Self
@@ -21,6 +22,8 @@ from typing import Any, Protocol, Self
 from spisim.dataset.records import DIED, Outcome, failure
 
 Make = Callable[[int], Outcome]
+#: Number of the world of a sample: a process that has made one sample of it makes others faster.
+WorldOf = Callable[[int], int]
 
 #: What a process needs, from which the default number of processes follows.
 WORKER_MEMORY_MB = 700
@@ -28,6 +31,8 @@ WORKER_MEMORY_MB = 700
 GROWTH_MB = 400
 #: or has made this many samples.
 MAX_SAMPLES = 1000
+#: Samples among which one of the world that a process has made last is looked for.
+LOOK_AHEAD = 256
 #: Default of the longest that a sample may take.
 TIMEOUT_S = 1800.0
 
@@ -53,19 +58,27 @@ class _Worker:
     since: float = 0.0
     made: int = 0
     first_memory_mb: float = 0.0
+    world: int | None = None  # of what it made last, or is making
 
-    def assign(self, index: int) -> None:
-        self.index, self.since = index, time.monotonic()
+    def assign(self, index: int, world: int) -> None:
+        self.index, self.since, self.world = index, time.monotonic(), world
         self.pipe.send(index)
 
 
 class LocalExecutor:
-    """Processes of this machine."""
+    """Processes of this machine. Each goes on with the world it is in, as long as it lasts."""
 
-    def __init__(self, make: Make, workers: int, timeout_s: float = TIMEOUT_S) -> None:
+    def __init__(
+        self,
+        make: Make,
+        workers: int,
+        timeout_s: float = TIMEOUT_S,
+        world_of: WorldOf = lambda index: index,
+    ) -> None:
         self._make = make
         self._count = workers
         self.timeout_s = timeout_s
+        self._world_of = world_of
         self._workers: list[_Worker] = []
 
     def __enter__(self) -> Self:
@@ -97,12 +110,25 @@ class LocalExecutor:
                 if len(self._workers) == self._count:
                     return
                 idle = self._start()
+            index = self._next(idle, waiting)
             try:
-                idle.assign(waiting[0])
+                idle.assign(index, self._world_of(index))
             except OSError:  # it died while it had nothing to do
                 self._end(idle)
             else:
-                waiting.popleft()
+                waiting.remove(index)
+
+    def _next(self, idle: _Worker, waiting: deque[int]) -> int:
+        """Of the world that it is in, else of one in which no other is, else the first."""
+        taken = {worker.world for worker in self._workers if worker is not idle}
+        fresh: int | None = None
+        for index in islice(waiting, LOOK_AHEAD):
+            world = self._world_of(index)
+            if world == idle.world:
+                return index
+            if fresh is None and world not in taken:
+                fresh = index
+        return waiting[0] if fresh is None else fresh
 
     def _received(self, worker: _Worker) -> Outcome:
         assert worker.index is not None

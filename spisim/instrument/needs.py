@@ -19,6 +19,7 @@ def needs(instrument: Instrument) -> Needs:
         ),
         beams=instrument.lasers.directions,
         farthest_spot_m=WITHIN_RANGE * instrument.tof.unambiguous_range_m,
+        least_spots=1,
         detectors_m=detector.spot_positions_m,
         lens_ring_m=math.sqrt(detector.aperture_area_m2 / (2 * math.pi)),
     )

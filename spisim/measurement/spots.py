@@ -7,7 +7,7 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, SpotLight
-from spisim.transport import LightSequence
+from spisim.transport import LightSequence, Transport
 from spisim.transport.drops import FallingDrops, on_spots
 
 
@@ -24,14 +24,15 @@ def spot_light(
     detector = instrument.tof.detector
     between = light.between(instrument.exposure_times_s(frames))
 
-    def rate(name: str, source: Any) -> Floats:
-        values = np.array([getattr(key, name) for key in light.transports])
+    def rate(values: Sequence[Floats], source: Any) -> Floats:
         per_watt = instrument.electrons_per_joule(detector, source)
-        return between.means(values) * per_watt
+        return between.means(np.array(values)) * per_watt
 
-    steady = rate("spot_daylight_w", "daylight") + rate("spot_crosstalk_w", "projector")
-    lengths = light.transports[0].path_length_m
-    echo = rate("spot_histogram", "laser")
+    keys = light.transports
+    steady = rate([key.spot_daylight_w for key in keys], "daylight")
+    steady = steady + rate([key.spot_crosstalk_w for key in keys], "projector")
+    lengths, histograms = _over_the_same_lengths(keys)
+    echo = rate(histograms, "laser")
     if drops:
         change = on_spots(drops, lengths)
         echo = echo * change.passed + change.echo * instrument.electrons_per_joule(
@@ -43,3 +44,12 @@ def spot_light(
         steady_per_s=steady + detector.sensor.dark_rate_hz,
         laser_power_w=instrument.lasers.power_w,
     )
+
+
+def _over_the_same_lengths(keys: Sequence[Transport]) -> tuple[Floats, list[Floats]]:
+    """The path lengths (bins,) of all key times, and over them the light (4, bins) of each."""
+    lengths = np.unique(np.concatenate([key.path_length_m for key in keys]))
+    histograms = [np.zeros((4, lengths.size)) for _ in keys]
+    for histogram, key in zip(histograms, keys, strict=True):
+        histogram[:, np.searchsorted(lengths, key.path_length_m)] = key.spot_histogram
+    return lengths, histograms

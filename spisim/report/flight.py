@@ -210,13 +210,10 @@ def _frame(flown: Sequence[Sighting], scales: _Scales, limits: tuple[float, ...]
 
 
 def _map_limits(flight: Sequence[Sighting]) -> tuple[float, ...]:
-    """(left, right, bottom, top) around paths and true spots."""
-    points = [seen.pose[:3, 3] for seen in flight]
-    for seen in flight:
-        assert seen.capture.spots is not None
-        rays = seen.capture.spots.directions @ seen.pose[:3, :3].T
-        points += list(seen.pose[:3, 3] + seen.truth.spot_range_m[:, None] * rays)
-    flat = np.array(points)[:, :2]
+    """(left, right, bottom, top) around paths and measured spots."""
+    points = [np.concatenate([seen.pose[None, :3, 3], seen.measured_m]) for seen in flight]
+    flat = np.concatenate(points)[:, :2]
+    flat = flat[np.isfinite(flat).all(axis=1)]
     middle, half = (flat.max(axis=0) + flat.min(axis=0)) / 2, np.ptp(flat, axis=0).max() / 2 + 0.5
     return middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half
 

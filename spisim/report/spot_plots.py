@@ -12,6 +12,7 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from .style import SPOT_COLOURS
 
 DECADES = 6  # of light shown below the highest value
+LINEAR_M = 200.0  # longest path on a linear scale
 
 
 class SpotHistograms(Protocol):
@@ -23,7 +24,7 @@ class SpotHistograms(Protocol):
 
     @property
     def path_length_m(self) -> Floats:
-        """Path length of each bin (bins,), evenly spaced from 0."""
+        """Path length of each bin (bins,), ascending."""
 
 
 def light_figure(transport: SpotHistograms, true_length_m: Floats | None) -> Figure | None:
@@ -31,17 +32,19 @@ def light_figure(transport: SpotHistograms, true_length_m: Floats | None) -> Fig
 
     `true_length_m` (4,): the true way to each spot and back, marked by a dashed line.
     """
-    bin_width_m = float(transport.path_length_m[1])
-    density = np.asarray(transport.spot_histogram, float) / bin_width_m
+    lengths_m = np.asarray(transport.path_length_m, float)
+    density = np.asarray(transport.spot_histogram, float) / np.gradient(lengths_m)
     lit = np.flatnonzero(density.max(axis=0) > 0)
     if lit.size == 0:
         return None
-    bins = int(lit[-1]) + 1
+    shown = lengths_m <= lengths_m[lit[-1]]
     if true_length_m is not None and np.isfinite(true_length_m).any():
-        bins = min(bins, int(1.25 * np.nanmax(true_length_m) / bin_width_m) + 1)
+        shown &= lengths_m <= 1.25 * np.nanmax(true_length_m)
     top = 10.0 ** np.ceil(np.log10(density.max()))
     limits = top / 10**DECADES, top
-    return _figure(density[:, :bins], bin_width_m, true_length_m, limits, "share of power per m")
+    return _figure(
+        lengths_m[shown], density[:, shown], true_length_m, limits, "share of power per m"
+    )
 
 
 def arrival_figure(
@@ -58,26 +61,29 @@ def arrival_figure(
     if counts.size == 0 or counts.max() <= 0:
         return None
     limits = 0.1, 10.0 ** max(np.ceil(np.log10(counts.max())), 1)
-    return _figure(counts, c * spots.bin_width_s, true_length_m, limits, "arrivals per bin")
+    lengths_m = np.arange(counts.shape[1]) * c * spots.bin_width_s
+    return _figure(lengths_m, counts, true_length_m, limits, "arrivals per bin")
 
 
 def _figure(
+    lengths_m: Floats,
     values: Floats,
-    bin_width_m: float,
     true_length_m: Floats | None,
     limits: tuple[float, float],
     label: str,
 ) -> Figure:
-    """Curves (4, bins) on a logarithmic scale."""
+    """Curves (4, bins) on a logarithmic scale; the path too, where it is long."""
     figure = Figure(figsize=(9.6, 2.9), layout="constrained")
     axes = figure.subplots()
-    length_m = np.arange(values.shape[1]) * bin_width_m
     for k, (row, colour) in enumerate(zip(values, SPOT_COLOURS, strict=True)):
-        axes.plot(length_m, row, color=colour, lw=1.3, label=f"spot {k}")
+        axes.plot(lengths_m, row, color=colour, lw=1.3, label=f"spot {k}")
         if true_length_m is not None and np.isfinite(true_length_m[k]):
             axes.axvline(true_length_m[k], color=colour, lw=1, ls="--")
     axes.set_yscale("log", nonpositive="clip")
-    axes.set(ylim=limits, xlim=(0, values.shape[1] * bin_width_m))
+    farthest_m = lengths_m[-1] + lengths_m[1]
+    if farthest_m > LINEAR_M:
+        axes.set_xscale("log")
+    axes.set(ylim=limits, xlim=(1.0 if farthest_m > LINEAR_M else 0, farthest_m))
     axes.set(xlabel="path length, m", ylabel=label)
     figure.legend(loc="outside upper right", ncols=len(values))
     return figure

@@ -1,7 +1,7 @@
 """Scenes of a family: drawn until a drone can fly in them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,8 @@ def _sound_draft(described: DrawnDescription, setting: Setting) -> families.Draf
     """The first one in which a drone can fly, see and range."""
     source, alone = setting.source, Setting(Path(), "", setting.source, stock=setting.stock)
     with naming(source):
-        families.FAMILIES[described.family]
+        family = families.FAMILIES[described.family]
+    needed = replace(OFFERED, least_spots=family.least_spots)
     problem: str | None = ""
     for attempt in range(ATTEMPTS):
         draft = families.draft(
@@ -64,7 +65,7 @@ def _sound_draft(described: DrawnDescription, setting: Setting) -> families.Draf
         )
         whole = SceneDescription.model_validate(whole_file({"family": described.family}, draft))
         scene = assemble(whole, alone, draft.meshes)
-        problem = layout_problem(scene, OFFERED)
+        problem = layout_problem(scene, needed)
         if problem is None:
             return draft
     raise InputError(

@@ -19,7 +19,7 @@ from spisim.scene.bsdf import (
 )
 from spisim.scene.materials import Material
 from spisim.scene.model import Scene
-from spisim.scene.rays import enclosing_object, first_hits, hits
+from spisim.scene.rays import enclosing_object, first_hits, first_met
 
 #: Free space around the drone, its own size and a bit.
 CLEARANCE_M = 0.4
@@ -43,6 +43,7 @@ class Needs:
     half_field_deg: tuple[float, float]  # of the picture, across and down
     beams: Floats  # (4, 3), unit vectors to the spots
     farthest_spot_m: float  # whose range is told without doubt
+    least_spots: int  # that must return from nearer
     detectors_m: Floats  # (4, 3), of the spots
     lens_ring_m: float  # half of a detector's lens is within this radius
 
@@ -60,13 +61,17 @@ OFFERED = Needs(
     half_field_deg=(10.0, 10.0),
     beams=_directions(5.0 * _RIGHT, -5.0 * _DOWN),
     farthest_spot_m=9.8,
+    least_spots=1,
     detectors_m=np.column_stack([0.007 * _RIGHT, 0.007 * _DOWN, np.zeros(4)]),
     lens_ring_m=0.005,
 )
 
 
 def layout_problem(scene: Scene, needs: Needs) -> str | None:
-    """What makes a scene useless to who needs this, in words, or None if nothing does."""
+    """What makes a scene useless to who needs this, in words, or None if nothing does.
+
+    Spots may meet nothing, or something far, as long as enough of them return from near by.
+    """
     if name := enclosing_object(scene, scene.drone_pose[:3, 3]):
         return f"the drone is inside {name!r}"
     triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
@@ -77,12 +82,17 @@ def layout_problem(scene: Scene, needs: Needs) -> str | None:
     in_view = _may_be_in_view(triangles, needs)
     seen = triangles[in_view]
     spots = first_hits(np.zeros(3), needs.beams, seen)
-    if spots.max() > needs.farthest_spot_m:
-        return f"a laser spot meets nothing within {needs.farthest_spot_m:.3g} m"
     owners = np.repeat(np.arange(len(scene.objects)), [len(o.mesh.faces) for o in scene.objects])
     materials = [scene.objects[k].material for k in owners[in_view]]
-    if min(_returned(needs, k, seen, materials) for k in range(len(spots))) < MIN_SPOT_PER_M2:
-        return "a laser spot is too faint, or hidden from its detector"
+    lost = {}
+    for number, range_m in enumerate(spots):
+        if range_m > needs.farthest_spot_m:
+            lost[number] = f"meets nothing within {needs.farthest_spot_m:.3g} m"
+        elif _returned(needs, number, seen, materials) < MIN_SPOT_PER_M2:
+            lost[number] = "is too faint, or hidden from its detector"
+    if len(spots) - len(lost) < needs.least_spots:
+        told = ", ".join(f"spot {number} {why}" for number, why in lost.items())
+        return f"at least {needs.least_spots} of the laser spots should return: {told}"
     fields = [np.linspace(-half, half, RAYS) for half in needs.half_field_deg]
     nearest = min(first_hits(np.zeros(3), _rays(*fields), seen).min(), spots.min())
     if nearest < MIN_DISTANCE_M:
@@ -96,19 +106,27 @@ def _returned(needs: Needs, number: int, triangles: Floats, materials: Sequence[
     0 where less than half of the detector sees it. `triangles` (t, 3, 3) in the optical frame.
     """
     beam = needs.beams[number]
-    (distances,) = hits(np.zeros(3), beam[None], triangles)
-    place = int(distances.argmin())
+    (distance,), (place,) = first_met(np.zeros(3), beam[None], triangles)
     one, two, three = triangles[place]
     normal = np.cross(two - one, three - one)
     normal *= -np.sign(normal @ beam) / np.linalg.norm(normal)
-    spot = distances[place] * beam + OFF_SURFACE_M * normal
+    spot = distance * beam + OFF_SURFACE_M * normal
     lens = np.tile(needs.detectors_m[number], (len(ON_LENS), 1))
     lens[:, :2] += needs.lens_ring_m * ON_LENS
-    seen = np.mean([first_hits(point, (spot - point)[None], triangles)[0] > 1 for point in lens])
+    between = _along(beam, triangles, float(np.linalg.norm(lens, axis=1).max()))
+    seen = np.mean([first_hits(point, (spot - point)[None], between)[0] > 1 for point in lens])
     if seen < 0.5:
         return 0.0
     returned = straight_back(materials[place], float(-normal @ beam))
-    return float(seen * returned / distances[place] ** 2)
+    return float(seen * returned / distance**2)
+
+
+def _along(beam: Floats, triangles: Floats, within_m: float) -> Floats:
+    """Triangles whose bounding spheres come so near to the line along a beam."""
+    centre = triangles.mean(axis=1)
+    radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
+    aside = np.linalg.norm(np.cross(centre, beam), axis=1)
+    return triangles[aside <= radius + within_m + OFF_SURFACE_M]
 
 
 def straight_back(material: Material, cosine: float) -> float:

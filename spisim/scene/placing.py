@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -16,10 +17,13 @@ from spisim.scene.materials import Material, find_material, make_material
 from spisim.scene.model import SceneObject, Vector3
 from spisim.scene.pose import pose_matrix
 from spisim.scene.shapes import check_triangles, make_mesh, texture_coordinates
+from spisim.scene.warning import SceneWarning
 
 if TYPE_CHECKING:
     from spisim.scene.setting import Setting
 
+#: What a file has is hardly wider; of a horizon that is drawn, its sizes tell the unit.
+WIDEST_MESH_M = 300.0
 #: Beyond this not even metres are told apart in single precision.
 MAX_COORDINATE_M = 1e6
 
@@ -64,7 +68,8 @@ def _place(
     described: ObjectDescription, material: Material, folder: Path, meshes: Meshes
 ) -> list[SceneObject]:
     """An object, or its instances, with meshes in world coordinates."""
-    if isinstance(described, MeshObject) and described.mesh in meshes:
+    read = isinstance(described, MeshObject) and described.mesh not in meshes
+    if isinstance(described, MeshObject) and not read:
         mesh = meshes[described.mesh].copy()
     else:
         mesh = make_mesh(described, folder)
@@ -75,6 +80,13 @@ def _place(
             "texture or opacity"
         )
     mesh.apply_scale(described.scale)
+    if read and (width_m := float(mesh.extents.max())) >= WIDEST_MESH_M:
+        warnings.warn(
+            f"{described.name!r} is {width_m:.3g} m wide; all lengths are metres, and "
+            "`scale: 0.001` makes metres of a mesh in millimetres",
+            SceneWarning,
+            stacklevel=2,
+        )
     mesh.apply_transform(pose_matrix(described.rotate_deg, described.translate_m))
     check_triangles(len(mesh.faces) * len(described.instances or [mesh]))
     instances = {described.name: mesh}

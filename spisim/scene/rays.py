@@ -1,36 +1,61 @@
 """Exact geometry questions to a scene: what lies along a ray, what encloses a point."""
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.arrays import Floats
 from spisim.scene.model import Scene
 
 #: Pairs of rays and triangles at a time, which bounds the memory.
-PAIRS = 2**18
+PAIRS = 2**20
+#: Of a cosine.
+ROUNDING = 1e-9
 
 
 def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
     """First hit (n,) of each ray (n, 3) among triangles (t, 3, 3), in ray lengths, else inf."""
-    count = max(1, PAIRS // max(1, len(triangles)))
-    parts = [rays[start : start + count] for start in range(0, len(rays), count)]
-    found = [hits(origin, part, triangles).min(axis=1, initial=np.inf) for part in parts]
-    return np.concatenate([np.empty(0), *found])
+    return first_met(origin, rays, triangles)[0]
 
 
-def hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
-    """Where each ray (n, 3) meets each triangle (t, 3, 3), (n, t), in ray lengths, else inf.
+def first_met(origin: Floats, rays: Floats, triangles: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """First hit (n,) of each ray as `first_hits`, and the number of its triangle, -1 for none.
 
-    Möller & Trumbore (1997), with all products that are of triangles and origin alone done once.
+    Only those triangles are tried whose bounding sphere a ray passes through.
+    """
+    first, number = np.full(len(rays), np.inf), np.full(len(rays), -1)
+    if not len(triangles):
+        return first, number
+    centre = triangles.mean(axis=1)
+    radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
+    towards = centre - origin
+    distance = np.linalg.norm(towards, axis=1)
+    narrow = distance > radius
+    towards = towards / np.where(distance > 0, distance, 1)[:, None]
+    least = np.full(len(triangles), -np.inf)  # cosine of the sphere's half-angle
+    least[narrow] = np.sqrt(1 - (radius[narrow] / distance[narrow]) ** 2) - ROUNDING
+    units = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    count = max(1, PAIRS // len(triangles))
+    for start in range(0, len(rays), count):
+        ray, triangle = np.nonzero(units[start : start + count] @ towards.T >= least)
+        found = _hits(origin, rays[start + ray], triangles[triangle])
+        last = np.argsort(-found, kind="stable")  # the nearest is written last
+        first[start + ray[last]], number[start + ray[last]] = found[last], triangle[last]
+    return first, np.where(np.isfinite(first), number, -1)
+
+
+def _hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
+    """Where each ray (n, 3) meets its triangle (n, 3, 3), (n,), in ray lengths, else inf.
+
+    Möller & Trumbore (1997).
     """
     corner = triangles[:, 0]
     edge1, edge2, offset = triangles[:, 1] - corner, triangles[:, 2] - corner, origin - corner
     normal = np.cross(offset, edge1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = 1 / (rays @ np.cross(edge2, edge1).T)
-        u = rays @ np.cross(edge2, offset).T * scale
-        v = rays @ normal.T * scale
-        distance = np.einsum("tk,tk->t", edge2, normal) * scale
+        scale = 1 / np.einsum("nk,nk->n", rays, np.cross(edge2, edge1))
+        u = np.einsum("nk,nk->n", rays, np.cross(edge2, offset)) * scale
+        v = np.einsum("nk,nk->n", rays, normal) * scale
+        distance = np.einsum("nk,nk->n", edge2, normal) * scale
         met = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0) & np.isfinite(distance)
     return np.where(met, distance, np.inf)
 

@@ -1,4 +1,4 @@
-"""Meshes that should be closed surfaces and are not, or face the wrong way, or are far too large.
+"""Meshes that should be closed surfaces and are not, or face the wrong way, or are of odd sizes.
 
 Every surface is lit and seen from both sides, so an unclosed mesh still renders. But it has no
 inside: glass has no thickness there, and nobody can tell whether the drone is in it.
@@ -15,9 +15,9 @@ from spisim.scene.model import Scene
 from spisim.scene.rays import winding_number
 from spisim.scene.warning import SceneWarning
 
-#: Widths of what a drone meets.
-PLAUSIBLE_M = (0.001, 300.0)
-#: Beyond this single precision, in which light is traced, is poor.
+#: Narrower than this is nothing that a drone meets.
+THIN_M = 0.001
+#: Beyond this single precision, in which light is traced, is poor: it tells 1 mm apart.
 FAR_M = 10_000.0
 
 
@@ -45,9 +45,7 @@ def warn_of_odd_sizes(scene: Scene) -> None:
     """One SceneWarning that names every object of a size or at a place that no drone meets."""
     sizes = {thing.name: float(thing.mesh.extents.max()) for thing in scene.objects}
     away = {thing.name: float(np.abs(thing.mesh.bounds).max()) for thing in scene.objects}
-    low, high = PLAUSIBLE_M
-    told = [f"{name!r} is {size:.3g} m wide" for name, size in sizes.items()
-            if not low <= size < high]  # fmt: skip
+    told = [f"{name!r} is {size:.3g} m wide" for name, size in sizes.items() if size < THIN_M]
     told += [
         f"{name!r} is {far:.3g} m from the origin" for name, far in away.items() if far > FAR_M
     ]

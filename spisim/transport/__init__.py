@@ -3,15 +3,16 @@
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import TransportWarning
 from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.path_bins import NEAR_PATH_M
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
 from spisim.transport.raycaster import RayCaster
 from spisim.transport.sequence import LightSequence, trace
-from spisim.transport.solve import MAX_PATH_M, Transport, solve
+from spisim.transport.solve import Transport, solve
 from spisim.transport.truth import GroundTruth, ground_truth
 
 __all__ = [
     "CAMERA_OFFSET_M",
-    "MAX_PATH_M",
+    "NEAR_PATH_M",
     "GroundTruth",
     "LightSequence",
     "Outputs",

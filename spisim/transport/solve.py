@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
-from reconstruction.ranging import MAX_PATH_M
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
 from spisim.scene import Scene
@@ -19,13 +19,10 @@ from spisim.transport.effort import image_gauge, spot_gauge
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
-from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.views import InstrumentView
+from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.transport.views import BeamView, InstrumentView
 from spisim.transport.world import World, build_world
 
-#: Optical path per histogram bin. Paths beyond MAX_PATH_M, which no range is looked for beyond, are
-#: not told apart: fog tails there are nothing.
-BIN_WIDTH_M = 0.02
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
 #: And first of all on the way to an error: a launch of fewer takes as long.
@@ -46,7 +43,8 @@ class Transport:
     image_error: Floats
     spot_histogram: Floats  # (4, bins): fraction of a laser's power on its detector's aperture
     spot_histogram_error: Floats
-    path_length_m: Floats  # (bins,): whole optical path, emitter to detector
+    #: (bins,): whole optical path, emitter to detector; see `spisim.transport.path_bins`.
+    path_length_m: Floats
     daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
     daylight_error_w: float
     spot_daylight_w: Floats  # (4,)
@@ -107,7 +105,7 @@ def solve(
     world = build_world(scene)
     steady = _steady_light(scene, instrument, world, placed, streams[2:])
     dropped = steady.pop("dropped")
-    bins = PathLengthBins.up_to(MAX_PATH_M, BIN_WIDTH_M)
+    bins = spot_bins(_met_m(world, placed.beams), instrument.tof.unambiguous_range_m)
     longest_m = 2 * instrument.tof.unambiguous_range_m
     gauges = (
         image_gauge(instrument, steady["daylight_w"]),
@@ -160,6 +158,16 @@ def solve(
         seconds=time.perf_counter() - began,
         extra=_extra(outputs, image.mean, spots.mean, shape),
     )
+
+
+def _met_m(world: World, beams: BeamView) -> Floats:
+    """How far the axis of each beam goes until it meets something, (beams,); nan for nothing."""
+    origins, directions = (
+        mi.Vector3f(values.T.astype(np.float32)) for values in (beams.origins_m, beams.directions)
+    )
+    si: Any = world.geometry.scene.ray_intersect(mi.Ray3f(mi.Point3f(origins), directions))
+    met: Any = si.is_valid()
+    return np.where(met.numpy(), si.t.numpy(), np.nan)
 
 
 def _steady_light(

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
@@ -28,7 +27,7 @@ class GroundTruth:
 
     `normal` is in the optical frame, towards the projector. `coverage` is the share of the pixel
     that shows the same object as its centre: below 1 at edges and on thin things. Spots: the
-    surface each laser meets in clear air.
+    surface each laser meets in clear air; nan and None for a beam that meets nothing.
     """
 
     range_m: NDArray[np.float32]  # (H, W), from the pinhole along the ray
@@ -39,7 +38,7 @@ class GroundTruth:
     coverage: NDArray[np.float32]  # (H, W)
     object_names: tuple[str, ...]
     spot_range_m: Floats  # (4,)
-    spot_object: tuple[str, ...]  # (4,)
+    spot_object: tuple[str | None, ...]  # (4,)
 
 
 @with_backend
@@ -49,12 +48,11 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
     Raises
     ------
     InputError
-        If a laser beam hits nothing, or the scene was made for another wavelength.
+        If the scene was made for another wavelength.
     """
     placed = InstrumentView.placed(scene, instrument)
     meshes = Meshes.of(scene.objects)
     spots = _trace(meshes.scene, scene.drone_pose[:3, 3], placed.beams.directions)
-    _check_spots(scene, instrument, spots.is_valid().numpy())
     height, width = placed.projector.shape
     rows = max(1, RAYS_AT_A_TIME // (width * SUBPIXELS**2))
     bands = [
@@ -65,8 +63,10 @@ def ground_truth(scene: Scene, instrument: Instrument) -> GroundTruth:
     return GroundTruth(
         **{name: np.concatenate([band[name] for band in bands]) for name in bands[0]},
         object_names=names,
-        spot_range_m=np.asarray(spots.t.numpy(), dtype=np.float64),
-        spot_object=tuple(names[number] for number in meshes.object_ids(spots)),
+        spot_range_m=np.where(spots.is_valid().numpy(), spots.t.numpy(), np.nan).astype(np.float64),
+        spot_object=tuple(
+            names[number] if number >= 0 else None for number in meshes.object_ids(spots)
+        ),
     )
 
 
@@ -93,18 +93,6 @@ def _band(
         "object_id": identity.astype(np.int32),
         "coverage": (seen == identity[:, None, :, None]).mean(axis=(1, 3)).astype(np.float32),
     }
-
-
-def _check_spots(scene: Scene, instrument: Instrument, hit: NDArray[np.bool_]) -> None:
-    if hit.all():
-        return
-    missing = int(np.flatnonzero(~hit)[0])
-    azimuth, elevation = instrument.lasers.directions_deg[missing]
-    raise InputError(
-        f"scene {scene.name!r}: laser spot {missing} (lasers.directions_deg "
-        f"[{azimuth:g}, {elevation:g}]) hits nothing; every spot must meet a surface: turn "
-        "the drone, move the spot or put something behind it"
-    )
 
 
 def _pixel_rays(placed: InstrumentView, rows: NDArray[np.int64], parts: int) -> Floats:

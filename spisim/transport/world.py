@@ -35,6 +35,9 @@ from spisim.transport.phase import phase_plugin
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
 FOG_MARGIN_M = 15.0
+#: Nor does it from so many optical depths away: where the horizon is farther, fog ends there, and
+#: daylight comes through no more of it.
+FOG_DEPTHS = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +47,7 @@ class World:
     geometry: Geometry
     media: Media
     mirrors: Mirrors | None
-    centre_m: Floats  # of a ball around everything, which the fog fills
-    radius_m: float
+    radius_m: float  # of a ball around everything
     diffuse: bool  # all surfaces are Lambertian
 
     @property
@@ -62,13 +64,11 @@ class World:
 @with_backend
 def build_world(scene: Scene) -> World:
     """Hand a scene to Mitsuba."""
-    centre, radius = fog_ball(scene)
     return World(
         geometry=_geometry(scene),
-        media=_media(scene, centre, radius),
+        media=_media(scene),
         mirrors=Mirrors.of(scene.objects),
-        centre_m=centre,
-        radius_m=radius,
+        radius_m=_everything(scene)[1],
         diffuse=all(isinstance(thing.material.bsdf, Diffuse) for thing in scene.objects),
     )
 
@@ -78,10 +78,11 @@ def _geometry(scene: Scene) -> Geometry:
     return Geometry(meshes.scene, meshes.see_through)
 
 
-def _media(scene: Scene, centre: Floats, radius_m: float) -> Media:
+def _media(scene: Scene) -> Media:
     """Fog everywhere, and the volumes besides."""
     parts: list[Medium] = []
     if scene.atmosphere.extinction_per_m > 0:
+        centre, radius_m = fog_ball(scene)
         ball = Ball(dr.opaque(mi.Point3f, centre.tolist()), dr.opaque(mi.Float, radius_m))
         parts.append(_homogeneous(ball, scene.atmosphere))
     return Media((*parts, *map(_filled, scene.volumes)))
@@ -117,6 +118,15 @@ def _optics(medium: Atmosphere) -> tuple[Any, Any, Any]:
 
 
 def fog_ball(scene: Scene) -> tuple[Floats, float]:
+    """Centre (3,) and radius, in metres, of the ball that the fog fills."""
+    centre, radius_m = _everything(scene)
+    extinction_per_m = scene.atmosphere.extinction_per_m
+    if extinction_per_m * radius_m <= FOG_DEPTHS:
+        return centre, radius_m
+    return scene.drone_pose[:3, 3], FOG_DEPTHS / extinction_per_m
+
+
+def _everything(scene: Scene) -> tuple[Floats, float]:
     """Centre (3,) and radius of a ball around all surfaces, lamps and the instrument, in metres."""
     corners = [thing.mesh.bounds for thing in scene.objects] + [scene.drone_pose[None, :3, 3]]
     corners += [np.array([each.position_m]) for each in scene.lamps if isinstance(each, PointLamp)]

@@ -122,5 +122,5 @@ def test_path_length_bins_without_a_width_are_refused(width_m):
 
 
 def test_a_single_path_length_bin_is_refused():
-    with pytest.raises(InputError, match="count 1: at least 2"):
+    with pytest.raises(InputError, match="near 1: at least 2"):
         PathLengthBins(1, 0.1)

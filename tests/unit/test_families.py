@@ -1,6 +1,7 @@
 """Families of scenes: what they draw can be flown in, is sound, and comes again from its seed."""
 
 import warnings
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -101,6 +102,7 @@ def test_what_cannot_be_drawn_is_told(family: str, parameters: dict, told: list[
     assert all(word in str(error.value) for word in told)
 
 
+ALL_FOUR = replace(OFFERED, least_spots=4)
 BLOCK = {"name": "block", "shape": "box", "size_m": [9, 9, 9], "material": "brick"}
 
 
@@ -157,7 +159,7 @@ name: board
 drone: {{position_m: [0, 0, 1.5], look_at_m: [5, 0, 1.5]}}
 objects: [{{name: board, shape: box, size_m: [0.01, 8, 8], {pane}}}]
 """
-    problem = layout_problem(make_scene(text, Path(), "text"), OFFERED)
+    problem = layout_problem(make_scene(text, Path(), "text"), ALL_FOUR)
     assert problem is None if told is None else problem is not None and told in problem
 
 
@@ -188,6 +190,34 @@ objects:
     assert "meets nothing" in str(layout_problem(board, needs(wide)))
 
 
+@pytest.mark.parametrize("beyond", ["nothing", "a hill at 5 km", "a wall at 30 m"])
+def test_one_spot_that_returns_is_enough_where_the_others_are_open(beyond: str) -> None:
+    farther = {
+        "nothing": "",
+        "a hill at 5 km": "- {name: hill, shape: sphere, radius_m: 1500, material: leaves-green,"
+        " translate_m: [5000, 0, 0]}",
+        "a wall at 30 m": "- {name: wall, shape: box, size_m: [1, 60, 60], material: brick,"
+        " translate_m: [30, 0, 0]}",
+    }
+    text = f"""
+name: post
+drone: {{position_m: [0, 0, 0], look_at_m: [5, 0, 0]}}
+objects:
+  - {{name: post, shape: box, size_m: [0.2, 0.2, 0.2], material: concrete, translate_m: PLACE}}
+  {farther[beyond]}
+"""
+    beam = np.array([1, np.tan(np.radians(5)), np.tan(np.radians(5))])
+    met, missed = (
+        make_scene(text.replace("PLACE", str(place)), Path(), "text")
+        for place in ((4 * beam).tolist(), [4, 2, 0])
+    )
+    assert layout_problem(met, OFFERED) is None
+    told = str(layout_problem(met, replace(OFFERED, least_spots=2)))
+    assert told.startswith("at least 2 of the laser spots should return: spot")
+    assert told.count("meets nothing within 9.8 m") == 3
+    assert str(layout_problem(missed, OFFERED)).count("meets nothing within 9.8 m") == 4
+
+
 def test_spots_must_be_seen_from_their_detectors() -> None:
     """A post beside the beam hides the spot from a detector 7 mm away; further off it does not."""
     text = """
@@ -200,7 +230,7 @@ objects:
     beside = np.tan(np.radians(5)) + 0.007  # left of the left beams, by 1 to 13 mm
     for place, told in ((beside, "hidden"), (beside + 0.1, None)):
         scene = make_scene(text.replace("PLACE", str(place)), Path(), "text")
-        problem = layout_problem(scene, OFFERED)
+        problem = layout_problem(scene, ALL_FOUR)
         assert problem is None if told is None else problem is not None and told in problem
 
 

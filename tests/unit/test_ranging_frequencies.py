@@ -1,5 +1,6 @@
 """Several modulation frequencies: one path behind all phases, or the word that there is none."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -98,8 +99,9 @@ def test_one_weak_frequency_is_no_signal():
         ([30, 40], c / 10e6),
         ([40, 30], c / 10e6),
         ([16, 20, 24], c / 4e6),
-        ([40, 50, 63], 80.0),  # they repeat after c / 1 MHz
-        ([10, np.pi * 10], 80.0),  # never
+        ([40, 50, 63], c / 1e6),
+        ([10, np.pi * 10], 22 * c / (np.pi * 10e6)),  # nearly, by Archimedes
+        ([3, 3 * np.sqrt(2), 3 * np.sqrt(3), 3 * np.sqrt(5), 3 * np.sqrt(7)], 20_000.0),  # later
         ([20, 20.2], c / 20.2e6),  # indistinguishable from one
     ],
 )
@@ -114,5 +116,22 @@ def test_every_path_below_it_is_found(frequencies_mhz):
     paths = np.linspace(0.01, 0.999, 500) * unambiguous_path_m(frequencies)
     phases = 2 * np.pi * frequencies[:, None] * paths / c
     found, _, ambiguous = path_from_phases(phases, np.full(phases.shape, 0.01), frequencies)
+    assert np.allclose(found, paths)
+    assert not ambiguous.any()
+
+
+def test_many_wraps_of_many_pixels_fit_into_memory():
+    """1000 wraps of 4096 pixels at three frequencies at once would take 100 MB an array."""
+    frequencies = np.array([239.0e6, 240.0e6, 250.3e6])
+    limit_m = unambiguous_path_m(frequencies)
+    assert limit_m > 80
+    paths = np.random.default_rng(0).uniform(0, limit_m, (64, 64))
+    phases = 2 * np.pi * frequencies[:, None, None] * paths / c
+    tracemalloc.start()
+    found, sigma, ambiguous = path_from_phases(phases, np.full(phases.shape, 1e-3), frequencies)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 80e6
+    assert found.shape == sigma.shape == ambiguous.shape == (64, 64)
     assert np.allclose(found, paths)
     assert not ambiguous.any()

@@ -174,7 +174,7 @@ def test_show_of_a_drawn_scene_warns_of_what_makes_it_useless(
     monkeypatch.chdir(tmp_path)
     run = show("ball.yaml")
     assert run.exit_code == 0, run.output
-    assert "a laser spot meets nothing" in run.stderr
+    assert "spot 0 meets nothing within 9.8 m" in run.stderr
     assert "4.800" in run.stdout
     assert (tmp_path / "ball.png").is_file()
 

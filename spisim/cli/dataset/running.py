@@ -27,11 +27,17 @@ def executors(
     Raises InputError where both are asked for.
     """
     from spisim.dataset.dask import DaskExecutor
+    from spisim.dataset.sample import Maker
     from spisim.dataset.workers import LocalExecutor, default_workers
 
     if dask is None:
         count = workers or default_workers()
-        return lambda make: LocalExecutor(make, count, timeout_s)
+
+        def local(make: Make) -> Executor:
+            worlds = {"world_of": make.planned.world_of} if isinstance(make, Maker) else {}
+            return LocalExecutor(make, count, timeout_s, **worlds)
+
+        return local
     if workers is not None:
         raise InputError("--workers and --dask exclude each other")
     address = dask

@@ -46,11 +46,20 @@ class Stamping(Protocol):
         """Sentences about what steady light does to it."""
 
 
-def smoothed(path_m: Floats, rate: Floats, sigma_s: float) -> tuple[Floats, Floats]:
-    """Times, and at them the echo to a Gaussian pulse of unit area that is centred on zero."""
-    step = (path_m[1] - path_m[0]) / c
+def smoothed(path_m: Floats, rate: Floats, sigma_s: float, until_s: float) -> tuple[Floats, Floats]:
+    """Even times, and at them the echo to a Gaussian pulse of unit area that is centred on zero.
+
+    `rate` (bins,) is light by path length `path_m`; where its bins are wider than the first, light
+    is spread between them. Light too late to show before `until_s` is left out.
+    """
+    step_m = path_m[1] - path_m[0]
+    step = step_m / c
     margin = math.ceil(6 * sigma_s / step)
-    padded = np.concatenate([np.zeros(margin), rate, np.zeros(margin)])
+    last = min(path_m[-1], path_m[0] + step_m * (math.ceil(until_s / step) + margin))
+    lengths = path_m[0] + step_m * np.arange(round((last - path_m[0]) / step_m) + 1)
+    width = np.gradient(path_m) / step_m
+    even = np.interp(lengths, path_m, rate / width)
+    padded = np.concatenate([np.zeros(margin), even, np.zeros(margin)])
     smooth = gaussian_filter1d(padded, sigma_s / step, truncate=6.0, mode="constant")
     times = (np.arange(padded.size) - margin) * step + path_m[0] / c
     return times, smooth / step

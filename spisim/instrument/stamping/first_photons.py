@@ -62,7 +62,7 @@ class FirstPhotons:
         """
         tof = self.tof
         edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
-        times, density = smoothed(path_m, echo_per_s, self.response_sigma_s)
+        times, density = smoothed(path_m, echo_per_s, self.response_sigma_s, tof.gate_s)
         collected = CubicSpline(times, density).antiderivative()
         per_pulse = tof.pulse_sigma_s * math.sqrt(2 * math.pi)  # light of peak one, times seconds
         inside = np.clip(edges, times[0], times[-1])

@@ -91,7 +91,8 @@ class Threshold:
         step = min(tof.bin_width_s, sigma_s / 20)
         times = np.arange(0.0, tof.gate_s, step)
         # The amplifier keeps the charge of a pulse and lowers its peak.
-        density = CubicSpline(*smoothed(path_m, echo_per_s, sigma_s), extrapolate=False)(times)
+        echo = smoothed(path_m, echo_per_s, sigma_s, tof.gate_s)
+        density = CubicSpline(*echo, extrapolate=False)(times)
         density = np.maximum(np.nan_to_num(density), 0)
         current = density * tof.pulse_sigma_s * math.sqrt(2 * math.pi)
         noise_at = np.sqrt(

@@ -50,7 +50,7 @@ class _Met(NamedTuple):
 
 
 def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange:
-    """Change of the four spots' light, by bins (bins,) of the path length, evenly spaced from 0.
+    """Change of the four spots' light, by bins (bins,) of the path length, ascending from 0.
 
     `drops` are one or more entries of one recording.
 
@@ -158,7 +158,7 @@ def _met(beam: _Beam, positions: Floats, diameters: Floats) -> _Met:
 
 def _beyond(lengths: Floats, met: _Met) -> Floats:
     """Logarithm (bins,) of what passes the drops, of light that comes from beyond them."""
-    first = np.ceil(2 * met.along_m / (lengths[1] - lengths[0])).astype(np.intp)
+    first = np.searchsorted(lengths, 2 * met.along_m)
     passed = np.log1p(-np.minimum(met.share, 1 - 1e-12))
     within = first < len(lengths)
     return np.cumsum(np.bincount(first[within], passed[within], minlength=len(lengths)))
@@ -166,10 +166,9 @@ def _beyond(lengths: Floats, met: _Met) -> Floats:
 
 def _binned(lengths: Floats, at_m: Floats, light: Floats) -> Floats:
     """Light (n,) in bins (bins,), shared between two so that its mean path length is kept."""
-    place = np.minimum(at_m / (lengths[1] - lengths[0]), len(lengths) - 1)
-    low = np.minimum(place.astype(np.intp), len(lengths) - 2)
-    upper = place - low
     count = len(lengths)
+    low = np.clip(np.searchsorted(lengths, at_m, side="right") - 1, 0, count - 2)
+    upper = np.minimum((at_m - lengths[low]) / (lengths[low + 1] - lengths[low]), 1)
     return np.asarray(
         np.bincount(low, light * (1 - upper), minlength=count)
         + np.bincount(low + 1, light * upper, minlength=count)

@@ -15,6 +15,9 @@ from spisim.transport.views import InstrumentView
 
 #: Depth of what is never hit.
 FAR_AWAY_M = 1e6
+#: Beams to spots beyond this many times the depth up to which drops are followed, or to nothing,
+#: end there: light comes back along nearly the same cone.
+REACH = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,7 @@ class FallingDrops:
     instrument: Instrument
     view: InstrumentView  # in the optical frame
     depths_by_frame_m: Floats  # (T, H, W), of the surfaces; one of all frames, or each its own
-    spot_ranges_by_frame_m: Floats  # (T, 4)
+    spot_ranges_by_frame_m: Floats  # (T, 4), nan for nothing
     fog_per_m: float
     times_s: Floats  # (frames, M), middle of every exposure
 
@@ -56,9 +59,10 @@ class FallingDrops:
         return np.asarray(self.depths_by_frame_m[min(frame, len(self.depths_by_frame_m) - 1)])
 
     def spot_range_m(self, frame: int) -> Floats:
-        """Ranges (4,) of the spots in a frame."""
+        """Ranges (4,) of the spots in a frame, REACH at most."""
         ranges = self.spot_ranges_by_frame_m
-        return np.asarray(ranges[min(frame, len(ranges) - 1)])
+        far_m = REACH * self.precipitation.far_m
+        return np.asarray(np.fmin(ranges[min(frame, len(ranges) - 1)], far_m))
 
     @property
     def depths_m(self) -> tuple[float, float]:

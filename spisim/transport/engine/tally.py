@@ -95,19 +95,21 @@ class PhasorTally:
 
 @dataclass(frozen=True)
 class PathLengthBins:
-    """`count` bins; bin k is centred on the optical path length k · `width_m`.
+    """`near` bins, bin k centred on the optical path length k · `width_m`, and those of `far_m`.
 
-    Raises InputError for fewer than two bins, or a width that is not positive.
+    `far_m` are longer path lengths, ascending, with any distances between them. Raises InputError
+    for fewer than two bins, or a width that is not positive.
     """
 
-    count: int
+    near: int
     width_m: float
+    far_m: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.width_m < np.inf:
             raise InputError(f"width_m {self.width_m:g}: the width of a bin is positive and finite")
-        if self.count < 2:
-            raise InputError(f"count {self.count}: at least 2 path-length bins are needed")
+        if self.near < 2:
+            raise InputError(f"near {self.near}: at least 2 path-length bins are needed")
 
     @classmethod
     def up_to(cls, longest_m: float, width_m: float) -> PathLengthBins:
@@ -115,9 +117,14 @@ class PathLengthBins:
         return cls(round(longest_m / width_m) + 1 if width_m > 0 else 0, width_m)
 
     @property
+    def count(self) -> int:
+        """Number of bins."""
+        return self.near + len(self.far_m)
+
+    @property
     def centres_m(self) -> Floats:
         """Path lengths (bins,)."""
-        return np.arange(self.count, dtype=np.float64) * self.width_m
+        return np.append(np.arange(self.near) * self.width_m, self.far_m)
 
 
 class HistogramTally:
@@ -129,17 +136,38 @@ class HistogramTally:
 
     def __init__(self, cells: int, bins: PathLengthBins) -> None:
         self._bins = bins
+        self._count = dr.opaque(mi.UInt32, bins.count)  # one kernel for however many there are
         self._sum = Accumulator(cells * bins.count)
+        if bins.far_m:
+            starts = np.append((bins.near - 1) * bins.width_m, bins.far_m)
+            size = 1 << len(bins.far_m).bit_length()  # more than there are: ends with infinity
+            self._starts = mi.Float(np.pad(np.float32(starts), (0, size), constant_values=np.inf))
+            self._last = dr.opaque(mi.UInt32, len(bins.far_m) - 1)
+            self._size = size
 
     def add(self, light: Contribution) -> None:
         """See `Tally`."""
-        count = self._bins.count
-        place = dr.minimum(light.length_m / self._bins.width_m, count - 1)
-        low = dr.minimum(mi.UInt32(place), count - 2)
+        near = self._bins.near
+        place = dr.minimum(light.length_m / self._bins.width_m, near - 1)
+        low = dr.minimum(mi.UInt32(place), near - 2)
         upper = place - mi.Float(low)
-        cell = light.cell * count + low
+        if self._bins.far_m:
+            beyond = light.active & (light.length_m > (near - 1) * self._bins.width_m)
+            between, share = self._far(light.length_m, beyond)
+            low, upper = dr.select(beyond, between, low), dr.select(beyond, share, upper)
+        cell = light.cell * self._count + low
         self._sum.add(light.value * (1 - upper), cell, light.active)
         self._sum.add(light.value * upper, cell + 1, light.active)
+
+    def _far(self, length_m: Any, active: Any) -> tuple[Any, Any]:
+        """The bin before a path length beyond the near ones, and how far it is to the next."""
+        above = dr.binary_search(
+            0, self._size, lambda bin_: dr.gather(mi.Float, self._starts, bin_, active) <= length_m
+        )
+        low = dr.minimum(mi.UInt32(above) - 1, self._last)
+        start = dr.gather(mi.Float, self._starts, low, active)
+        stop = dr.gather(mi.Float, self._starts, low + 1, active)
+        return low + (self._bins.near - 1), dr.minimum((length_m - start) / (stop - start), 1)
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
         """See `Tally`."""

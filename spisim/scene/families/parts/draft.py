@@ -96,11 +96,16 @@ class Draft:
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of scene; `build` makes one from its parameters, the rest at random."""
+    """A kind of scene; `build` makes one from its parameters, the rest at random.
+
+    Draws are repeated until `least_spots` of the four laser spots return: all where the world is
+    closed, fewer where it is open.
+    """
 
     description: str
     parameters: type[Parameters]
     build: Callable[[Any, np.random.Generator], Draft]
+    least_spots: int = 4
 
 
 def _pose(turn: Point, at: Point) -> dict[str, list[float]]:

@@ -1,0 +1,66 @@
+"""Bins of path length: fine where a laser meets something, however far that is, and few."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from spisim.transport.backend import activate
+from spisim.transport.engine.tally import Contribution, HistogramTally, PathLengthBins, Tallies
+from spisim.transport.path_bins import BIN_WIDTH_M, LONGEST_PATH_M, NEAR_PATH_M, spot_bins
+
+# isort: split
+import mitsuba as mi
+
+NOTHING = np.full(4, np.nan)
+
+
+def histogram(bins: PathLengthBins, lengths_m: list[float]) -> np.ndarray:
+    """Contributions of one at these path lengths."""
+    activate()
+    tallies = Tallies(1, [partial(HistogramTally, bins=bins)])
+    lengths = mi.Float(np.array(lengths_m, np.float32))
+    tallies.add(Contribution(mi.Float(1), mi.UInt32(0), lengths, mi.UInt32(0), mi.Bool(True)))
+    return tallies.read(1.0).values["histogram"][0, 0]
+
+
+@pytest.mark.parametrize("ranges_m", [NOTHING, np.array([3.0, np.nan, 34.0, 9.0])])
+def test_of_what_is_near_they_are_even(ranges_m: np.ndarray) -> None:
+    bins = spot_bins(ranges_m, 10.0)
+    np.testing.assert_allclose(bins.centres_m, np.arange(4001) * BIN_WIDTH_M)
+
+
+@pytest.mark.parametrize("range_m", [41.0, 300.0, 3000.0, 9900.0])
+def test_of_what_is_far_they_are_fine_around_it_and_few(range_m: float) -> None:
+    bins = spot_bins(np.array([5.0, np.nan, range_m, range_m]), 10.0)
+    centres = bins.centres_m
+    assert (np.diff(centres) > 0.9 * BIN_WIDTH_M).all()
+    assert bins.count < 6000
+    assert centres[-1] >= 2 * range_m
+    around = (centres > max(2 * range_m - 5, NEAR_PATH_M)) & (centres < 2 * range_m + 5)
+    np.testing.assert_allclose(np.diff(centres[around]), BIN_WIDTH_M, rtol=1e-6)
+    np.testing.assert_allclose(centres / BIN_WIDTH_M, np.rint(centres / BIN_WIDTH_M), atol=1e-6)
+
+
+def test_they_reach_as_far_as_the_instrument_tells_apart_and_no_farther_than_light_does() -> None:
+    assert spot_bins(NOTHING, 500.0).centres_m[-1] >= 1000
+    beyond = spot_bins(np.array([1e5, np.nan, np.nan, np.nan]), np.inf).centres_m
+    assert beyond[-1] == pytest.approx(LONGEST_PATH_M, rel=0.01)
+    assert beyond.size < 6000
+
+
+def test_every_path_length_is_kept_by_its_mean() -> None:
+    bins = spot_bins(np.array([5.0, 300.0, 3000.0, np.nan]), 10.0)
+    for length_m in (0.013, 79.99, 80.0, 80.3, 123.4, 599.987, 604.0, 4000.0, 5999.5, 6000.011):
+        light = histogram(bins, [length_m])
+        assert light.sum() == pytest.approx(1)
+        assert light @ bins.centres_m == pytest.approx(length_m, rel=2e-7, abs=2e-6)
+        assert np.ptp(np.flatnonzero(light)) <= 1
+    late = histogram(bins, [7000.0, 1e6])
+    assert late[-1] == pytest.approx(2)
+
+
+def test_nothing_is_lost_among_far_bins() -> None:
+    bins = PathLengthBins(4, 0.5, (5.0, 20.0))
+    np.testing.assert_allclose(bins.centres_m, [0, 0.5, 1, 1.5, 5, 20])
+    np.testing.assert_allclose(histogram(bins, [1.5, 3.25, 20.0, 99.0]), [0, 0, 0, 1.5, 0.5, 2])
