@@ -212,13 +212,17 @@ def _read_environment(path: Path) -> NDArray[np.float32]:
     return picture
 
 
-def _told(name: str, kind: str, what: str, strength: Strength) -> dict[str, Any]:
-    units = {"power": ("W", "lm"), "irradiance": ("W/m²", "klx"),
-             "mean radiance": ("W/(m² sr)", "kcd/m²")}  # fmt: skip
-    amount = strength.amount * (1e3 if strength.luminous and what == "power" else 1.0)
+def _told(name: str, kind: str, quantity: str, strength: Strength) -> dict[str, Any]:
+    """`power` is all of the light; watts are in the instrument's band."""
+    units = {
+        "power": ("W", "klm"),
+        "irradiance": ("W/m²", "klx"),
+        "mean radiance": ("W/(m² sr)", "kcd/m²"),
+    }
     return {
         "name": name,
         "type": kind,
-        what.replace(" ", "_"): amount,
-        "unit": units[what][strength.luminous],
+        "quantity": quantity,
+        "amount": float(strength.amount),
+        "unit": units[quantity][strength.luminous],
     }
