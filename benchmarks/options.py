@@ -1,23 +1,27 @@
 """Command line of the benchmarks."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from spisim.paper.checks import Check, Table, checks_table, paste, report
 
 
-def benchmark_options(doc: str | None, quick: str, page: Path) -> argparse.Namespace:
+def benchmark_options(
+    doc: str | None, quick: str, page: Path, repeatable: Mapping[str, str] | None = None
+) -> argparse.Namespace:
     """Options of a benchmark: `quick`, `json`, `markdown`.
 
     The first line of `doc` says what it measures, `quick` what is left out, `page` where its tables
-    go.
+    go. `repeatable` are further options by their help, whose values come as lists.
     """
     parser = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help=quick)
     parser.add_argument("--json", action="store_true", help="end with one JSON object")
     parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{page.name}")
+    for name, told in (repeatable or {}).items():
+        parser.add_argument(name, action="append", default=[], help=told)
     return parser.parse_args()
 
 

@@ -45,6 +45,7 @@ class Model(NamedTuple):
     extinction: Callable[[float, float], float]  # 1/m, of visibility in m and wavelength in µm
     visibility_m: tuple[float, float]
     wavelength_um: tuple[float, float]
+    medium: str = "fog"
 
 
 MODELS: Mapping[str, Model] = MappingProxyType(
@@ -60,7 +61,7 @@ MODELS: Mapping[str, Model] = MappingProxyType(
         ),
         "ijaz-fog": Model(_by_exponent(lambda _, um: 0.1428 * um - 0.0947), (15, 1e3), (0.6, 1.55)),
         "ijaz-smoke": Model(
-            _by_exponent(lambda _, um: 0.8467 * um - 0.5212), (15, 1e3), (0.6, 1.55)
+            _by_exponent(lambda _, um: 0.8467 * um - 0.5212), (15, 1e3), (0.6, 1.55), "smoke"
         ),
     }
 )
@@ -84,12 +85,15 @@ def empirical_extinction(name: str, visibility_m: float, wavelength_nm: float = 
 
 
 def all_extinctions(
-    visibility_m: float, definition: str = "koschmieder", wavelength_nm: float = 1550.0
+    visibility_m: float,
+    definition: str = "koschmieder",
+    wavelength_nm: float = 1550.0,
+    medium: str = "fog",
 ) -> dict[str, float]:
-    """Extinction, 1/m, by every model that holds at this visibility and wavelength."""
+    """Extinction, 1/m, by every model of fog or smoke that holds at visibility and wavelength."""
     equal_m = visibility(extinction_at_550nm(visibility_m, definition))
     found = {}
-    for name in MODELS:
+    for name in (each for each, model in MODELS.items() if model.medium == medium):
         with suppress(InputError):
             found[name] = empirical_extinction(name, equal_m, wavelength_nm)
     return found

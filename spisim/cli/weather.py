@@ -113,6 +113,8 @@ def command(
         **_figures(together),
         "media": [_figures(part) for part in parts],
         "empirical": _empirical(fog_visibility, definition, wavelength),
+        "empirical_smoke": _empirical(smoke, "koschmieder", wavelength, "smoke"),
+        "rain_with_diffraction": _with_diffraction(rain, wavelength),
         "warnings": together.doubts,
     }
     if compare:
@@ -142,13 +144,25 @@ def _fog_visibility(
     return agreed_visibility(visibility, water, kind or DEFAULT_FOG, definition)
 
 
-def _empirical(visibility: float | None, definition: str, wavelength_nm: float) -> dict[str, float]:
-    """The fog's extinction by all models that hold for it."""
+def _empirical(
+    visibility: float | None, definition: str, wavelength_nm: float, medium: str = "fog"
+) -> dict[str, float]:
+    """Extinction of fog or smoke by all models that hold for it."""
     from spisim.atmosphere import all_extinctions
 
     if visibility is None:
         return {}
-    return all_extinctions(visibility, definition, wavelength_nm)
+    return all_extinctions(visibility, definition, wavelength_nm, medium)
+
+
+def _with_diffraction(rate_mm_per_h: float | None, wavelength_nm: float) -> dict[str, Any] | None:
+    """Extinction by rain where light that is bent by a milliradian is lost, as to a narrow link."""
+    from spisim.atmosphere import rain
+
+    if not rate_mm_per_h:
+        return None
+    whole = rain(rate_mm_per_h, wavelength_nm=wavelength_nm, diffraction="include").summary()
+    return {name: whole[name] for name in ("extinction_per_m", "extinction_db_per_km")}
 
 
 def _figures(medium: Atmosphere) -> dict[str, Any]:
@@ -199,10 +213,20 @@ def _print(report: dict[str, Any]) -> None:
     for title, key in ROWS.items():
         table.add_row(title, *(_short(column[key]) for column in columns))
     results.print(table, crop=False)  # of many media, which are wider than a terminal
-    if report["empirical"]:
-        others = ", ".join(f"{name} {value:.4f}" for name, value in report["empirical"].items())
+    if whole := report["rain_with_diffraction"]:
         results.print(
-            f"Empirical models that hold at the fog's visibility have, 1/m: {others}",
+            "Light that rain's drops diffract, by a milliradian, counts as not scattered here; a "
+            f"narrow link loses it: {whole['extinction_per_m']:.4g} 1/m, "
+            f"{whole['extinction_db_per_km']:.3g} dB/km",
+            style="dim",
+            soft_wrap=True,
+        )
+    for medium, key in (("fog", "empirical"), ("smoke", "empirical_smoke")):
+        if not report[key]:
+            continue
+        others = ", ".join(f"{name} {value:.4f}" for name, value in report[key].items())
+        results.print(
+            f"Empirical models that hold at the {medium}'s visibility have, 1/m: {others}",
             style="dim",
             soft_wrap=True,
         )

@@ -62,6 +62,20 @@ def read_picture(path: Path) -> NDArray[np.float32]:
     return picture.astype(np.float32)
 
 
+def grey_picture(path: Path) -> Floats:
+    """Values (h, w) from 0 to 1 of a PNG file of any colours: their mean; transparency is ignored.
+
+    Raises InputError for a file that is missing, damaged, or of another format.
+    """
+    check_is_there(path, "picture")
+    if path.suffix.lower() != ".png":
+        raise InputError(f"picture {path.name!r} should be a PNG file")
+    values = np.asarray(_read_png(path), dtype=np.float64)
+    if values.ndim == 2:
+        return values
+    return np.asarray(values[..., : 1 if values.shape[-1] <= 2 else 3].mean(axis=-1))
+
+
 def read_density(path: Path) -> NDArray[np.float32]:
     """Relative density (nz, ny, nx) between 0 and 1, from an NPY file.
 

@@ -80,19 +80,18 @@ class Photodiode(Sensor):
             counts: NDArray[Any] = (
                 electrons - taken_off
             ) / adc.electrons_per_count + adc.offset_counts
-            saturated, noise = np.zeros(counts.shape, np.bool_), np.nan * np.asarray(time_s)
+            saturated = np.zeros(counts.shape, np.bool_)
         else:
             charge = self.arrivals(electrons, rng)
             amplifier = detector.amplifier_noise_electrons(time_s)
             charge += rng.normal(0, amplifier, charge.shape) - taken_off
             counts, saturated = adc.converted(charge)
-            noise = detector.electronics_noise_electrons(time_s)
         return Readings(
             counts,
             saturated,
             electrons_per_count=adc.electrons_per_count,
             offset_counts=float(adc.offset_counts),
-            noise_electrons=noise,
+            noise_electrons=detector.electronics_noise_electrons(time_s),
             excess_noise_factor=self.excess_noise_factor,
         )
 

@@ -17,7 +17,8 @@ def record_buckets(
     """Readings of every exposure, and the taps of each where the projector is modulated.
 
     Without `rng`: the expected readings of an ideal instrument, whose noise is unknown, so that
-    reconstruction takes every reading at its word.
+    reconstruction takes every reading at its word. The taps' noise is told, as of the spots: their
+    sigma is that of one real reading.
     """
     modulation = instrument.projector.modulation
     if modulation is not None:
@@ -29,7 +30,7 @@ def record_buckets(
         counts=readings.counts,
         saturated=readings.saturated,
         **_timing(instrument),
-        **readings.charge,
+        **readings.charge | _unknown(rng),
         dead_time_s=readings.dead_time_s,
         baseline_electrons=float(light.taken_off.mean()),
     )
@@ -56,7 +57,7 @@ def _demodulated(
         **_timing(instrument),
         electrons_per_count=readings.electrons_per_count,
         offset_counts=taps * readings.offset_counts,
-        noise_electrons=float(readings.noise_electrons * np.sqrt(taps)),
+        noise_electrons=np.nan if rng is None else float(readings.noise_electrons * np.sqrt(taps)),
         excess_noise_factor=readings.excess_noise_factor,
         dead_time_s=0.0,
     )
@@ -69,6 +70,10 @@ def _demodulated(
         **readings.charge,
         detector_position_m=np.mean(detector.positions_m, axis=0),
     )
+
+
+def _unknown(rng: Random) -> dict[str, float]:
+    return {"noise_electrons": np.nan} if rng is None else {}
 
 
 def _timing(instrument: Instrument) -> dict[str, float]:

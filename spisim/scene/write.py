@@ -15,6 +15,7 @@ from reconstruction.errors import InputError
 from reconstruction.files import Output, is_marked, mark, require_outputs
 from spisim.scene.load import load_scene
 from spisim.scene.model import Scene
+from spisim.scene.shapes import texture_coordinates
 from spisim.scene.warning import SceneWarning
 
 #: Of the files of meshes, as their marks tell it.
@@ -54,10 +55,10 @@ def check_free(output: Path, overwrite: bool, inputs: Iterable[Path] = ()) -> No
         if path.exists() and not overwrite:
             raise InputError(f"{path} exists; --overwrite replaces it")
     if folder.exists():
-        _check_meshes(folder, inputs)
+        check_meshes(folder, inputs)
 
 
-def _check_meshes(folder: Path, inputs: Iterable[Path]) -> None:
+def check_meshes(folder: Path, inputs: Iterable[Path] = ()) -> None:
     """InputError unless a folder holds nothing but meshes that were written here."""
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder")
@@ -106,8 +107,10 @@ def write_scene(
 
 
 def _ply(mesh: trimesh.Trimesh) -> bytes:
-    """A mesh as a PLY file, with its mark among the comments."""
-    first, form, rest = mesh.export(file_type="ply", include_attributes=False).split(b"\n", 2)
+    """A mesh as a PLY file, texture coordinates included, with its mark among the comments."""
+    has_coordinates = texture_coordinates(mesh) is not None  # which trimesh calls attributes
+    data = mesh.export(file_type="ply", include_attributes=has_coordinates)
+    first, form, rest = data.split(b"\n", 2)
     return b"\n".join([first, form, f"comment {mark(MESH)}".encode(), rest])
 
 

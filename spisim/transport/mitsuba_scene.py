@@ -51,6 +51,10 @@ def parse(elements: Elements) -> Node:
                     value = np.array(value.matrix)
                 case Type.Vector | Type.Color:
                     value = np.array(value)
+                # Of the longest wavelength, which is nearest to infrared; its stubs lack the type
+                case Type.Spectrum:  # type: ignore[attr-defined]
+                    last = 0 if value.is_uniform() else int(np.argmax(value.wavelengths))
+                    value = float(value.values[last])
                 case Type.Reference:
                     value = _found(value.id(), nodes, by_id)
                 case Type.ResolvedReference:

@@ -22,8 +22,8 @@ from foreign import (
 )
 from reconstruction.errors import InputError
 from spisim.scene import enclosing_object, load_scene
+from spisim.scene.blocks import distance
 from spisim.scene.importing import import_scene
-from spisim.scene.importing.drone import distance
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.model import Content, Part, Surface
 
@@ -118,7 +118,7 @@ def test_one_object_per_primitive_and_lines_left_out(tmp_path: Path) -> None:
     primitives = [
         row | {"mode": 1},
         row | {"material": 1},
-        row | {"mode": 6},
+        row | {"mode": 0},
         row | {"material": 0},
     ]
     meshes = [{"name": "sheet", "primitives": primitives}]

@@ -56,6 +56,11 @@ def test_every_entry_names_a_material_that_there_is() -> None:
         (part("Material.001"), "concrete", "default"),
         (part(None), "concrete", "default"),
         (part("device"), "concrete", "default"),  # no ice in it
+        (part("background"), "concrete", "default"),  # no ground
+        (part("Underground_2"), "concrete", "default"),
+        (part("woodpecker"), "concrete", "default"),
+        (part("concretefloor"), "concrete", "guess"),
+        (part("treetrunk"), "bark", "guess"),
         (part("Material.001", (0.9, 0.9, 0.9), called="asphalt"), "asphalt", "guess"),
     ],
 )

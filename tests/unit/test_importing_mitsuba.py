@@ -1,5 +1,8 @@
 """Import of Mitsuba scenes: shapes, transforms, parameters, includes, the sensor."""
 
+import re
+import struct
+import zlib
 from pathlib import Path
 
 import mitsuba as mi
@@ -189,7 +192,7 @@ def test_a_sensor_inside_an_object_is_no_place_for_the_drone(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (shape("serialized"), "'serialized' is not supported: export the mesh as PLY"),
+        (shape("serialized"), "serialized shape: the reference to a file is empty"),
         (shape("teapot"), "shape 'teapot' is not supported: .*allowed: obj, ply"),
         (shape("hair") + shape("cube"), "shape 'hair' is not supported"),
         (shape("shapegroup"), "has no shapes that can be read"),
@@ -295,3 +298,170 @@ def test_a_long_chain_of_references(tmp_path: Path) -> None:
     file = scene(tmp_path / "a.xml", body)
     (part,) = READERS[".xml"](file, Folders.around(file)).parts
     assert part.surface.words == ("mask",) * count + ("diffuse",)
+
+
+def serialized(*meshes: trimesh.Trimesh, version: int = 4, double: bool = False) -> bytes:
+    """Mitsuba's format, with texture coordinates."""
+    number = "<f8" if double else "<f4"
+    data, starts = b"", []
+    for mesh in meshes:
+        name = b"part\0" if version == 4 else b""
+        rows = struct.pack("<I", 0x0002 | (0x2000 if double else 0x1000)) + name
+        rows += struct.pack("<2Q", len(mesh.vertices), len(mesh.faces))
+        rows += mesh.vertices.astype(number).tobytes()
+        rows += mesh.vertices[:, :2].astype(number).tobytes() + mesh.faces.astype("<u4").tobytes()
+        starts.append(len(data))
+        data += struct.pack("<HH", 0x041C, version) + zlib.compress(rows)
+    kind = "Q" if version == 4 else "I"
+    return data + struct.pack(f"<{len(starts)}{kind}I", *starts, len(starts))
+
+
+@pytest.mark.parametrize(("version", "double"), [(3, False), (4, False), (4, True)])
+def test_serialized(tmp_path: Path, version: int, double: bool) -> None:
+    meshes = trimesh.creation.box((1, 1, 1)), tetrahedron()
+    (tmp_path / "a.serialized").write_bytes(serialized(*meshes, version=version, double=double))
+    body = shape(
+        "serialized",
+        '<string name="filename" value="a.serialized"/><integer name="shape_index" value="1"/>',
+    )
+    assert_same(written(taken(scene(tmp_path / "a.xml", body))), tetrahedron())
+
+
+@pytest.mark.parametrize(
+    ("data", "index", "message"),
+    [
+        (serialized(tetrahedron()), 1, "has no shape_index 1; there are 1"),
+        (serialized(tetrahedron()), -1, "has no shape_index -1"),
+        (serialized(tetrahedron())[:-40] + bytes(12), 0, "tells of 0 shapes"),
+        (b"\x1c\x04\x04\x00" + b"\xff" * 30, 0, "tells of 4,294,967,295 shapes"),
+        (b"ply", 0, "cannot be read"),
+        (b"abcdefgh" * 9, 0, "is no serialized mesh"),
+        (
+            b"\x1c\x04\x04\x00"
+            + zlib.compress(struct.pack("<I", 0) + b"\0" + struct.pack("<2Q", 3, 2**40))
+            + struct.pack("<QI", 0, 1),
+            0,
+            "triangles",
+        ),
+    ],
+)
+def test_serialized_that_is_refused(tmp_path: Path, data: bytes, index: int, message: str) -> None:
+    (tmp_path / "a.serialized").write_bytes(data)
+    body = shape(
+        "serialized",
+        '<string name="filename" value="a.serialized"/>'
+        f'<integer name="shape_index" value="{index}"/>',
+    )
+    with pytest.raises(InputError, match=message):
+        taken(scene(tmp_path / "a.xml", body))
+
+
+def test_instances(tmp_path: Path) -> None:
+    group = (
+        '<shape type="shapegroup" id="g">' + shape("cube", "", '<translate x="3"/>') + "</shape>"
+    )
+    copies = "".join(
+        f'<shape type="instance"><ref id="g"/><transform name="to_world"><translate z="{z}"/>'
+        "</transform></shape>"
+        for z in (0, 9)
+    )
+    shift = trimesh.transformations.translation_matrix
+    both = trimesh.util.concatenate([cube_at(shift([3, 0, 0])), cube_at(shift([3, 0, 9]))])
+    assert_same(written(taken(scene(tmp_path / "a.xml", group + copies))), both)
+
+
+def test_paths(tmp_path: Path) -> None:
+    """Folders of the scene that may be read, and of those that may not, what is allowed."""
+    (tmp_path / "common" / "meshes").mkdir(parents=True)
+    tetrahedron().export(tmp_path / "common" / "meshes" / "w.ply")
+    scene(
+        tmp_path / "common" / "part.xml",
+        shape("ply", '<string name="filename" value="meshes/w.ply"/>'),
+    )
+    (tmp_path / "scenes").mkdir()
+    body = '<path value="../common"/><include filename="part.xml"/>'
+    file = scene(tmp_path / "scenes" / "a.xml", body)
+    with pytest.raises(InputError, match=r"--model-path allows to read in .*common, too"):
+        taken(file)
+    assert_same(written(taken(file, model_path=(tmp_path / "common",))), tetrahedron())
+    inside = scene(tmp_path / "b.xml", '<path value="common"/><include filename="part.xml"/>')
+    assert_same(written(taken(inside)), tetrahedron())
+
+
+def test_what_only_rendering_needs(tmp_path: Path) -> None:
+    body = (
+        '<integrator type="$integrator"/><sensor type="perspective"><sampler type="independent">'
+        '<integer name="sample_count" value="$spp"/></sampler><film type="hdrfilm"/></sensor>'
+    )
+    assert_same(written(taken(scene(tmp_path / "a.xml", body + shape("cube")))), CUBE)
+
+
+MEDIUM = (
+    '<medium type="homogeneous" name="interior" id="haze"><rgb name="sigma_t" value="0.4 8 9"/>'
+    '<float name="scale" value="2"/><rgb name="albedo" value="0.9 0.1 0.1"/>'
+    '<phase type="hg"><float name="g" value="0.7"/></phase></medium>'
+)
+
+
+def test_media_in_boxes(tmp_path: Path) -> None:
+    """Of red; the null surface around is a hole, and the box stands as it did."""
+    steps = '<scale x="2" y="3" z="0.5"/><rotate z="1" angle="30"/><translate x="7"/>'
+    body = shape("cube", MEDIUM + '<bsdf type="null"/>', steps) + shape("rectangle")
+    report = taken(scene(tmp_path / "a.xml", body), scale=10.0)
+    (volume,) = report.written.scene.volumes
+    assert [thing.name for thing in report.written.scene.objects] == ["rectangle"]
+    assert volume.medium.extinction_per_m == pytest.approx(0.08)
+    assert volume.medium.albedo == pytest.approx(0.9)
+    assert volume.medium.g == pytest.approx(0.7)
+    corner = volume.to_world @ [1, 1, 1, 1]
+    expected = turned([0, 0, 1], 30) @ [20, 30, 5, 1] + [70, 0, 0, 0]
+    np.testing.assert_allclose(corner, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (shape("sphere", MEDIUM), "media fill boxes here and this is none"),
+        (shape("cube", MEDIUM, '<matrix value="1 0.5 0 0 1 0 0 0 1"/>'), "this is none"),
+        (shape("cube", MEDIUM.replace("0.4 8 9", "0 8 9")), "has no extinction"),
+        (shape("cube", '<medium type="heterogeneous" name="interior"/>'), "grids are left out"),
+        (shape("cube", '<emitter type="area"><rgb name="radiance" value="3 2 1"/></emitter>'),
+         "area emitter on 'cube': radiance 3, 2, 1 is left out"),
+        (shape("cube") + '<emitter type="spot"/>', "spot emitter: .* left out"),
+        (shape("cube") + '<emitter type="constant"/>', "give sky_klx under"),
+    ],
+)  # fmt: skip
+def test_light_and_media_that_are_told(tmp_path: Path, body: str, message: str) -> None:
+    notes = taken(scene(tmp_path / "a.xml", body)).notes
+    assert any(re.search(message, note) for note in notes), notes
+
+
+@pytest.mark.parametrize(
+    ("emitter", "ambient"),
+    [
+        ('<emitter type="directional"><vector name="direction" x="0" y="-2" z="0"/></emitter>',
+         (0, (0, 0, -1), 0)),
+        ('<emitter type="directional"><transform name="to_world">'
+         '<lookat origin="0 0 0" target="3 0 0" up="0 1 0"/></transform></emitter>',
+         (0, (1, 0, 0), 0)),
+        ('<emitter type="sunsky"><vector name="sun_direction" x="0" y="1" z="0"/></emitter>',
+         (100, (0, 0, -1), 20)),
+    ],
+)  # fmt: skip
+def test_suns(tmp_path: Path, emitter: str, ambient: tuple) -> None:
+    """In the world, where y was up."""
+    report = taken(scene(tmp_path / "a.xml", emitter + shape("cube")), up="y")
+    got = report.written.scene.ambient
+    assert (got.sun_klx, got.sky_klx) == (ambient[0], ambient[2])
+    np.testing.assert_allclose(got.sun_direction, ambient[1], atol=1e-9)
+
+
+def test_the_first_sensor_in_the_open_is_the_drone(tmp_path: Path) -> None:
+    sensors = "".join(
+        f'<sensor type="perspective"><transform name="to_world"><lookat origin="{x} 0 0" '
+        'target="-1 0 0" up="0 0 1"/></transform></sensor>'
+        for x in (0.2, 6)
+    )
+    drone = taken(scene(tmp_path / "a.xml", sensors + shape("cube"))).drone
+    assert drone.why == "sensor 2 of the file"
+    np.testing.assert_allclose(drone.position_m, [6, 0, 0])

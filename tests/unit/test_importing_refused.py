@@ -122,7 +122,9 @@ NOT_FINITE = np.array([[0, 0, 0], [1, 0, np.nan], [0, 1, 0]], "<f4").tobytes()
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"asset": None, "accessors": 3}, "accessors should be a list of objects"),
+        ({"asset": None}, "`asset` is missing"),
+        ({"asset": {"version": "1.0"}, "meshes": {}}, "glTF version 1; only version 2 is read"),
+        ({"accessors": 3}, "accessors should be a list of objects"),
         ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": -3, "type": "VEC3"}]},
          "count should be a whole number of at least 0; found -3"),
         ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 10**12, "type": "VEC3"}]},
@@ -131,16 +133,18 @@ NOT_FINITE = np.array([[0, 0, 0], [1, 0, np.nan], [0, 1, 0]], "<f4").tobytes()
                          "type": "SCALAR"}]},
          "333,333,333 triangles; more than 20,000,000"),
         ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3"}]},
-         "cannot be read as a GLB"),
+         "an accessor ends at byte 72 of a bufferView of 36"),
         ({"accessors": [{"componentType": 5126, "count": 3, "type": "VEC3"}]}, "has no bufferView"),
         ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
-                         "sparse": {}}]}, "accessor 0 is sparse"),
-        ({"accessors": [{"bufferView": 0, "componentType": 5122, "count": 3, "type": "VEC3",
-                         "normalized": True}]}, "normalized integer positions"),
+                         "sparse": {}}]}, "count should be a whole number"),
+        ({"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                         "sparse": {"count": 1, "indices": {"bufferView": 0, "componentType": 5121,
+                         "byteOffset": 14}, "values": {"bufferView": 0}}}]}, "beyond its end"),
         ({"accessors": [{"bufferView": 0, "byteOffset": -12, "componentType": 5126, "count": 1,
                          "type": "VEC3"}]}, "byteOffset should be a whole number"),
         ({"bufferViews": [{"buffer": 0, "byteLength": -1}]}, "byteLength should be a whole number"),
-        ({"bufferViews": [{"buffer": 7, "byteLength": 36}]}, "cannot be read as a GLB"),
+        ({"bufferViews": [{"buffer": 7, "byteLength": 36}]}, "refers to buffer 7; there are 1"),
+        ({"bufferViews": [{"buffer": 0, "byteLength": 37}]}, "ends at byte 37 of 36"),
         ({"nodes": [{"mesh": 5}]}, "refers to mesh 5; there are 1"),
         ({"nodes": [{"mesh": -1}]}, "refers to mesh -1"),
         ({"nodes": [{"mesh": 0, "children": [0]}]}, "node 0 is reached twice"),
@@ -157,7 +161,7 @@ NOT_FINITE = np.array([[0, 0, 0], [1, 0, np.nan], [0, 1, 0]], "<f4").tobytes()
         ({"buffers": [{"byteLength": 36, "uri": "/etc/hostname"}]}, "lies outside the folders"),
         ({"buffers": [{"byteLength": 36, "uri": "gone.bin"}]}, "no file 'gone.bin'; searched"),
         ({"buffers": [{"byteLength": 36, "uri": "a\0b"}]}, "no usable path"),
-        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "KHR_draco_mesh_compression"),
+        ({"extensionsRequired": ["KHR_new"]}, "needs the extension KHR_new, which is not"),
     ],
 )  # fmt: skip
 def test_damaged_glb(tmp_path: Path, changes: dict, message: str) -> None:
@@ -229,7 +233,7 @@ def test_stl_that_is_cut_off(tmp_path: Path) -> None:
 
 def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
     """One file under many names, as `./a` and `././a`, would fill the memory."""
-    monkeypatch.setattr("spisim.scene.importing.gltf.MAX_FILE_BYTES", 100)
+    monkeypatch.setattr("spisim.scene.importing.gltf_buffers.MAX_FILE_BYTES", 100)
     (tmp_path / "a.bin").write_bytes(TRIANGLE)
     buffers = [{"byteLength": 36, "uri": "./" * i + "a.bin"} for i in range(3)]
     (tmp_path / "a.gltf").write_text(json.dumps(triangle_header(buffers=buffers)))

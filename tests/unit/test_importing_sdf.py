@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pytest
 import trimesh
@@ -227,14 +228,14 @@ BOX_SHAPE = "<box><size>1 1 1</size></box>"
 
 
 def test_what_is_left_out_is_told(tmp_path: Path) -> None:
-    heightmap = visual("<heightmap><uri>h.png</uri></heightmap>", name="hills")
+    heightmap = visual("<polyline><height>1</height></polyline>", name="hills")
     unseen = visual(BOX_SHAPE, "<transparency>1</transparency>", "ghost")
-    body = '<light name="sun" type="directional"/><actor name="a"/>' + model(
+    body = '<light name="lamp" type="point"/><actor name="a"/>' + model(
         BOX + heightmap + unseen + "<collision name='c'/>"
     )
     report = taken(world(tmp_path / "a.sdf", body))
     told = " ".join(report.notes)
-    assert all(word in told for word in ("lights", "actors", "heightmap", "ghost"))
+    assert all(word in told for word in ("lamps", "actors", "polyline", "ghost"))
     assert len(report.written.scene.objects) == 1
 
 
@@ -259,7 +260,10 @@ MESH = "<mesh><uri>{}</uri></mesh>"
         ),
         (model(visual("<box><size>1 2 0</size></box>")), "size should be a positive number"),
         (model(visual("<sphere><radius>nan</radius></sphere>")), "radius: expected 1 finite"),
-        (model(visual("<sphere/>")), "sphere: radius: expected 1 finite numbers"),
+        (model(visual("<sphere><radius/></sphere>")), "sphere: radius: expected 1 finite numbers"),
+        (model(visual("<heightmap><uri>h.png</uri></heightmap>")), "heightmap: no file 'h.png'"),
+        ('<light type="directional"><direction>0 0 0</direction></light>' + model(BOX), "is zero"),
+        ('<light type="directional"><diffuse>1 x</diffuse></light>' + model(BOX), "diffuse|colour"),
         (model(BOX, pose="<pose>1 2 3</pose>"), "model 'm': pose: expected 6 finite numbers"),
         (model(BOX, pose="<pose>nan 2 3 0 0 0</pose>"), "expected 6 finite numbers; found .nan"),
         (model(BOX, pose='<pose relative_to="nn"/>'), "no frame 'nn'"),
@@ -310,3 +314,153 @@ def test_includes_that_are_nested_too_deeply(tmp_path: Path) -> None:
         (tmp_path / f"{level}.sdf").write_text(text)
     with pytest.raises(InputError, match="nested more than 16 deep"):
         taken(tmp_path / "0.sdf")
+
+
+def test_what_other_parsers_overlook(tmp_path: Path) -> None:
+    """Dashes in comments, prefixes without a name space, two colons, space before all."""
+    text = (
+        '\n<?xml version="1.0"?><!-- gz sim -r --headless -->\n<sdf version="1.9">'
+        '<world name="w" gz:expressed_in="x"><gz::system a="1"/><gz:frame/>'
+        f"{model(BOX)}</world></sdf>"
+    )
+    (tmp_path / "a.sdf").write_text(text)
+    assert_same(written(taken(tmp_path / "a.sdf")), posed(np.eye(4)))
+
+
+def test_document_types_are_not_put_together(tmp_path: Path) -> None:
+    text = '<!DOC<!-- -->TYPE sdf [<!ENTITY a "b">]><sdf version="1.9"/>'
+    (tmp_path / "a.sdf").write_text(text)
+    with pytest.raises(InputError, match=r"not valid XML|document type"):
+        taken(tmp_path / "a.sdf")
+
+
+def test_joints_and_links_of_one_name(tmp_path: Path) -> None:
+    body = (
+        '<model name="m"><link name="wheel"><pose>5 0 0 0 0 0</pose></link>'
+        '<joint name="wheel"><child>wheel</child><pose>0 9 0 0 0 0</pose></joint>'
+        f'<link name="hub"><pose relative_to="wheel">1 0 0 0 0 0</pose>{BOX}</link></model>'
+    )
+    report = taken(world(tmp_path / "a.sdf", body))
+    assert_same(written(report), posed(at(6, 0, 0, 0, 0, 0)))
+    assert any("'wheel'" in note for note in report.notes)
+
+
+def test_merged_models_lend_their_frames(tmp_path: Path) -> None:
+    text = f'<sdf version="1.9"><model name="base"><link name="top"><pose>0 0 2 0 0 0</pose>{BOX}'
+    (tmp_path / "base.sdf").write_text(f"{text}</link></model></sdf>")
+    body = (
+        '<model name="m"><include merge="true"><uri>base.sdf</uri><pose>4 0 0 0 0 0</pose>'
+        f'</include><link name="more"><pose relative_to="top">0 0 3 0 0 0</pose>{BOX}</link>'
+        "</model>"
+    )
+    both = [posed(at(4, 0, 2, 0, 0, 0)), posed(at(4, 0, 5, 0, 0, 0))]
+    got = written(taken(world(tmp_path / "a.sdf", body)))
+    assert_same(got, trimesh.util.concatenate(both))
+
+
+def test_includes_without_a_scheme(models: Path, tmp_path: Path) -> None:
+    file = world(tmp_path / "a.sdf", "<include><uri>crate</uri></include>")
+    assert len(taken(file, model_path=(models,)).written.scene.objects) == 2
+    with pytest.raises(InputError, match="include 'crate': no file 'crate'"):
+        taken(file, overwrite=True)
+
+
+def test_missing_files_are_left_out_where_asked_for(tmp_path: Path) -> None:
+    body = "".join(
+        [
+            "<include><uri>https://fuel.gazebosim.org/1.0/a/models/Oak</uri></include>",
+            "<include><uri>model://../secret</uri></include>",
+            model(BOX + visual(MESH.format("gone.dae"), name="gone")),
+        ]
+    )
+    file = world(tmp_path / "a.sdf", body)
+    with pytest.raises(InputError, match="on the network"):
+        taken(file)
+    report = taken(file, skip_missing=True)
+    assert_same(written(report), posed(np.eye(4)))
+    left_out = [note for note in report.notes if note.startswith("left out: ")]
+    assert [word in note for note, word in zip(left_out, ("Oak", "secret", "gone"), strict=True)]
+
+
+def test_nothing_is_left(tmp_path: Path) -> None:
+    file = world(tmp_path / "a.sdf", model(visual(MESH.format("gone.dae"))))
+    with pytest.raises(InputError, match=r"has no visuals; left out: .*'gone\.dae'"):
+        taken(file, skip_missing=True)
+
+
+@pytest.mark.parametrize("host", ["fuel.gazebosim.org", "fuel.ignitionrobotics.org"])
+def test_what_gazebo_has_downloaded(tmp_path: Path, host: str) -> None:
+    """The newest version under names in lower case, whichever name the host has."""
+    for version, size in (("2", "1 1 1"), ("10", "1 2 3")):
+        home = tmp_path / "fuel" / "fuel.gazebosim.org" / "open robotics" / "models" / "oak tree"
+        (home / version).mkdir(parents=True)
+        box = visual(f"<box><size>{size}</size></box>")
+        text = f'<sdf version="1.9">{model(box)}</sdf>'
+        (home / version / "model.sdf").write_text(text)
+    (tmp_path / "worlds").mkdir()
+    uri = f"https://{host}/1.0/Open Robotics/models/Oak Tree"
+    file = world(tmp_path / "worlds" / "a.sdf", f"<include><uri>{uri}</uri></include>")
+    assert_same(written(taken(file, fuel=tmp_path / "fuel")), posed(np.eye(4)))
+    for outside in ("../..", "..", "x/../.."):
+        body = f"<include><uri>https://{host}/1.0/a/models/{outside}</uri></include>"
+        with pytest.raises(InputError, match=r"network|outside"):
+            taken(
+                world(tmp_path / "worlds" / "b.sdf", body), fuel=tmp_path / "fuel", overwrite=True
+            )
+
+
+def test_heightmaps(tmp_path: Path) -> None:
+    """The top of the picture is in the north, white is high."""
+    picture = np.zeros((3, 5))
+    picture[0, 4] = 1.0
+    matplotlib.image.imsave(tmp_path / "h.png", picture, cmap="gray", vmin=0, vmax=1)
+    shape = "<heightmap><uri>h.png</uri><size>8 4 3</size><pos>0 0 1</pos></heightmap>"
+    report = taken(world(tmp_path / "a.sdf", model(visual(shape))))
+    mesh = written(report)
+    np.testing.assert_allclose(mesh.bounds, [[-4, -2, 1], [4, 2, 4]], atol=1e-6)
+    np.testing.assert_allclose(mesh.vertices[mesh.vertices[:, 2].argmax()], [4, 2, 4], atol=1e-6)
+    assert len(mesh.faces) == 16
+    assert (mesh.face_normals[:, 2] > 0).all()
+    assert report.written.scene.objects[0].material.name == "soil-field"
+
+
+@pytest.mark.parametrize(
+    ("size", "message"), [("0 1 1", "size should be positive"), ("1 1 nan", "finite numbers")]
+)
+def test_heightmaps_that_are_none(tmp_path: Path, size: str, message: str) -> None:
+    (tmp_path / "h.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(40))
+    shape = f"<heightmap><uri>h.png</uri><size>{size}</size></heightmap>"
+    with pytest.raises(InputError, match=message):
+        taken(world(tmp_path / "a.sdf", model(visual(shape))))
+    shape = "<heightmap><uri>h.png</uri></heightmap>"
+    with pytest.raises(InputError, match=r"heightmap: picture 'h\.png' cannot be read"):
+        taken(world(tmp_path / "a.sdf", model(visual(shape))))
+
+
+def test_sun_and_sky(tmp_path: Path) -> None:
+    """A light's direction is turned by its pose; brightness is of a clear day."""
+    light = (
+        '<scene><ambient>0.5 0.5 0.5 1</ambient></scene><light name="sun" type="directional">'
+        "<pose degrees='true'>0 0 9 0 0 90</pose><direction>1 0 -1</direction>"
+        "<intensity>0.5</intensity><diffuse>0.8 0.8 0.8 1</diffuse></light>"
+    )
+    ambient = taken(world(tmp_path / "a.sdf", light + model(BOX))).written.scene.ambient
+    assert (ambient.sun_klx, ambient.sky_klx) == pytest.approx((40, 10))
+    np.testing.assert_allclose(ambient.sun_direction, np.array([0, 1, -1]) / np.sqrt(2), atol=1e-6)
+
+
+def test_a_sky_alone(tmp_path: Path) -> None:
+    body = "<scene><sky/></scene>" + model(BOX)
+    ambient = taken(world(tmp_path / "a.sdf", body)).written.scene.ambient
+    assert (ambient.sun_klx, ambient.sky_klx) == (0, 20)
+
+
+def test_a_floor_where_asked_for(tmp_path: Path) -> None:
+    file = world(tmp_path / "a.sdf", model(BOX))
+    scene = taken(file, ground="grass").written.scene
+    thing, floor = scene.objects
+    assert (floor.name, floor.material.name) == ("ground", "grass")
+    assert floor.mesh.bounds[:, 2] == pytest.approx(thing.mesh.bounds[0, 2])
+    assert floor.mesh.extents[0] == pytest.approx(61)
+    with pytest.raises(InputError, match="--ground: unknown material 'gras': did you mean 'grass'"):
+        taken(file, ground="gras", overwrite=True)

@@ -2,18 +2,18 @@
 
 import typer
 
-from . import draw, importing, listing, show
+from . import draw, exporting, importing, listing, show
 
 EXAMPLE = "spisim scenes list"
 
 app = typer.Typer(
     name="scenes",
-    help="Scenes to fly in: list, show, draw and import them.",
+    help="Scenes to fly in: list, show, draw, import and export them.",
     no_args_is_help=True,
     epilog=f"Example: {EXAMPLE}",
 )
 
-COMMANDS = {"list": listing, "show": show, "draw": draw, "import": importing}
+COMMANDS = {"list": listing, "show": show, "draw": draw, "import": importing, "export": exporting}
 
 for name, module in COMMANDS.items():
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)

@@ -31,7 +31,8 @@ def command(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A scene or mesh: .glb .gltf .obj .stl .ply .dae .sdf .world, Mitsuba's .xml.",
+            help="A scene or mesh: .glb .gltf .obj .stl .ply .dae .usd .usda .usdc .urdf .sdf "
+            ".world, Mitsuba's .xml.",
             show_default=False,
         ),
     ],
@@ -54,6 +55,14 @@ def command(
         list[Path] | None,
         typer.Option(metavar="DIR", help="Folder to look for models in, and to read from."),
     ] = None,
+    skip_missing: Annotated[
+        bool,
+        typer.Option(help="Leave out, and tell, what needs files that are missing (Gazebo)."),
+    ] = False,
+    ground: Annotated[
+        str | None,
+        typer.Option(metavar="MATERIAL", help="Put a floor of this material under everything."),
+    ] = None,
     drone: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="Where the drone is, metres, z up.")
     ] = None,
@@ -72,6 +81,9 @@ def command(
         scale,
         materials,
         (*(model_path or ()), *_search_path()),
+        _fuel_cache(),
+        skip_missing,
+        ground,
         None if drone is None else _point("--drone", drone),
         None if look_at is None else _point("--look-at", look_at),
         overwrite,
@@ -104,6 +116,12 @@ def _search_path() -> list[Path]:
     """Folders of Gazebo's environment variables, those that are there."""
     listed = (os.environ.get(name, "").split(os.pathsep) for name in SEARCH_PATHS)
     return [Path(name) for names in listed for name in names if name and Path(name).is_dir()]
+
+
+def _fuel_cache() -> Path | None:
+    """Where Gazebo keeps the models that it has downloaded, if it is there."""
+    folder = Path(os.environ.get("GZ_FUEL_CACHE_PATH") or Path.home() / ".gz" / "fuel")
+    return folder if folder.is_dir() else None
 
 
 def _summary(report: Import) -> dict[str, Any]:

@@ -105,7 +105,7 @@ class Spad(Sensor):
             np.asarray(counts >= MAX_SHARE_OF_FULL * most),
             electrons_per_count=1 - self.afterpulse_probability,
             offset_counts=0.0,
-            noise_electrons=np.nan if rng is None else 0.0,
+            noise_electrons=0.0,
             excess_noise_factor=self.excess_noise_factor,
             dead_time_s=self.dead_time_per_primary_s / diodes,
         )

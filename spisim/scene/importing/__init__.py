@@ -1,4 +1,4 @@
-"""Scenes of other programs to scenes of spisim: glTF, OBJ, STL, PLY, COLLADA, Mitsuba, Gazebo."""
+"""Scenes of other programs to scenes of spisim: meshes, glTF, COLLADA, USD, URDF, SDFormat."""
 
 from spisim.scene.importing.convert import FORMATS, Import, Options, import_scene
 

@@ -22,23 +22,21 @@ from spisim.scene.shapes import check_mesh
 
 AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
 #: Nodes instanced within nodes.
-MAX_DEPTH = 64
+MAX_DEPTH = 400
 MAX_NODES = 200_000
 
 
 def read_collada(path: Path, folders: Folders) -> Content:
     """Parts of a COLLADA file. InputError for what is damaged or refers to what is not there."""
     import collada
-    from collada.common import DaeBrokenRefError, DaeUnsupportedError
+    from collada.common import DaeBrokenRefError, DaeIncompleteError, DaeUnsupportedError
 
     data = read_bytes(path)
     parse_xml(data, path)  # for what it refuses: pycollada's own parser expands entities
     _refuse_nan(data)
     with readable(str(path), "a COLLADA file"):
-        try:
-            document = collada.Collada(io.BytesIO(data), ignore=[DaeUnsupportedError])
-        except DaeBrokenRefError as error:
-            raise InputError(f"{path}: refers to what is not there: {_told(error)}") from None
+        lacking = [DaeUnsupportedError, DaeBrokenRefError, DaeIncompleteError]
+        document = collada.Collada(io.BytesIO(data), ignore=lacking)
         if document.scene is None:
             raise InputError(f"{path}: has no scene")
         content = _empty(document.assetInfo)
@@ -48,6 +46,8 @@ def read_collada(path: Path, folders: Folders) -> Content:
         walk = _Walk(content)
         for node in document.scene.nodes:
             walk.add(node, np.eye(4), path.stem, 0)
+        if not content.parts and document.errors:
+            raise InputError(f"{path}: holds no triangles that can be read: {content.notes[0]}")
         return content
 
 

@@ -11,14 +11,17 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import drone as drones
-from spisim.scene.importing.drone import DronePose
+from spisim.scene.importing.drone import DronePose, Surroundings
 from spisim.scene.importing.files import Folders
+from spisim.scene.importing.ground import ground, ground_material
 from spisim.scene.importing.materials import Match, check_map, match, read_map
 from spisim.scene.importing.meshes import READERS
 from spisim.scene.importing.model import Content, Reader
 from spisim.scene.importing.sdf import read_sdf
 from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
+from spisim.scene.importing.urdf import read_urdf
+from spisim.scene.importing.usd import read_usd
 from spisim.scene.importing.write import scene_fields
 from spisim.scene.model import Vector3
 from spisim.scene.placing import MAX_COORDINATE_M
@@ -26,7 +29,13 @@ from spisim.scene.shapes import check_triangles
 from spisim.scene.write import Written, check_free, write_scene
 
 #: By suffix. Mitsuba's scenes need Mitsuba: their reader stands in `spisim.transport`.
-FORMATS: dict[str, Reader] = {**READERS, ".sdf": read_sdf, ".world": read_sdf}
+FORMATS: dict[str, Reader] = {
+    **READERS,
+    ".sdf": read_sdf,
+    ".world": read_sdf,
+    ".urdf": read_urdf,
+    **dict.fromkeys((".usd", ".usda", ".usdc"), read_usd),
+}
 HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
@@ -36,6 +45,7 @@ class Options:
     """How to read a foreign file; the defaults believe the file.
 
     `units` is a name of `UNITS` or "auto"; `up` a letter of `TO_Z_UP`, or None for the file's own.
+    `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything.
     """
 
     units: str = "auto"
@@ -43,6 +53,9 @@ class Options:
     scale: float = 1.0
     materials: Path | None = None
     model_path: tuple[Path, ...] = ()
+    fuel: Path | None = None
+    skip_missing: bool = False
+    ground: str | None = None
     position_m: Vector3 | None = None
     look_at_m: Vector3 | None = None
     overwrite: bool = False
@@ -84,7 +97,7 @@ def import_scene(
     inputs = [path for path in (file, options.materials) if path is not None]
     check_free(output, options.overwrite, inputs)
     chosen = {} if options.materials is None else read_map(options.materials)
-    folders = Folders.around(file, options.model_path)
+    folders = Folders.around(file, options.model_path, options.fuel, options.skip_missing)
     with _naming_once(file):
         content = reader(file, folders)
     content = choose_up(choose_unit(content, options.units), options.up)
@@ -97,14 +110,15 @@ def import_scene(
     matches = [match(part, chosen) for part in content.parts]
     with _naming_once(file):
         placed = _placed(content)
-    bounds_m = np.array(
-        [
-            np.min([m.bounds[0] for m in placed], axis=0),
-            np.max([m.bounds[1] for m in placed], axis=0),
-        ]
-    )
-    drone = _drone(placed, content, options)
-    fields, meshes = scene_fields(output.stem, content.parts, matches, drone, file.name)
+    if options.ground is not None:
+        floor = ground(placed)
+        content.parts.append(floor)
+        placed.append(as_mesh(floor.geometry).copy().apply_transform(floor.to_world))
+        matches.append(ground_material(options.ground))
+    around = Surroundings.of(placed)
+    bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
+    drone = _drone(around, content, options)
+    fields, meshes = scene_fields(output.stem, content, matches, drone, file.name)
     written = write_scene(output, fields, meshes, HEADER)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
@@ -164,22 +178,24 @@ def _placed(content: Content) -> list[trimesh.Trimesh]:
     return placed
 
 
-def _drone(placed: Sequence[trimesh.Trimesh], content: Content, options: Options) -> DronePose:
+def _drone(around: Surroundings, content: Content, options: Options) -> DronePose:
     """The pose that is asked for, else the camera's where that is in the open, else a proposal."""
     if options.position_m is not None:
         given, target = options.position_m, options.look_at_m
         with naming("--drone"):
-            goal = drones.aim(placed, given) if target is None else np.array(target)
-            return drones.pose_at(placed, given, goal, "--drone")
+            goal = drones.aim(around, given) if target is None else np.array(target)
+            return drones.pose_at(around, given, goal, "--drone")
     if options.look_at_m is not None:
         raise InputError("--look-at goes with --drone")
-    if content.camera is not None:
-        position, forward = content.camera[:3, 3], content.camera[:3, 2]
+    for number, camera in enumerate(content.cameras, 1):
+        position, forward = camera[:3, 3], camera[:3, 2]
         forward = forward / np.linalg.norm(forward)
-        if np.linalg.norm(forward[:2]) > 1e-3 and drones.is_open(placed, position):
-            return drones.pose_at(placed, position, position + forward, "the file's sensor")
-        content.note("the file's sensor is inside an object or looks straight up or down")
-    return drones.propose(placed)
+        if np.linalg.norm(forward[:2]) > 1e-3 and around.is_open(position):
+            why = "the file's sensor" if number == 1 else f"sensor {number} of the file"
+            return drones.pose_at(around, position, position + forward, why)
+    if content.cameras:
+        content.note("the file's sensors are inside objects or look straight up or down")
+    return drones.propose(around)
 
 
 def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:

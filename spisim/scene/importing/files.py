@@ -16,30 +16,50 @@ MAX_SHOWN = 200
 
 #: Schemes whose first part is the name of a model in one of the folders.
 MODEL_SCHEMES = ("model", "package")
+#: Hosts of Gazebo's models, as a copy of what was downloaded names them: the newest name first.
+FUEL_HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")
+
+
+class MissingFile(InputError):
+    """A file that another one refers to is not there, or may not be read."""
 
 
 @dataclass(frozen=True)
 class Folders:
-    """The folders that may be read, symbolic links resolved."""
+    """The folders that may be read, symbolic links resolved.
+
+    `fuel` is where Gazebo keeps what it has downloaded. With `skip_missing` readers leave out, and
+    note, what needs a file that is missing.
+    """
 
     roots: tuple[Path, ...]
+    fuel: Path | None = None
+    skip_missing: bool = False
 
     @classmethod
-    def around(cls, file: Path, more: Sequence[Path] = ()) -> Folders:
+    def around(
+        cls,
+        file: Path,
+        more: Sequence[Path] = (),
+        fuel: Path | None = None,
+        skip_missing: bool = False,
+    ) -> Folders:
         """The folder of a file and more, the search path; InputError for what is no folder."""
         for folder in more:
             if not folder.is_dir():
                 raise InputError(f"--model-path {folder}: no such folder")
-        return cls(tuple(folder.resolve() for folder in (file.parent, *more)))
+        roots = tuple(folder.resolve() for folder in (file.parent, *more))
+        return cls(roots, None if fuel is None else fuel.resolve(), skip_missing)
 
-    def find(self, reference: str, beside: Path, referrer: str) -> Path:
+    def find(self, reference: str, beside: Path, referrer: str, more: Sequence[Path] = ()) -> Path:
         """Path of the file or folder that a file in folder `beside` refers to.
 
-        `reference` is a path or a URI: relative to `beside`, `file://…`, or `model://name/…` in one
-        of the roots. Raises InputError, starting with `referrer`, where there is none, for one
-        outside the roots, and for one on the network.
+        `reference` is a path or a URI: relative to `beside` or `more` folders, `file://…`, or
+        `model://name/…` in one of the roots, or `https://fuel…` in Gazebo's copy. Raises
+        MissingFile, starting with `referrer`, where there is none, for one outside the roots, and
+        for one on the network.
         """
-        candidates = self._candidates(reference.strip(), beside, referrer)
+        candidates = self._candidates(reference.strip(), (beside, *more), referrer)
         try:
             resolved = [path.resolve() for path in candidates]
             inside = [path for path in resolved if self._holds(path)]
@@ -49,14 +69,16 @@ class Folders:
         if found:
             return found[0]
         if not inside:
-            raise InputError(
+            raise MissingFile(
                 f"{referrer}: {shown(reference)} lies outside the folders that may be read "
                 f"({self._list()}); copy it there or name its folder with --model-path"
             )
         searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
-        raise InputError(f"{referrer}: no file {shown(reference)}; searched {searched}")
+        closed = [str(folder) for folder in more if not self._holds(folder.resolve())]
+        hint = f"; --model-path allows to read in {', '.join(closed)}, too" if closed else ""
+        raise MissingFile(f"{referrer}: no file {shown(reference)}; searched {searched}{hint}")
 
-    def _candidates(self, reference: str, beside: Path, referrer: str) -> list[Path]:
+    def _candidates(self, reference: str, places: Sequence[Path], referrer: str) -> list[Path]:
         if not reference:
             raise InputError(f"{referrer}: the reference to a file is empty")
         scheme, rest = _split(reference)
@@ -67,17 +89,42 @@ class Folders:
             own = [root.parent / rest for root in self.roots if root.name == model]
             return [*(root / rest for root in self.roots), *own]
         if scheme in ("", "file"):
-            return [beside / rest]
+            return [place / rest for place in places]
         if scheme in ("http", "https", "ftp", "fuel"):
-            raise InputError(
+            if copy := self._downloaded(rest):
+                return [copy]
+            raise MissingFile(
                 f"{referrer}: {shown(reference)} is on the network, which is never read; "
                 "download it and refer to the file"
             )
         known = nearest(scheme, ("model", "file"))
         raise InputError(f"{referrer}: {shown(reference)} has an unknown scheme: {known}")
 
+    def _downloaded(self, address: str) -> Path | None:
+        """Gazebo's copy of `fuel…/1.0/OWNER/models/NAME[/VERSION/files/FILE]`, if there is one.
+
+        It lies under the names in lower case and the number of its version.
+        """
+        host, _, path = address.partition("/")
+        match path.split("/"):
+            case [_, owner, kind, name, *rest] if self.fuel is not None and host in FUEL_HOSTS:
+                within = Path(owner.lower(), kind, name.lower())
+                homes = [self.fuel / known / within for known in FUEL_HOSTS]
+                versions = [
+                    version
+                    for home in homes
+                    if ".." not in within.parts and home.is_dir()
+                    for version in home.iterdir()
+                    if version.name.isdigit()
+                ]
+                if versions:
+                    newest = max(versions, key=lambda version: int(version.name))
+                    return newest.joinpath(*rest[2:])
+        return None
+
     def _holds(self, path: Path) -> bool:
-        return any(path.is_relative_to(root) for root in self.roots)
+        roots = self.roots if self.fuel is None else (*self.roots, self.fuel)
+        return any(path.is_relative_to(root) for root in roots)
 
     def _list(self) -> str:
         return ", ".join(map(str, dict.fromkeys(self.roots)))

@@ -58,6 +58,22 @@ class Frames:
         if inner is not None:
             self._inner[name] = inner
 
+    def add_if_free(self, name: str, pose: Floats, relative_to: str) -> bool:
+        """A frame of a joint or a merged model, unless its name is taken: whether it was not.
+
+        Gazebo tells such names apart by what they name; nearly always it is the other one that
+        poses are relative to.
+        """
+        if name in self._poses:
+            return False
+        self.add(name, pose, relative_to)
+        return True
+
+    def merge(self, inner: Frames, name: str) -> None:
+        """Take the frames of a model in here as this one's own, where their names are free."""
+        for each in inner._poses:
+            self.add_if_free(each, inner.pose(each), name)
+
     def pose(self, name: str, path: tuple[str, ...] = ()) -> Floats:
         """(4, 4) pose of a frame in the root; "" is it. InputError for unknown or circular."""
         if name in ("", self._root):

@@ -1,9 +1,9 @@
 """Which material of spisim a surface of a foreign file is, by name, by a word, or by colour."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,6 @@ from spisim.scene.importing.model import Part, Surface
 from spisim.scene.materials import material_table
 
 WHITE, BLACK = 0.8, 0.04
-#: A word this long is also looked for at either end of a compound.
-COMPOUND = 4
 
 
 @dataclass(frozen=True)
@@ -104,7 +102,11 @@ def _by_color(surface: Surface) -> Match:
 
 def _by_words(text: str) -> tuple[str, str] | None:
     """The entry of the table that fits a text best, and its material."""
-    there = _words(text)
+    return _best_entry(tuple(_words(text)))
+
+
+@lru_cache(maxsize=4096)  # worlds have thousands of `tree_1`
+def _best_entry(there: tuple[str, ...]) -> tuple[str, str] | None:
     fitting = {
         (phrase, material): whole
         for phrase, material in _keywords()["words"].items()
@@ -115,17 +117,28 @@ def _by_words(text: str) -> tuple[str, str] | None:
     return max(fitting, key=lambda entry: (len(entry[0].split()), fitting[entry]))
 
 
-def _whole_words(there: list[str], phrase: list[str]) -> int | None:
+def _whole_words(there: Sequence[str], phrase: list[str]) -> int | None:
     """How many words of a phrase stand alone; None unless all of them are there somehow."""
     whole = [word in there or f"{word}s" in there for word in phrase]
-    inside = [
-        len(word) >= COMPOUND
-        and any(name.startswith(word) or name.endswith(word) for name in there)
-        for word in phrase
-    ]
+    inside = [any(word in _halves(name) for name in there) for word in phrase]
     if not all(alone or part for alone, part in zip(whole, inside, strict=True)):
         return None
     return sum(whole)
+
+
+@cache
+def _halves(name: str) -> tuple[str, ...]:
+    """The two words that a compound is made of, both known, or none."""
+    halves = ((name[:k], name[k:]) for k in range(1, len(name)))
+    return next((pair for pair in halves if _vocabulary().issuperset(pair)), ())
+
+
+@cache
+def _vocabulary() -> frozenset[str]:
+    """All words of the table, one or many of what they name."""
+    words = {word for phrase in _keywords()["words"] for word in phrase.split()}
+    words |= set(_keywords()["parts"])
+    return frozenset(words | {f"{word}s" for word in words})
 
 
 def _words(text: str) -> list[str]:

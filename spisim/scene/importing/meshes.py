@@ -13,9 +13,16 @@ from reconstruction.errors import InputError
 from spisim.scene.importing.collada import read_collada
 from spisim.scene.importing.files import Folders, read_bytes
 from spisim.scene.importing.gltf import read_glb, read_gltf
-from spisim.scene.importing.model import Content, Part, Reader, Surface, readable
+from spisim.scene.importing.model import (
+    Content,
+    Part,
+    Reader,
+    Surface,
+    readable,
+    with_texture_coordinates,
+)
 from spisim.scene.importing.shapes import as_mesh
-from spisim.scene.shapes import MAX_TRIANGLES, check_mesh
+from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, texture_coordinates
 
 #: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
 CUT_SHORT = "string or file could not be read to its end"
@@ -106,6 +113,8 @@ def _add(content: Content, path: Path, name: str, mesh: object, surface: Surface
         return
     plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     check_mesh(plain, name)
+    if (uv := texture_coordinates(mesh)) is not None:
+        plain = with_texture_coordinates(plain, uv)
     content.add(Part(name, plain, np.eye(4), surface))
 
 

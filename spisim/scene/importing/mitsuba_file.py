@@ -66,26 +66,41 @@ class Node:
 
 #: Elements without parameters and includes, one to a line, and the file that each stands in.
 Elements: TypeAlias = list[tuple[str, Path]]
+#: What tells how a scene is rendered, not what it is.
+UNUSED = ("integrator", "sampler", "film", "rfilter")
 #: The scene that elements make.
 Parse: TypeAlias = Callable[[Elements], Node]
 
 
-def read_elements(path: Path, folders: Folders) -> Elements:
-    """What a scene file of format 2 or 3 and its includes hold; InputError for what is not read."""
+@dataclass(frozen=True)
+class Source:
+    """The elements of a scene, and the folders in which it looks for files, the scene's first."""
+
+    elements: Elements
+    places: tuple[Path, ...]
+
+
+def read_source(path: Path, folders: Folders) -> Source:
+    """What a scene file of format 2 or 3 and its includes hold; InputError for what is not read.
+
+    Files are looked for as Mitsuba does: beside the file that names them, in the folders of
+    `<path>`, the last one first, beside the scene, and in the folders that may be read.
+    """
     reader = _Reader(path, folders)
-    reader.read(path, (path.resolve(),))
-    return reader.elements
+    reader.read(path, (path.resolve(),), ())
+    return Source(reader.elements, (path.parent, *reader.places, *folders.roots))
 
 
 class _Reader:
     def __init__(self, top: Path, folders: Folders) -> None:
         self.elements: Elements = []
+        self.places: tuple[Path, ...] = ()  # of the scene file itself
         self._top = top
         self._folders = folders
         self._parameters: dict[str, str] = {}
         self._includes = 0
 
-    def read(self, path: Path, chain: tuple[Path, ...]) -> None:
+    def read(self, path: Path, chain: tuple[Path, ...], places: tuple[Path, ...]) -> None:
         root = parse_xml(read_bytes(path), path)
         if root.tag != "scene":
             raise InputError(f"{path}: is no Mitsuba scene: its root is <{root.tag}>, not <scene>")
@@ -96,19 +111,26 @@ class _Reader:
                 "Mitsuba 3 itself upgrades older files"
             )
         for element in root:
+            _drop_unused(element)
             self._fill(element, path)
             if element.tag == "default":
                 name, value = element.get("name", ""), element.get("value", "")
                 self._parameters.setdefault(name, value)
+            elif element.tag == "path":
+                places = (path.parent / element.get("value", ""), *places)
+                if path == self._top:
+                    self.places = places
             elif element.tag == "include":
-                self._include(element.get("filename", ""), path, chain)
-            elif element.tag != "path":  # folders to search: --model-path tells which may be
-                self._take(element, path)
+                self._include(element.get("filename", ""), path, chain, places)
+            elif element.tag not in UNUSED:
+                self._take(element, path, places)
 
-    def _include(self, name: str, path: Path, chain: tuple[Path, ...]) -> None:
+    def _include(
+        self, name: str, path: Path, chain: tuple[Path, ...], places: tuple[Path, ...]
+    ) -> None:
         what = f"{path}: include {shown(name)}"
         self._includes += 1
-        found = self._folders.find(name, path.parent, what)
+        found = self._folders.find(name, path.parent, what, (*places, *self._folders.roots))
         if found in chain:
             names = " → ".join(str(link) for link in (*chain, found))
             raise InputError(f"{what}: includes itself: {names}")
@@ -116,9 +138,9 @@ class _Reader:
             raise InputError(
                 f"{what}: more than {MAX_INCLUDE_DEPTH} includes in one another, or {MAX_INCLUDES}"
             )
-        self.read(found, (*chain, found))
+        self.read(found, (*chain, found), places)
 
-    def _take(self, element: Element, path: Path) -> None:
+    def _take(self, element: Element, path: Path, places: tuple[Path, ...]) -> None:
         around = Element("scene")
         around.append(element)
         for each in list(around.iter()):
@@ -133,11 +155,18 @@ class _Reader:
                 parts = bytes.fromhex(each.get("value", "").strip(" #"))
                 each.set("value", " ".join(str(part / 255) for part in parts))
             if each.tag == "string" and each.get("name") == "filename" and path != self._top:
-                each.set("value", str(path.parent / each.get("value", "")))
+                each.set("value", self._located(each.get("value", ""), path, places))
         look = element.find("transform[@name='to_world']/lookat[@up]")
         if element.tag == "sensor" and look is not None:  # of which the parser keeps a matrix
             SubElement(element, "vector", name="up", value=look.get("up", ""))
         self.elements += [(tostring(each, "unicode"), path) for each in around]
+
+    def _located(self, name: str, path: Path, places: tuple[Path, ...]) -> str:
+        """The file that an included file refers to, or where that is missing, its name."""
+        try:
+            return str(self._folders.find(name, path.parent, "", (*places, *self._folders.roots)))
+        except InputError:
+            return name
 
     def _fill(self, element: Element, path: Path) -> None:
         """Put the values of `$parameters` into an element and all within it."""
@@ -160,6 +189,16 @@ class _Reader:
             return self._parameters[name]
 
         return re.sub(r"\$(\w+)", value, text)
+
+
+def _drop_unused(element: Element) -> None:
+    """Remove what is not used here, and may have parameters that only the command line gives."""
+    for each in list(element.iter()):
+        for inner in [child for child in each if child.tag in UNUSED]:
+            each.remove(inner)
+    if element.tag in UNUSED:
+        element.attrib.clear()
+        del element[:]
 
 
 def _make_axis_unit(turn: Element, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Mitsuba 3 scenes (.xml): shapes, what their bsdfs say of materials, and the sensor.
+"""Mitsuba 3 scenes (.xml): shapes, what their bsdfs say of materials, media, and sensors.
 
 https://mitsuba.readthedocs.io/en/stable/src/key_topics/scene_format.html
 """
@@ -15,18 +15,23 @@ from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import shapes
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.meshes import read_obj, read_ply
-from spisim.scene.importing.mitsuba_file import Node, Parse, read_elements
+from spisim.scene.importing.mitsuba_file import Node, Parse, Source, read_source
+from spisim.scene.importing.mitsuba_light import take_emitter, take_medium
 from spisim.scene.importing.model import Content, Part, Shape, Surface, translation
+from spisim.scene.importing.serialized import read_serialized
 from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
 #: What Mitsuba calls metals, as words.
-METALS = {"Al": "aluminium", "Zn": "zinc", "Cr": "chrome"}
+METALS = {"Al": "aluminium", "Zn": "zinc", "Cr": "chrome", "Cu": "copper"}
 #: Shapes of Mitsuba that have no counterpart here.
-LEFT_OUT = ("instance", "shapegroup", "bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids",
-            "ellipsoidsmesh", "merge")  # fmt: skip
+LEFT_OUT = ("bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids", "ellipsoidsmesh")
+#: Shapes that others refer to, and that show nothing by themselves.
+GROUP = "shapegroup"
 #: The colours of a surface's body, not of its gloss.
 BODY = ("reflectance", "diffuse_reflectance", "base_color")
+#: Of a rotation and a scale; Mitsuba's texts have about six digits.
+BOX_TOLERANCE = 1e-4
 
 
 @np.errstate(all="ignore")  # poses are checked to be finite in the end
@@ -36,14 +41,15 @@ def read_scene(path: Path, folders: Folders, parse: Parse) -> Content:
     Raises InputError for what cannot be read, refers to what is not there, or includes itself.
     """
     content = Content(unit_why="Mitsuba has no unit: metres", up_why="Mitsuba has no up: z")
-    reader = _Shapes(path, folders, content)
-    for node in parse(read_elements(path, folders)).children:
+    source = read_source(path, folders)
+    reader = _Shapes(source, folders, content)
+    for node in parse(source.elements).children:
         if node.kind == "shape":
-            reader.add(node)
-        elif node.kind == "sensor" and content.camera is None:
+            reader.add(node, np.eye(4))
+        elif node.kind == "sensor":
             _take_sensor(node, content)
         elif node.kind == "emitter":
-            content.note("emitters are left out: give daylight under `ambient` in the scene file")
+            take_emitter(node, content)
     if not content.parts:
         raise InputError(f"{path}: has no shapes that can be read")
     return content
@@ -52,31 +58,49 @@ def read_scene(path: Path, folders: Folders, parse: Parse) -> Content:
 class _Shapes:
     """Reads shapes into a content."""
 
-    def __init__(self, path: Path, folders: Folders, content: Content) -> None:
-        self._folder = path.parent
+    def __init__(self, source: Source, folders: Folders, content: Content) -> None:
+        self._source = source
         self._folders = folders
         self._content = content
-        self._files: dict[Path, list[Part]] = {}
+        self._files: dict[tuple[Path, int], list[Part]] = {}
 
-    def add(self, node: Node) -> None:
-        kind = node.type
+    def add(self, node: Node, parent: Floats) -> None:
+        """What a shape shows, where all that it is in stands at `parent`."""
+        to_world = parent @ node.value("to_world", np.eye(4))
+        if node.type == "instance":
+            for group in (each for each in node.children if each.type == GROUP):
+                self._add_all(group, to_world)
+        elif node.type == "merge":
+            self._add_all(node, to_world)
+        elif node.type != GROUP:
+            self._add_one(node, to_world)
+
+    def _add_all(self, group: Node, to_world: Floats) -> None:
+        for inner in group.children:
+            if inner.kind == "shape" and inner.type in (GROUP, "instance", "merge"):
+                self._content.note(f"{inner.what} within {group.what} is left out")
+            elif inner.kind == "shape":
+                self.add(inner, to_world)
+
+    def _add_one(self, node: Node, to_world: Floats) -> None:
+        kind = node.type.lower()
         if kind in LEFT_OUT:
             self._content.note(f"{node.what}: shapes of this type are left out")
             return
         name = node.id or node.name or kind
-        to_world = node.value("to_world", np.eye(4))
+        parts = self._parts(node, kind, name)
+        if kind in MESHES and parts:
+            name = node.id or Path(node.value("filename", name)).stem
         surface = self._surface(node)
-        if kind in MESHES:
-            parts = self._mesh(node)
-            if kind == "obj" and parts:
-                name = node.id or Path(node.value("filename", name)).stem
-        elif kind in SIMPLE:
-            geometry, pose = SIMPLE[kind](node)
-            parts = [Part(name, geometry, pose, surface)]
-        else:
-            hint = "export the mesh as PLY" if kind == "serialized" else ""
-            known = hint or nearest(kind, (*MESHES, *SIMPLE))
-            raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {known}")
+        for each in node.children:
+            if each.kind == "emitter":
+                take_emitter(each, self._content, name)
+            elif each.kind == "medium" and node.properties.get("interior") is each:
+                boxes = [_as_box(part, to_world) for part in parts]
+                take_medium(each, boxes[0] if len(boxes) == 1 else None, name, self._content)
+        if surface is None:
+            self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
+            return
         for part in parts:
             geometry = part.geometry
             if node.value("flip_normals", False):
@@ -84,31 +108,53 @@ class _Shapes:
                 geometry.invert()
             self._content.add(Part(name, geometry, to_world @ part.to_world, surface))
 
-    def _mesh(self, node: Node) -> list[Part]:
+    def _parts(self, node: Node, kind: str, name: str) -> list[Part]:
+        """Geometry of a shape in its own coordinates."""
+        if kind in MESHES or kind == "serialized":
+            return self._mesh(node, kind)
+        if kind in SIMPLE:
+            geometry, pose = SIMPLE[kind](node)
+            return [Part(name, geometry, pose, Surface())]
+        known = nearest(kind, (*MESHES, "serialized", *SIMPLE, "instance", "merge"))
+        raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {known}")
+
+    def _mesh(self, node: Node, kind: str) -> list[Part]:
         what = node.what
-        path = self._folders.find(node.value("filename", ""), self._folder, what)
-        if path not in self._files:
+        beside, *more = self._source.places
+        path = self._folders.find(node.value("filename", ""), beside, what, more)
+        key = (path, int(node.value("shape_index", 0.0)))
+        if key not in self._files:
             with naming(what):
-                content = MESHES[node.type](path, self._folders)
-            for note in content.notes:
-                self._content.note(note)
-            self._files[path] = content.parts
+                if kind == "serialized":
+                    name, mesh = read_serialized(*key)
+                    self._files[key] = [Part(name, mesh, np.eye(4), Surface())]
+                else:
+                    content = MESHES[kind](path, self._folders)
+                    self._files[key] = content.parts
+                    for note in content.notes:
+                        self._content.note(note)
             loaded = (part for parts in self._files.values() for part in parts)
             check_triangles(sum(len(shapes.as_mesh(part.geometry).faces) for part in loaded))
-        return self._files[path]
+        return self._files[key]
 
-    def _surface(self, shape: Node) -> Surface:
-        """What the bsdf of a shape says: its id, its colour, its type and those within it."""
+    def _surface(self, shape: Node) -> Surface | None:
+        """What the bsdf of a shape says: its id, its colour, its type and those within it.
+
+        None for a null bsdf, which light does not notice.
+        """
         outer = next((each for each in shape.children if each.kind == "bsdf"), None)
         if outer is None:
             return Surface()
+        if outer.type == "null":
+            return None
         bsdfs = _nested(outer)
         names = [bsdf.id for bsdf in bsdfs if bsdf.id]
         metals = [name for bsdf in bsdfs if (name := bsdf.value("material", ""))]
         types = [re.sub("^rough|^thin", "", bsdf.type) for bsdf in bsdfs]
+        beside, *more = self._source.places
         for node in (each for bsdf in bsdfs for each in bsdf.children):
             if node.kind == "texture" and (name := node.value("filename", "")):
-                self._content.note_texture(name, self._folder, self._folders, node.what)
+                self._content.note_texture(name, beside, self._folders, node.what, more)
         colors = [
             (float(value[0]), float(value[1]), float(value[2]))
             for bsdf in bsdfs
@@ -117,6 +163,22 @@ class _Shapes:
         ]
         words = (*(METALS.get(name, "metal") for name in metals), *types)
         return Surface(names[0] if names else None, colors[0] if colors else None, words)
+
+
+def _as_box(part: Part, to_world: Floats) -> Floats | None:
+    """Pose (4, 4) of a cube of edge 1 about the origin that is this part, or None if it is none."""
+    mesh = shapes.as_mesh(part.geometry)
+    low, high = mesh.bounds
+    corner = np.isclose(mesh.vertices, low, atol=1e-6 * mesh.scale) | np.isclose(
+        mesh.vertices, high, atol=1e-6 * mesh.scale
+    )
+    whole = np.isclose(mesh.area, 2 * np.sum((high - low) * np.roll(high - low, 1)), rtol=1e-6)
+    if not (corner.all() and whole):
+        return None
+    pose = to_world @ part.to_world @ translation((low + high) / 2) @ np.diag([*(high - low), 1.0])
+    across = pose[:3, :3] / np.linalg.norm(pose[:3, :3], axis=0)
+    upright = np.allclose(across.T @ across, np.eye(3), atol=BOX_TOLERANCE)
+    return pose if upright else None
 
 
 def _nested(outer: Node) -> list[Node]:
@@ -150,10 +212,11 @@ SIMPLE: dict[str, Callable[[Node], tuple[Shape | trimesh.Trimesh, Floats]]] = {
 
 
 def _take_sensor(node: Node, content: Content) -> None:
-    """The pose of the scene's first sensor, and which axis its `lookat` holds to be up."""
-    content.camera = node.value("to_world", np.eye(4))
+    """The pose of a sensor, and which axis the first one's `lookat` holds to be up."""
+    first = not content.cameras
+    content.cameras.append(node.value("to_world", np.eye(4)))
     up = node.value("up", np.zeros(3))
     largest = int(np.argmax(np.abs(up)))
-    if up[largest] > 0.9 * np.linalg.norm(up):
+    if first and up[largest] > 0.9 * np.linalg.norm(up):
         content.up = ("x", "y", "z")[largest]
         content.up_why = "up of the sensor's lookat"

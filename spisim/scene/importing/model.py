@@ -53,6 +53,29 @@ class Part:
     surface: Surface
 
 
+@dataclass(frozen=True, eq=False)
+class Haze:
+    """A box of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
+
+    `extinction` is per unit of the file.
+    """
+
+    name: str
+    to_world: Floats
+    extinction: float
+    albedo: float
+    g: float
+
+
+@dataclass(frozen=True, eq=False)
+class Daylight:
+    """Sun and sky, klx, as in scene files; `sun_direction` (3,) goes from the sun to the scene."""
+
+    sun_klx: float
+    sun_direction: Floats
+    sky_klx: float
+
+
 @dataclass
 class Content:
     """Everything that a file holds, in the file's own unit and axes.
@@ -66,7 +89,9 @@ class Content:
     up_why: str = "the format has none: z"
     parts: list[Part] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    camera: Floats | None = None  # (4, 4), looks along its z
+    cameras: list[Floats] = field(default_factory=list)  # (4, 4), look along their z
+    hazes: list[Haze] = field(default_factory=list)
+    daylight: Daylight | None = None
 
     def add(self, part: Part) -> None:
         """Append a part; InputError for too many of them."""
@@ -79,10 +104,17 @@ class Content:
         if text not in self.notes:
             self.notes.append(text)
 
-    def note_texture(self, name: str, beside: Path, folders: Folders, referrer: str) -> None:
+    def note_texture(
+        self,
+        name: str,
+        beside: Path,
+        folders: Folders,
+        referrer: str,
+        more: Sequence[Path] = (),
+    ) -> None:
         """Tell of a texture that is missing, or may not be read."""
         try:
-            folders.find(name, beside, referrer)
+            folders.find(name, beside, referrer, more)
         except InputError as error:
             self.note(f"{error}; textures are not used")
 
@@ -106,6 +138,14 @@ def check_poses(matrices: Floats, what: Sequence[str]) -> None:
     stretches = np.linalg.svd(matrices[:, :3, :3], compute_uv=False)
     for place in np.flatnonzero(stretches[:, 2] <= 1e-15 * stretches[:, 0]).tolist():
         raise InputError(f"{what[place]}: its pose flattens it; a scale is zero")
+
+
+def with_texture_coordinates(mesh: trimesh.Trimesh, uv: ArrayLike) -> trimesh.Trimesh:
+    """The mesh with texture coordinates (vertices, 2), v up; without where they do not fit."""
+    coordinates = np.asarray(uv, dtype=np.float64)
+    if coordinates.shape == (len(mesh.vertices), 2) and np.isfinite(coordinates).all():
+        mesh.visual = trimesh.visual.TextureVisuals(uv=coordinates)
+    return mesh
 
 
 def translation(offset: ArrayLike) -> Floats:

@@ -14,17 +14,17 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.importing.files import Folders, read_bytes, shown
+from spisim.scene.importing.files import Folders, MissingFile, read_bytes, shown
 from spisim.scene.importing.frames import Frames, read_pose
 from spisim.scene.importing.model import Content, Part
+from spisim.scene.importing.sdf_light import daylight
 from spisim.scene.importing.sdf_visual import Visuals
-from spisim.scene.importing.xml import parse_xml
+from spisim.scene.importing.xml import parse_lenient_xml
 
 MAX_INCLUDE_DEPTH = 16
 MAX_INCLUDES = 5000
 #: Elements of worlds and models that show something and are not read, and what to call them.
 LEFT_OUT = {
-    "light": "lights are left out: give daylight under `ambient` in the scene file",
     "actor": "actors are left out",
     "population": "populations are left out",
     "road": "roads are left out",
@@ -48,8 +48,11 @@ def read_sdf(path: Path, folders: Folders) -> Content:
     scope = _Scope(path, (path.resolve(),), what)
     for model, pose in reader.models(top, Frames("world", what), scope):
         model.show(pose, content)
+    content.daylight = daylight(top, content, what)
     if not content.parts:
-        raise InputError(f"{path}: has no visuals; collision shapes are not read")
+        left_out = [note for note in content.notes if note.startswith("left out: ")]
+        why = left_out[0] if left_out else "collision shapes are not read"
+        raise InputError(f"{path}: has no visuals; {why}")
     return content
 
 
@@ -89,7 +92,7 @@ class _Reader:
     def parse(self, path: Path) -> Element:
         if path in self._roots:
             return self._roots[path]
-        root = self._roots[path] = parse_xml(read_bytes(path), path)
+        root = self._roots[path] = parse_lenient_xml(read_bytes(path), path)
         if root.tag != "sdf":
             raise InputError(f"{path}: is no SDFormat: its root is <{root.tag}>, not <sdf>")
         return root
@@ -108,11 +111,22 @@ class _Reader:
                 pose, relative_to = read_pose(child.find("pose"), inside.what)
                 placement = child.get("placement_frame", "")
             elif child.tag == "include":
-                model, pose, relative_to, placement = self._include(child, scope)
+                try:
+                    included = self._include(child, scope)
+                except MissingFile as error:
+                    if not self._folders.skip_missing:
+                        raise
+                    self._visuals.content.note(f"left out: {error}")
+                    continue
+                if included is None:
+                    continue
+                model, pose, relative_to, placement = included
             else:
                 continue
             pose = pose @ np.linalg.inv(model.frames.pose(placement))
             frames.add(model.name, pose, relative_to, model.frames)
+            if child.tag == "include" and child.get("merge", "").lower() in ("true", "1"):
+                frames.merge(model.frames, model.name)
             found.append(model)
         self._add_frames(parent, frames, scope)
         return [(model, frames.pose(model.name)) for model in found]
@@ -151,31 +165,49 @@ class _Reader:
         for frame in parent.findall("frame"):
             inside = scope.within("frame", frame.get("name", ""))
             pose, relative_to = read_pose(frame.find("pose"), inside.what)
-            frames.add(frame.get("name", ""), pose, relative_to or frame.get("attached_to", ""))
+            name = frame.get("name", "")
+            if not frames.add_if_free(name, pose, relative_to or frame.get("attached_to", "")):
+                self._note_taken("frame", name, scope)
 
     def _add_joints(self, element: Element, frames: Frames, scope: _Scope) -> None:
         for joint in element.findall("joint"):
             inside = scope.within("joint", joint.get("name", ""))
             pose, relative_to = read_pose(joint.find("pose"), inside.what)
             child = (joint.findtext("child") or "").strip()
-            frames.add(joint.get("name", ""), pose, relative_to or child)
+            name = joint.get("name", "")
+            if not frames.add_if_free(name, pose, relative_to or child):
+                self._note_taken("joint", name, scope)
 
-    def _include(self, element: Element, scope: _Scope) -> tuple[_Model, Floats, str, str]:
-        """The model that an `<include>` names, its pose, what that is relative to, its frame."""
+    def _note_taken(self, kind: str, name: str, scope: _Scope) -> None:
+        self._visuals.content.note(
+            f"{scope.what}: {kind} {shown(name)} is called as something else; poses are relative "
+            "to that"
+        )
+
+    def _include(self, element: Element, scope: _Scope) -> tuple[_Model, Floats, str, str] | None:
+        """The model that an `<include>` names, its pose, what that is relative to, its frame.
+
+        None for an actor or a light.
+        """
         uri = (element.findtext("uri") or "").strip()
         what = f"{scope.what}: include {shown(uri)}"
         self._includes += 1
         if self._includes > MAX_INCLUDES:
             raise InputError(f"{what}: more than {MAX_INCLUDES:,} includes")
-        path = self._model_file(self._folders.find(uri, scope.path.parent, what), what)
+        folders = self._folders
+        path = self._model_file(folders.find(uri, scope.path.parent, what, folders.roots), what)
         if path in scope.chain:
             names = " → ".join(str(link) for link in (*scope.chain, path))
             raise InputError(f"{what}: includes itself: {names}")
         if len(scope.chain) > MAX_INCLUDE_DEPTH:
             raise InputError(f"{what}: includes are nested more than {MAX_INCLUDE_DEPTH} deep")
-        included = self.parse(path).find("model")
+        root = self.parse(path)
+        included = root.find("model")
         if included is None:
-            raise InputError(f"{what}: {path} holds no model")
+            if root.find("actor") is None and root.find("light") is None:
+                raise InputError(f"{what}: {path} holds no model")
+            self._visuals.content.note("actors and lights that are included are left out")
+            return None
         name = (element.findtext("name") or included.get("name") or "").strip()
         model = self._model(included, _Scope(path, (*scope.chain, path), f"{path.name}"))
         model.name = name
@@ -193,7 +225,7 @@ class _Reader:
         config = found / "model.config"
         if not config.is_file():
             return self._folders.find("model.sdf", found, what)
-        versions = parse_xml(read_bytes(config), config).findall("sdf")
+        versions = parse_lenient_xml(read_bytes(config), config).findall("sdf")
         names = {_version(row): (row.text or "").strip() for row in versions}
         if not names:
             raise InputError(f"{config}: names no sdf file")

@@ -9,7 +9,8 @@ import trimesh
 
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import shapes
-from spisim.scene.importing.files import Folders
+from spisim.scene.importing.files import Folders, MissingFile
+from spisim.scene.importing.heightmap import heightmap
 from spisim.scene.importing.meshes import READERS
 from spisim.scene.importing.model import (
     Content,
@@ -18,13 +19,14 @@ from spisim.scene.importing.model import (
     Surface,
     check_poses,
     scaling,
+    translation,
 )
 from spisim.scene.importing.units import to_metres
 from spisim.scene.importing.xml import numbers
 from spisim.scene.shapes import check_triangles
 
 #: Geometries that Gazebo knows and that are not read.
-LEFT_OUT = ("heightmap", "polyline", "image", "empty")
+LEFT_OUT = ("polyline", "image", "empty")
 
 
 class Visuals:
@@ -43,16 +45,25 @@ class Visuals:
         geometry = visual.find("geometry")
         kinds = [] if geometry is None else [child for child in geometry if child.tag in KNOWN]
         if not kinds:
-            found = "none" if geometry is None else ", ".join(child.tag for child in geometry)
-            raise InputError(f"{what}: geometry {found or 'none'} is unknown: {nearest('', KNOWN)}")
+            if geometry is None or not len(geometry):
+                self.content.note(f"{what}: has no geometry")
+                return []
+            found = ", ".join(child.tag for child in geometry)
+            raise InputError(f"{what}: geometry {found:.80} is unknown: {nearest('', KNOWN)}")
         kind = kinds[0]
         surface = self._surface(visual, path, what)
         if kind.tag in LEFT_OUT:
             if kind.tag != "empty":
                 self.content.note(f"{what}: geometry {kind.tag} is left out")
             return []
-        if kind.tag == "mesh":
-            return self._mesh(kind, surface, path, what)
+        if kind.tag in FROM_FILES:
+            try:
+                return FROM_FILES[kind.tag](self, kind, surface, path, what)
+            except MissingFile as error:
+                if not self._folders.skip_missing:
+                    raise
+                self.content.note(f"left out: {error}")
+                return []
         shape, pose = SHAPES[kind.tag](kind, what), np.eye(4)
         if kind.tag == "plane":
             pose = _facing(kind, what)
@@ -70,6 +81,19 @@ class Visuals:
             Part(part.name, part.geometry, grown @ part.to_world, surface or part.surface)
             for part in parts
         ]
+
+    def _heightmap(
+        self, element: Element, surface: Surface | None, path: Path, what: str
+    ) -> list[Part]:
+        uri = (element.findtext("uri") or "").strip()
+        file = self._folders.find(uri, path.parent, f"{what}: heightmap")
+        size = numbers(element.findtext("size") or "1 1 1", 3, f"{what}: size")
+        start = numbers(element.findtext("pos") or "0 0 0", 3, f"{what}: pos")
+        with naming(f"{what}: heightmap"):
+            mesh = heightmap(file, size)
+        words = () if surface is None else surface.words
+        ground = Surface("terrain", None, words)
+        return [Part("terrain", mesh, translation(start), ground)]
 
     def _load(self, path: Path, what: str) -> list[Part]:
         """Parts of a mesh file in metres.
@@ -153,21 +177,24 @@ def _number(element: Element, tag: str, default: float, what: str) -> float:
     return default if text is None else numbers(text, 1, f"{what}: {tag}")[0]
 
 
-def _needed(element: Element, tag: str, count: int, what: str) -> list[float]:
-    return numbers(element.findtext(tag), count, f"{what}: {element.tag}: {tag}")
+def _lengths(element: Element, tag: str, default: str, what: str) -> list[float]:
+    """Numbers of an element, or SDFormat's default where it is not there."""
+    text = default if element.find(tag) is None else element.findtext(tag)
+    return numbers(text, len(default.split()), f"{what}: {element.tag}: {tag}")
 
 
-def _radius_and_length(element: Element, what: str) -> tuple[float, float]:
-    return _needed(element, "radius", 1, what)[0], _needed(element, "length", 1, what)[0]
+def _radius_and_length(element: Element, radius: str, what: str) -> tuple[float, float]:
+    return _lengths(element, "radius", radius, what)[0], _lengths(element, "length", "1", what)[0]
 
 
 SHAPES: dict[str, Callable[[Element, str], trimesh.Trimesh | Shape]] = {
-    "box": lambda row, what: shapes.box(_needed(row, "size", 3, what), what),
-    "sphere": lambda row, what: shapes.sphere(_needed(row, "radius", 1, what)[0], what),
-    "cylinder": lambda row, what: shapes.cylinder(*_radius_and_length(row, what), what),
-    "plane": lambda row, what: shapes.rectangle(_needed(row, "size", 2, what), what),
-    "ellipsoid": lambda row, what: shapes.ellipsoid(_needed(row, "radii", 3, what), what),
-    "capsule": lambda row, what: shapes.capsule(*_radius_and_length(row, what), what),
-    "cone": lambda row, what: shapes.cone(*_radius_and_length(row, what), what),
+    "box": lambda row, what: shapes.box(_lengths(row, "size", "1 1 1", what), what),
+    "sphere": lambda row, what: shapes.sphere(_lengths(row, "radius", "1", what)[0], what),
+    "cylinder": lambda row, what: shapes.cylinder(*_radius_and_length(row, "1", what), what),
+    "plane": lambda row, what: shapes.rectangle(_lengths(row, "size", "1 1", what), what),
+    "ellipsoid": lambda row, what: shapes.ellipsoid(_lengths(row, "radii", "1 1 1", what), what),
+    "capsule": lambda row, what: shapes.capsule(*_radius_and_length(row, "0.5", what), what),
+    "cone": lambda row, what: shapes.cone(*_radius_and_length(row, "0.5", what), what),
 }
-KNOWN = (*SHAPES, "mesh", *LEFT_OUT)
+FROM_FILES = {"mesh": Visuals._mesh, "heightmap": Visuals._heightmap}
+KNOWN = (*SHAPES, *FROM_FILES, *LEFT_OUT)

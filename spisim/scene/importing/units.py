@@ -71,8 +71,15 @@ def to_metres(content: Content, scale: float) -> Content:
         Part(part.name, resized[id(part.geometry)], pose, part.surface)
         for part, pose in zip(content.parts, poses, strict=True)
     ]
-    camera = None if content.camera is None else turn @ grow @ content.camera @ shrink
-    return replace(content, parts=parts, camera=camera)
+    hazes = [
+        replace(haze, to_world=turn @ grow @ haze.to_world, extinction=haze.extinction / factor)
+        for haze in content.hazes
+    ]
+    daylight = content.daylight
+    if daylight is not None:
+        daylight = replace(daylight, sun_direction=turn[:3, :3] @ daylight.sun_direction)
+    cameras = [turn @ grow @ camera @ shrink for camera in content.cameras]
+    return replace(content, parts=parts, cameras=cameras, hazes=hazes, daylight=daylight)
 
 
 def odd_sizes(bounds_m: Floats) -> list[str]:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from reconstruction.arrays import Floats
 from spisim.scene.importing.drone import DronePose
 from spisim.scene.importing.materials import Match
-from spisim.scene.importing.model import Part, Shape
+from spisim.scene.importing.model import Content, Haze, Part, Shape
 from spisim.scene.importing.shapes import as_mesh, stretched
 from spisim.scene.pose import pose_matrix
 
@@ -26,14 +26,14 @@ Meshes = dict[str, trimesh.Trimesh]
 
 
 def scene_fields(
-    name: str, parts: Sequence[Part], matches: Sequence[Match], drone: DronePose, source: str
+    name: str, content: Content, matches: Sequence[Match], drone: DronePose, source: str
 ) -> tuple[dict[str, Any], Meshes]:
     """Fields of a scene file, and the meshes that it refers to by their file names.
 
-    `matches` are the materials of the parts.
+    `matches` are the materials of the content's parts.
     """
-    objects, meshes = _objects(parts, matches)
-    fields = {
+    objects, meshes = _objects(content.parts, matches)
+    fields: dict[str, Any] = {
         "name": name,
         "description": f"imported from {source}",
         "drone": {
@@ -42,7 +42,32 @@ def scene_fields(
         },
         "objects": objects,
     }
+    if content.hazes:
+        taken: set[str] = set()
+        fields["volumes"] = [_haze_row(haze, taken) for haze in content.hazes]
+    if content.daylight is not None:
+        fields["ambient"] = {
+            "sun_klx": round(content.daylight.sun_klx, 3),
+            "sun_direction": _rounded(content.daylight.sun_direction, 6),
+            "sky_klx": round(content.daylight.sky_klx, 3),
+        }
     return fields, meshes
+
+
+def _haze_row(haze: Haze, taken: set[str]) -> dict[str, Any]:
+    pose = haze.to_world.copy()
+    size_m = np.linalg.norm(pose[:3, :3], axis=0)
+    pose[:3, :3] /= size_m
+    if np.linalg.det(pose[:3, :3]) < 0:  # a box is symmetric
+        pose[:3, 0] *= -1
+    return {
+        "name": _unique_name(haze.name, 1, taken),
+        "size_m": _rounded(size_m, 9),
+        "extinction_per_m": float(f"{haze.extinction:.9g}"),
+        "albedo": haze.albedo,
+        "g": haze.g,
+        **_pose_row(pose),
+    }
 
 
 def _objects(

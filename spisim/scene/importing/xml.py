@@ -1,6 +1,7 @@
 """XML without document types: no entities to expand, no files to fetch."""
 
 import math
+import re
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError
 
@@ -30,6 +31,25 @@ def parse_xml(data: bytes, path: Path) -> Element:
     if level:
         raise InputError(f"{path}: elements are nested more than {MAX_DEPTH} deep")
     return root
+
+
+def parse_lenient_xml(data: bytes, path: Path) -> Element:
+    """As `parse_xml`, for what robotics' parsers overlook.
+
+    Dashes in comments, space before the declaration, prefixes of names that stand for nothing, and
+    names with two colons.
+    """
+    data = re.sub(rb"<!--.*?-->", _lines, data.lstrip(b"\xef\xbb\xbf \t\r\n"), flags=re.DOTALL)
+    data = re.sub(rb"(</?[A-Za-z_][\w.-]*)::", rb"\1.", data)
+    used = set(re.findall(rb"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]", data))
+    lacking = used - set(re.findall(rb"xmlns:([\w.-]+)", data)) - {b"xml", b"xmlns"}
+    declared = b"".join(b' xmlns:%b="%b"' % (name, name) for name in sorted(lacking))
+    return parse_xml(re.sub(rb"<([A-Za-z_][\w.-]*)", rb"<\1" + declared, data, count=1), path)
+
+
+def _lines(comment: re.Match[bytes]) -> bytes:
+    """As many line ends as a comment has, so that messages count right."""
+    return b"\n" * comment[0].count(b"\n")
 
 
 def numbers(text: str | None, count: int, what: str) -> list[float]:

@@ -1,0 +1,40 @@
+"""`spisim scenes export`: scenes for other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..console import print_json, say
+from ..inputs import scene_with
+from ..options import Json, Overwrite, SceneArgument
+from ..outputs import files_read
+
+EXAMPLE = "spisim scenes export warehouse -o warehouse.glb"
+
+
+def command(
+    scene: SceneArgument,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FILE", help=".glb (Blender) or .sdf (Gazebo)."),
+    ],
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Write a scene for Blender (.glb) or Gazebo (.sdf, with a folder of meshes beside it).
+
+    Triangles, names and the names of materials, as `spisim scenes import` takes them back; of
+    light, daylight goes along to Gazebo. Weather, motion and textures stay behind.
+    """
+    from reconstruction.errors import InputError
+    from spisim.scene.exporting import export_scene
+
+    place, _ = scene_with(str(scene), 1550.0, None, clear=False)
+    if output.exists() and any(output.samefile(path) for path in files_read(scene)):
+        raise InputError(f"{output} is read by this command; give its output another name")
+    files = export_scene(place, output, overwrite)
+    if json:
+        print_json({"written": files, "objects": len(place.objects)})
+        return
+    say(f"Wrote {output}; files beside it: {len(files) - 1}.")

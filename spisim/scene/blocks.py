@@ -1,0 +1,132 @@
+"""Many triangles asked by few rays and points: in blocks of near ones, each with its bounds.
+
+A bounding volume hierarchy of two levels: whole arrays of blocks are tested at a time, and the
+triangles of those that may matter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.arrays import Floats
+from spisim.scene.rays import first_hits
+
+#: Triangles in a block.
+BLOCK = 128
+#: Bits of each coordinate of a place along Morton's curve, and octaves of size below the scene's.
+BITS, OCTAVES = 16, 12
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Triangles (n, BLOCK, 3, 3), the last ones repeated, and the bounds of each block (n, 3)."""
+
+    triangles: Floats
+    low: Floats
+    high: Floats
+
+    @classmethod
+    def of(cls, triangles: Floats) -> Blocks:
+        """Blocks of triangles (t, 3, 3), t > 0: of a size, and along Morton's curve."""
+        triangles = triangles[np.argsort(_keys(triangles), kind="stable")]
+        lacking = -len(triangles) % BLOCK
+        whole = np.concatenate([triangles, np.repeat(triangles[-1:], lacking, axis=0)])
+        blocks = whole.reshape(-1, BLOCK, 3, 3)
+        return cls(blocks, blocks.min(axis=(1, 2)), blocks.max(axis=(1, 2)))
+
+    def first_hits(self, origin: Floats, rays: Floats) -> Floats:
+        """First hit (n,) of each ray (n, 3) among all triangles, in ray lengths, else inf."""
+        found = np.full(len(rays), np.inf)
+        for number, ray in enumerate(rays):
+            enter, leave = self._crossed(origin, ray)
+            met = np.flatnonzero(enter <= leave)
+            for some in _pieces(met[np.argsort(enter[met])]):
+                if enter[some[0]] > found[number]:
+                    break
+                near = self.triangles[some].reshape(-1, 3, 3)
+                found[number] = min(found[number], first_hits(origin, ray[None], near)[0])
+        return found
+
+    def distance(self, point: Floats) -> float:
+        """Distance of a point (3,) from the nearest triangle, m."""
+        outside = np.maximum(0.0, np.maximum(self.low - point, point - self.high))
+        least = np.linalg.norm(outside, axis=1)
+        found = np.inf
+        for some in _pieces(np.argsort(least)):
+            if least[some[0]] >= found:
+                break
+            near = self.triangles[some[least[some] < found]].reshape(-1, 3, 3)
+            found = min(found, distance(point, near))
+        return found
+
+    def _crossed(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats]:
+        """Where a ray enters each block's bounds, or 0 within them, and where it leaves them."""
+        ray = ray + 0.0  # no negative zeros
+        with np.errstate(divide="ignore", invalid="ignore"):
+            one, other = (self.low - origin) / ray, (self.high - origin) / ray
+        # 0/0: in a face of the bounds, along it
+        enter = np.fmin(one, other).max(axis=1, where=~np.isnan(one), initial=0.0)
+        leave = np.fmax(one, other).min(axis=1, where=~np.isnan(other), initial=np.inf)
+        return enter, leave
+
+
+def distance(point: Floats, triangles: Floats) -> float:
+    """Distance of a point (3,) from the nearest of triangles (t, 3, 3), m.
+
+    The nearest point of a triangle lies within it or on an edge.
+    """
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    edges = min(_from_segments(point, *ends).min() for ends in ((a, b), (b, c), (c, a)))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1)
+    flat = length > 0
+    a, b, c = a[flat], b[flat], c[flat]
+    normal = normal[flat] / length[flat, None]
+    inside = np.ones(len(a), bool)
+    for start, stop in ((a, b), (b, c), (c, a)):
+        inside &= np.einsum("tk,tk->t", np.cross(stop - start, point - start), normal) >= 0
+    heights = np.abs(np.einsum("tk,tk->t", point - a, normal))[inside]
+    return float(min(edges, heights.min(initial=np.inf)))
+
+
+def _from_segments(point: Floats, start: Floats, stop: Floats) -> Floats:
+    along = stop - start
+    length2 = np.einsum("tk,tk->t", along, along)
+    where = np.einsum("tk,tk->t", point - start, along) / np.where(length2 > 0, length2, 1.0)
+    closest = start + np.clip(where, 0, 1)[:, None] * along
+    return np.asarray(np.linalg.norm(point - closest, axis=1))
+
+
+def _pieces(order: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Numbers of blocks in pieces, the first ones small: most questions end with those."""
+    return [piece for piece in np.split(order, [2, 8, 32, 128, 512]) if len(piece)]
+
+
+def _keys(triangles: Floats) -> NDArray[np.int64]:
+    """Size of each triangle in octaves, then its place along Morton's curve.
+
+    Large triangles are in blocks of their own: one among small ones would make a large block of it.
+    """
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    start = low.min(axis=0)
+    extent = float((high.max(axis=0) - start).max()) or 1.0
+    size = (high - low).max(axis=1) / extent
+    octave = np.clip(-np.log2(np.maximum(size, 2.0**-OCTAVES)), 0, OCTAVES).astype(np.int64)
+    places = ((low + high) / 2 - start) / extent * (2**BITS - 1)
+    spread = _spread(places.astype(np.int64))
+    return (octave << (3 * BITS)) | spread[:, 0] | (spread[:, 1] << 1) | (spread[:, 2] << 2)
+
+
+def _spread(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Bits of numbers three places apart."""
+    for shift, mask in (
+        (16, 0xFF0000FF),
+        (8, 0xF00F00F00F),
+        (4, 0xC30C30C30C3),
+        (2, 0x249249249249),
+    ):
+        values = (values | (values << shift)) & mask
+    return values

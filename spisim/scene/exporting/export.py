@@ -1,0 +1,55 @@
+"""From a scene to a foreign file: surfaces with the names of their materials, and daylight."""
+
+import secrets
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from reconstruction.errors import InputError, nearest
+from reconstruction.files import write_atomically
+from spisim.scene.exporting.glb import glb_files
+from spisim.scene.exporting.sdf import sdf_files
+from spisim.scene.model import Scene
+from spisim.scene.write import check_meshes, mesh_folder
+
+#: By suffix: the file of a scene by its name, and those of its folder of meshes by theirs.
+FORMATS: Mapping[str, Callable[[Scene, str], tuple[bytes, dict[str, bytes]]]] = {
+    ".glb": glb_files,
+    ".sdf": sdf_files,
+}
+
+
+def export_scene(scene: Scene, output: Path, overwrite: bool = False) -> list[Path]:
+    """Write a scene as it stands now; the files written.
+
+    Raises InputError for a suffix of no format in `FORMATS`, and where a file is there unless it
+    may be replaced; a folder of meshes is only if all in it was written here.
+    """
+    suffix, folder = output.suffix.lower(), mesh_folder(output)
+    if suffix not in FORMATS:
+        raise InputError(f"{output}: unknown format {suffix!r}: {nearest(suffix, FORMATS)}")
+    text, meshes = FORMATS[suffix](scene, folder.name)
+    for path in (output, *([folder] if meshes else [])):
+        if path.exists() and not overwrite:
+            raise InputError(f"{path} exists; --overwrite replaces it")
+    if meshes:
+        _write_folder(folder, meshes)
+    write_atomically(output, text)
+    return [output, *(folder / name for name in meshes)]
+
+
+def _write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
+    """All files under a temporary name, then in place of an older folder."""
+    if folder.exists():
+        check_meshes(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    stage = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        stage.mkdir()
+        for name, data in files.items():
+            (stage / name).write_bytes(data)
+        if folder.exists():
+            shutil.rmtree(folder)
+        stage.rename(folder)
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)

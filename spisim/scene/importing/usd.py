@@ -1,0 +1,272 @@
+"""OpenUSD (.usd, .usda, .usdc): meshes, shapes, instances and bound materials, by Pixar's library.
+
+Needs the extra `usd`. Layers that a stage is composed of are found by the library; those outside of
+the folders that may be read are refused before a prim is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError
+from spisim.scene.importing import shapes
+from spisim.scene.importing.files import Folders, read_bytes, shown
+from spisim.scene.importing.model import (
+    MAX_PARTS,
+    Axis,
+    Content,
+    Part,
+    Shape,
+    Surface,
+    readable,
+    with_texture_coordinates,
+)
+from spisim.scene.shapes import check_mesh, check_triangles
+
+MAX_LAYERS = 1000
+AXES: dict[str, Axis] = {"X": "x", "Y": "y", "Z": "z"}
+#: Turns that take a shape about z to one about another axis.
+ABOUT = {"X": [0.0, 1.0, 0.0], "Y": [-1.0, 0.0, 0.0], "Z": [0.0, 0.0, 0.0]}
+
+
+def read_usd(path: Path, folders: Folders) -> Content:
+    """Parts of a stage as it stands at its first time; InputError for what cannot be read."""
+    read_bytes(path)
+    try:
+        from pxr import Usd, UsdGeom, UsdUtils
+    except ImportError:
+        raise InputError(f"{path}: OpenUSD needs a library: install `spisim[usd]`") from None
+    told = UsdUtils.CoalescingDiagnosticDelegate()  # which keeps to itself what it would print
+    _check_layers(path, folders)
+    with readable(str(path), "OpenUSD"):
+        stage = Usd.Stage.Open(str(path.resolve()))
+        axis = str(UsdGeom.GetStageUpAxis(stage))
+        unit_m = float(UsdGeom.GetStageMetersPerUnit(stage))
+        if not 0 < unit_m < np.inf:
+            raise InputError(f"{path}: metersPerUnit should be a positive number; found {unit_m}")
+        content = Content(
+            unit_m, f"metersPerUnit of the stage: {unit_m:g}", AXES[axis], f"upAxis: {axis}"
+        )
+        _Stage(stage, content).read()
+        if told.TakeUncoalescedDiagnostics():
+            content.note(f"{path.name}: OpenUSD doubts some of what it says")
+        return content
+
+
+def _check_layers(top: Path, folders: Folders) -> None:
+    """InputError for a layer that a stage would open, and that may not be read."""
+    from pxr import Sdf
+
+    waiting, seen = [top.resolve()], set()
+    while waiting:
+        path = waiting.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        if len(seen) > MAX_LAYERS:
+            raise InputError(f"{top}: is composed of more than {MAX_LAYERS:,} layers")
+        with readable(str(path), "OpenUSD"):
+            layer = Sdf.Layer.FindOrOpen(str(path))
+            names = list(layer.GetCompositionAssetDependencies())
+        for name in names:
+            if name:
+                waiting.append(folders.find(name, path.parent, f"{path}: layer"))
+
+
+class _Stage:
+    def __init__(self, stage: Any, content: Content) -> None:
+        from pxr import UsdGeom
+
+        self._stage = stage
+        self._content = content
+        self._poses = UsdGeom.XformCache()
+        self._meshes: dict[str, list[tuple[trimesh.Trimesh | Shape, Any]]] = {}
+
+    def read(self) -> None:
+        """Add all that is shown, instances included."""
+        from pxr import Usd, UsdGeom
+
+        walk = iter(Usd.PrimRange(self._stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+        for prim in walk:
+            if prim.IsA(UsdGeom.Imageable) and self._is_hidden(prim):
+                walk.PruneChildren()
+            elif prim.IsA(UsdGeom.PointInstancer):
+                self._add_instances(prim)
+                walk.PruneChildren()
+            else:
+                self._add(prim, self._pose(prim))
+
+    def _is_hidden(self, prim: Any) -> bool:
+        from pxr import UsdGeom
+
+        shown_as = UsdGeom.Imageable(prim)
+        purpose = shown_as.GetPurposeAttr().Get()
+        return shown_as.GetVisibilityAttr().Get() == "invisible" or purpose in ("proxy", "guide")
+
+    def _pose(self, prim: Any) -> Floats:
+        """To the world; USD's vectors are rows."""
+        return np.array(self._poses.GetLocalToWorldTransform(prim)).T
+
+    def _add(self, prim: Any, to_world: Floats) -> None:
+        kind = str(prim.GetTypeName())
+        if kind not in READERS:
+            if kind in ("BasisCurves", "NurbsCurves", "NurbsPatch", "Points", "TetMesh", "Volume"):
+                self._content.note(f"{shown(str(prim.GetPath()))}: {kind} is left out")
+            return
+        original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        key = str(original.GetPath())
+        if key not in self._meshes:
+            self._meshes[key] = READERS[kind](prim)
+            every = (mesh for meshes in self._meshes.values() for mesh, _ in meshes)
+            check_triangles(sum(len(shapes.as_mesh(mesh).faces) for mesh in every))
+        for geometry, bound in self._meshes[key]:
+            name = prim.GetName() if prim.GetName() != "mesh" else prim.GetParent().GetName()
+            self._content.add(Part(name, geometry, to_world, _surface(bound)))
+
+    def _add_instances(self, prim: Any) -> None:
+        from pxr import Usd, UsdGeom
+
+        instancer = UsdGeom.PointInstancer(prim)
+        poses = instancer.ComputeInstanceTransformsAtTime(0.0, 0.0)
+        numbers = instancer.GetProtoIndicesAttr().Get() or []
+        if len(numbers) > MAX_PARTS:
+            raise InputError(f"more than {MAX_PARTS:,} parts (instances counted)")
+        roots = [self._stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetTargets()]
+        own = self._pose(prim)
+        # instances take the prototype's own transform along; what is below it stands relative to it
+        for number, matrix in zip(numbers, poses, strict=False):
+            root = roots[number]
+            undo = np.linalg.inv(self._pose(root))
+            for inner in Usd.PrimRange(root):
+                pose = own @ np.array(matrix).T @ undo @ self._pose(inner)
+                self._add(inner, pose)
+
+
+def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
+    """Triangles of a mesh, those of subsets with a material of their own apart."""
+    from pxr import UsdGeom, UsdShade
+
+    made = UsdGeom.Mesh(prim)
+    points = np.array(made.GetPointsAttr().Get() or [], float).reshape(-1, 3)
+    counts = np.array(made.GetFaceVertexCountsAttr().Get() or [], np.int64)
+    corners = np.array(made.GetFaceVertexIndicesAttr().Get() or [], np.int64)
+    check_triangles(int(np.maximum(counts - 2, 0).sum()))
+    if counts.sum() != len(corners) or (counts < 0).any():
+        raise InputError(f"mesh {prim.GetPath()}: its faces and their corners do not fit")
+    faces, owners = _fans(counts, corners)
+    if str(made.GetOrientationAttr().Get()) == "leftHanded":
+        faces = faces[:, ::-1]
+    bound = _bound(prim)
+    parts = []
+    left = np.ones(len(counts), bool)
+    subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+    for subset in subsets:
+        chosen = np.array(subset.GetIndicesAttr().Get() or [], np.int64)
+        here = np.zeros(len(counts), bool)
+        here[chosen] = True
+        left &= ~here
+        parts.append((here, _bound(subset.GetPrim()) or bound))
+    parts.append((left, bound))
+    found: list[tuple[trimesh.Trimesh | Shape, Any]] = []
+    for which, material in parts:
+        own = faces[np.asarray(which)[owners]]
+        if not len(own):
+            continue
+        mesh = trimesh.Trimesh(points, own, process=False)
+        check_mesh(mesh, str(prim.GetPath()))
+        uv = UsdGeom.PrimvarsAPI(prim).GetPrimvar("st")
+        if uv and str(uv.GetInterpolation()) in ("vertex", "varying"):
+            with suppress(ValueError, TypeError):
+                with_texture_coordinates(mesh, np.array(uv.ComputeFlattened(), float))
+        mesh.remove_unreferenced_vertices()
+        found.append((mesh, material))
+    return found
+
+
+def _fans(counts: Any, corners: Any) -> tuple[Any, Any]:
+    """Triangles (t, 3) of polygons about their first corners, and the polygon of each."""
+    starts = np.cumsum(counts) - counts
+    each = np.maximum(counts - 2, 0)
+    owners = np.repeat(np.arange(len(counts)), each)
+    step = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
+    first = starts[owners]
+    return np.column_stack(
+        [corners[first], corners[first + step + 1], corners[first + step + 2]]
+    ), owners
+
+
+def _bound(prim: Any) -> Any:
+    from pxr import UsdShade
+
+    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+    return material.GetPrim() if material else None
+
+
+def _surface(material: Any) -> Surface:
+    """The name of a material, and its colour where a preview surface tells one."""
+    from pxr import UsdShade
+
+    if material is None:
+        return Surface()
+    shader = UsdShade.Material(material).ComputeSurfaceSource()[0]
+    diffuse = shader.GetInput("diffuseColor") if shader else None
+    if not diffuse or diffuse.HasConnectedSource():
+        return Surface(material.GetName())
+    value = diffuse.Get()
+    if value is None:
+        return Surface(material.GetName())
+    return Surface(material.GetName(), (float(value[0]), float(value[1]), float(value[2])))
+
+
+def _simple(
+    make: Callable[[Any, str], trimesh.Trimesh | Shape],
+) -> Callable[[Any], list[tuple[trimesh.Trimesh | Shape, Any]]]:
+    def read(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
+        return [(make(prim, f"{prim.GetTypeName()} {prim.GetPath()}"), _bound(prim))]
+
+    return read
+
+
+def _about(prim: Any, geometry: trimesh.Trimesh | Shape) -> trimesh.Trimesh:
+    """A shape about z turned to the prim's axis."""
+    axis = str(prim.GetAttribute("axis").Get())
+    turn = trimesh.transformations.euler_matrix(*(np.pi / 2 * np.array(ABOUT[axis])))
+    return shapes.as_mesh(geometry).copy().apply_transform(turn)
+
+
+def _get(prim: Any, name: str) -> float:
+    return float(prim.GetAttribute(name).Get())
+
+
+READERS: dict[str, Callable[[Any], list[tuple[trimesh.Trimesh | Shape, Any]]]] = {
+    "Mesh": _mesh_parts,
+    "Cube": _simple(lambda prim, what: shapes.box([_get(prim, "size")] * 3, what)),
+    "Sphere": _simple(lambda prim, what: shapes.sphere(_get(prim, "radius"), what)),
+    "Cylinder": _simple(
+        lambda prim, what: _about(
+            prim, shapes.cylinder(_get(prim, "radius"), _get(prim, "height"), what)
+        )
+    ),
+    "Cone": _simple(
+        lambda prim, what: _about(
+            prim, shapes.cone(_get(prim, "radius"), _get(prim, "height"), what)
+        )
+    ),
+    "Capsule": _simple(
+        lambda prim, what: _about(
+            prim, shapes.capsule(_get(prim, "radius"), _get(prim, "height"), what)
+        )
+    ),
+    "Plane": _simple(
+        lambda prim, what: _about(
+            prim, shapes.rectangle([_get(prim, "width"), _get(prim, "length")], what)
+        )
+    ),
+}

@@ -1,0 +1,73 @@
+"""Scenes out to Blender and Gazebo and in again: the same triangles, names and materials."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from foreign import assert_same, taken
+from reconstruction.errors import InputError
+from spisim.scene import Scene, load_scene
+from spisim.scene.exporting import export_scene
+from spisim.scene.shapes import texture_coordinates
+
+TEXT = """
+name: yard
+drone: {position_m: [-4, 0, 1.5], look_at_m: [0, 0, 1]}
+ambient: {sun_klx: 40, sun_direction: [0.6, 0, -0.8], sky_klx: 10}
+objects:
+- {name: ground & "grass", shape: rectangle, size_m: [20, 20], material: grass}
+- {name: crate, shape: box, size_m: [1, 2, 3], material: wood-dry, rotate_deg: [10, 20, 30],
+   translate_m: [2.5, -1.25, 1.7],
+   instances: [{}, {translate_m: [0, 4, 0], rotate_deg: [0, 0, 45]}]}
+- {name: mast, shape: cylinder, radius_m: 0.1, height_m: 4, material: steel-galvanised,
+   translate_m: [3, 0, 2]}
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    (tmp_path / "yard.yaml").write_text(TEXT)
+    return load_scene(tmp_path / "yard.yaml")
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".sdf"])
+def test_out_and_in(tmp_path: Path, scene: Scene, suffix: str) -> None:
+    files = export_scene(scene, tmp_path / f"out{suffix}")
+    assert all(path.is_file() for path in files)
+    report = taken(tmp_path / f"out{suffix}")
+    back = {thing.mesh.bounds.mean(): thing for thing in report.written.scene.objects}
+    assert len(back) == len(scene.objects)
+    for thing in scene.objects:
+        place = min(back, key=lambda middle: abs(middle - thing.mesh.bounds.mean()))
+        assert back[place].material.name == thing.material.name
+        np.testing.assert_allclose(back[place].mesh.bounds, thing.mesh.bounds, atol=1e-5)
+        assert len(back[place].mesh.faces) == len(thing.mesh.faces)
+        if thing.mesh.is_watertight:
+            assert_same(back[place].mesh.apply_scale(1e-3), thing.mesh.copy().apply_scale(1e-3))
+    assert {match.how for match, _ in report.materials} == {"name"}
+    assert any(thing.name.startswith("crate") for thing in report.written.scene.objects)
+    square = next(thing for thing in report.written.scene.objects if thing.material.name == "grass")
+    assert texture_coordinates(square.mesh) is not None
+
+
+def test_daylight_of_gazebo(tmp_path: Path, scene: Scene) -> None:
+    export_scene(scene, tmp_path / "out.sdf")
+    ambient = taken(tmp_path / "out.sdf").written.scene.ambient
+    assert (ambient.sun_klx, ambient.sky_klx) == pytest.approx((40, 10))
+    np.testing.assert_allclose(ambient.sun_direction, (0.6, 0, -0.8), atol=1e-6)
+
+
+def test_what_is_there_stays(tmp_path: Path, scene: Scene) -> None:
+    with pytest.raises(InputError, match=r"unknown format '\.gbl': did you mean '\.glb'"):
+        export_scene(scene, tmp_path / "a.gbl")
+    (tmp_path / "a.glb").write_text("mine")
+    with pytest.raises(InputError, match=r"a\.glb exists; --overwrite replaces it"):
+        export_scene(scene, tmp_path / "a.glb")
+    assert (tmp_path / "a.glb").read_text() == "mine"
+    export_scene(scene, tmp_path / "b.sdf")
+    export_scene(scene, tmp_path / "b.sdf", overwrite=True)
+    (tmp_path / "b-meshes" / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"mine\.txt was not written here"):
+        export_scene(scene, tmp_path / "b.sdf", overwrite=True)
+    assert not list(tmp_path.glob(".*"))

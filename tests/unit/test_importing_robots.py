@@ -1,0 +1,186 @@
+"""Import of robots (URDF) and of stages (OpenUSD)."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from foreign import assert_same, taken, tetrahedron, written
+from reconstruction.errors import InputError
+from spisim.scene.pose import pose_matrix
+
+ROBOT = """<?xml version="1.0"?><robot name="r">
+<material name="brick"><color rgba="0.6 0.2 0.1 1"/></material>
+<link name="base"><visual><origin xyz="0 0 1"/><geometry><box size="1 2 3"/></geometry>
+ <material name="brick"/></visual></link>
+<link name="arm"><visual name="v"><origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>
+ <geometry><mesh filename="{mesh}" scale="1 1 2"/></geometry></visual></link>
+<link name="tip"><visual><geometry><sphere radius="0.5"/></geometry></visual></link>
+<joint name="one" type="fixed"><parent link="base"/><child link="arm"/>
+ <origin xyz="0 0 4" rpy="0 0 1.5707963267948966"/></joint>
+<joint name="two" type="revolute"><parent link="arm"/><child link="tip"/><origin xyz="2 0 0"/>
+</joint></robot>"""
+
+
+def robot(path: Path, mesh: str = "package://arm/w.ply") -> Path:
+    (path.parent / "arm").mkdir(exist_ok=True)
+    tetrahedron().export(path.parent / "arm" / "w.ply")
+    path.write_text(ROBOT.format(mesh=mesh))
+    return path
+
+
+def test_robots(tmp_path: Path) -> None:
+    """Links stand where the joints place them, turned with them."""
+    report = taken(robot(tmp_path / "r.urdf"))
+    base = trimesh.creation.box((1, 2, 3)).apply_translation([0, 0, 1])
+    arm_pose = pose_matrix((0, 0, 90), (0, 0, 4))
+    arm = tetrahedron().apply_scale([1, 1, 2])
+    arm.apply_transform(arm_pose @ pose_matrix((0, 0, 90), (1, 0, 0)))
+    tip = trimesh.creation.icosphere(4, 0.5).apply_transform(
+        arm_pose @ pose_matrix((0, 0, 0), (2, 0, 0))
+    )
+    assert_same(written(report), trimesh.util.concatenate([base, arm, tip]))
+    by_name = {thing.name: thing.material.name for thing in report.written.scene.objects}
+    assert by_name["base"] == "brick"
+    assert set(by_name) == {"base", "arm v", "tip"}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("<robot ", "<robo ", "not valid XML"),
+        ('<parent link="base"/>', "", "joint 'one': needs a parent and a child"),
+        ('<parent link="base"/>', '<parent link="tip"/>', "poses go in a circle"),
+        ('<parent link="base"/>', '<parent link="bas"/>', "no frame 'bas': did you mean 'base'"),
+        ('xyz="0 0 4"', 'xyz="0 4"', "joint 'one': xyz: expected 3 finite numbers"),
+        ("package://arm/w.ply", "../../w.ply", "outside the folders"),
+        ("package://arm/w.ply", "package://leg/w.ply", "no file"),
+        ("<box size", "<bax size", "geometry bax is unknown"),
+        (
+            "<material name=",
+            '<xacro:macro xmlns:xacro="http://www.ros.org/wiki/xacro"/><material name=',
+            "has macros",
+        ),
+        ('<?xml version="1.0"?>', "<!DOCTYPE robot>", "document type"),
+    ],
+)
+def test_damaged_robots(tmp_path: Path, before: str, after: str, message: str) -> None:
+    file = robot(tmp_path / "r.urdf")
+    text = file.read_text()
+    assert before in text
+    file.write_text(text.replace(before, after, 1))
+    with pytest.raises(InputError, match=message):
+        taken(file)
+
+
+def test_missing_meshes_of_robots(tmp_path: Path) -> None:
+    report = taken(robot(tmp_path / "r.urdf", "gone.ply"), skip_missing=True)
+    assert len(report.written.scene.objects) == 2
+    assert any("gone.ply" in note for note in report.notes)
+
+
+STAGE = """#usda 1.0
+(
+  metersPerUnit = 0.01
+  upAxis = "Y"
+)
+def Xform "hall"
+{{
+  double3 xformOp:translate = (100, 0, 0)
+  uniform token[] xformOpOrder = ["xformOp:translate"]
+  def Cube "crate"
+  {{
+    double size = 200
+  }}
+  def Mesh "sheet" (
+    prepend apiSchemas = ["MaterialBindingAPI"]
+  )
+  {{
+    point3f[] points = [(0, 0, 0), (100, 0, 0), (100, 0, -200), (0, 0, -200)]
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = {indices}
+    rel material:binding = </Looks/brick>
+  }}
+  def Cube "ghost"
+  {{
+    token visibility = "invisible"
+  }}
+  def Sphere "guide"
+  {{
+    uniform token purpose = "guide"
+  }}
+  def "more" (
+    references = @{layer}@</ball>
+  )
+  {{
+  }}
+}}
+def Scope "Looks"
+{{
+  def Material "brick"
+  {{
+  }}
+}}
+"""
+LAYER = """#usda 1.0
+def Sphere "ball"
+{
+  double radius = 50
+}
+"""
+
+
+def stage(path: Path, indices: str = "[0, 1, 2, 3]", layer: str = "ball.usda") -> Path:
+    (path.parent / "ball.usda").write_text(LAYER)
+    path.write_text(STAGE.format(indices=indices, layer=layer))
+    return path
+
+
+def test_stages(tmp_path: Path) -> None:
+    """Centimetres, y up; a layer beside it; what is hidden is not there."""
+    pytest.importorskip("pxr")
+    report = taken(stage(tmp_path / "s.usda"))
+    crate = trimesh.creation.box((2, 2, 2)).apply_translation([1, 0, 0])
+    points = [[1, 0, 0], [2, 0, 0], [2, 2, 0], [1, 2, 0]]
+    sheet = trimesh.Trimesh(points, [[0, 1, 2], [0, 2, 3]], process=False)
+    ball = trimesh.creation.icosphere(4, 0.5).apply_translation([1, 0, 0])
+    by_name = {thing.name: thing for thing in report.written.scene.objects}
+    assert set(by_name) == {"crate", "sheet", "more"}
+    np.testing.assert_allclose(by_name["crate"].mesh.bounds, crate.bounds, atol=1e-6)
+    np.testing.assert_allclose(by_name["sheet"].mesh.bounds, sheet.bounds, atol=1e-6)
+    np.testing.assert_allclose(by_name["more"].mesh.bounds, ball.bounds, atol=1e-6)
+    assert by_name["sheet"].mesh.area == pytest.approx(2)
+    np.testing.assert_allclose(by_name["sheet"].mesh.face_normals, [[0, 0, 1]] * 2, atol=1e-6)
+    assert by_name["sheet"].material.name == "brick"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"indices": "[0, 1, 2]"}, "its faces and their corners do not fit"),
+        ({"indices": "[0, 1, 2, 9]"}, "vertex not in the file"),
+        ({"layer": "gone.usda"}, "layer: no file 'gone.usda'"),
+        ({"layer": "../ball.usda"}, "outside the folders"),
+        ({"layer": "/etc/ball.usda"}, "outside the folders"),
+        ({"layer": "https://x.org/ball.usda"}, "on the network"),
+    ],
+)
+def test_damaged_stages(tmp_path: Path, change: dict, message: str) -> None:
+    pytest.importorskip("pxr")
+    with pytest.raises(InputError, match=message):
+        taken(stage(tmp_path / "s.usda", **change))
+
+
+@pytest.mark.parametrize("text", ["#usda 1.0\ndef {", "no stage", "#usda 1.0\n"])
+def test_no_stages(tmp_path: Path, text: str) -> None:
+    pytest.importorskip("pxr")
+    (tmp_path / "s.usda").write_text(text)
+    with pytest.raises(InputError, match=r"cannot be read as OpenUSD|holds no triangles"):
+        taken(tmp_path / "s.usda")
+
+
+def test_stages_without_the_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "pxr", None)
+    with pytest.raises(InputError, match=r"OpenUSD needs a library: install `spisim\[usd\]`"):
+        taken(stage(tmp_path / "s.usda"))
