@@ -194,7 +194,7 @@ def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
 
 def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
     place = replace(worlds.scene(*worlds.room()), atmosphere=explicit(0.1, 0.98, HG))
-    frequency, bins = 15e6, PathLengthBins(4001, 0.02)
+    frequency, bins = 15e6, PathLengthBins(8001, 0.02)
     outputs = Outputs(frequencies_hz=(frequency,), bins=bins)
     view = worlds.projector(shape=(4, 4))
     mean = transport_image(
