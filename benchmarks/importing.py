@@ -8,6 +8,7 @@ triangles or not; triangles and bounds are compared with trimesh's. The large wo
 5000 models of 40 meshes, is made here. `--markdown` pastes the tables into docs/importing.md.
 """
 
+import logging
 import resource
 import subprocess
 import sys
@@ -92,9 +93,9 @@ def independent_mesh(path: Path) -> trimesh.Trimesh | bool | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             mesh = trimesh.load_scene(path, process=False, skip_materials=True).to_mesh()
-    except Exception:  # whatever trimesh's parsers run into
+            usable = len(mesh.faces) > 0 and np.isfinite(mesh.bounds).all() and mesh.area > 0
+    except Exception:  # whatever trimesh runs into
         return None
-    usable = len(mesh.faces) > 0 and np.isfinite(mesh.bounds).all() and mesh.area > 0
     return mesh if usable else None
 
 
@@ -208,6 +209,7 @@ def suite_table(suites: list[Suite]) -> Table:
 
 def main() -> int:
     """Run it."""
+    logging.disable(logging.ERROR)  # what trimesh and pycollada say of textures
     options = benchmark_options(
         __doc__,
         f"a world of {QUICK_MODELS} models",

@@ -62,6 +62,14 @@ def test_mean_readings_are_the_expected_ones(paper, light, truth, noisy):
         assert np.abs(z).max() < 5  # of up to 128 readings
 
 
+def test_expected_readings_of_spots_tell_the_noise_of_real_ones(paper, light, truth, noisy):
+    """Of buckets it stays unknown: image methods take expected readings at their word."""
+    ideal = record(PLACE, paper, still(light), [truth], seed=5, noise=False)
+    np.testing.assert_array_equal(ideal.spots.noise_electrons, noisy.spots.noise_electrons)
+    assert (ideal.spots.noise_electrons > 0).all()
+    assert np.isnan(ideal.buckets.noise_electrons)
+
+
 def test_the_capture_tells_the_media(paper, light, truth):
     air = fog(50, "heavy-advection")
     foggy = replace(PLACE, atmosphere=air)

@@ -36,8 +36,19 @@ def test_weather_is_what_the_media_are() -> None:
     assert [part["kind"] for part in found["media"]] == [part.kind for part in parts]
     assert found["empirical"]["al-naboulsi-advection"] == pytest.approx(0.0803, abs=1e-4)
     assert "kruse" not in found["empirical"]  # which is for haze
+    assert "ijaz-smoke" not in found["empirical"]  # which is for smoke
+    assert set(found["empirical_smoke"]) == {"ijaz-smoke"}
     assert found["wavelength_nm"] == 1550
     assert found["warnings"] == []
+
+
+def test_rain_tells_what_a_narrow_link_loses() -> None:
+    """Links in the literature lose 5.0 to 6.8 dB/km at 10 mm/h; this camera sees the diffracted."""
+    found = report("weather", "--rain", "10")
+    assert found["extinction_db_per_km"] < 4
+    assert 5.0 <= found["rain_with_diffraction"]["extinction_db_per_km"] <= 7.0
+    assert "a narrow link loses it" in " ".join(spisim("weather", "--rain", "10").stdout.split())
+    assert report(*WEATHER)["rain_with_diffraction"] is None
 
 
 def test_comparison_of_wavelengths() -> None:

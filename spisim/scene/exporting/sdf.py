@@ -1,8 +1,8 @@
 """Scenes as worlds of Gazebo: SDFormat 1.9, a static model and an OBJ file for each object."""
 
+from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-import numpy as np
 import trimesh
 
 from reconstruction.files import mark
@@ -67,5 +67,5 @@ def _library(scene: Scene) -> bytes:
     return "\n".join([f"# {mark(MESH)}", *rows, ""]).encode()
 
 
-def _numbers(values: object) -> str:
-    return " ".join(repr(float(value)) for value in np.ravel(values))
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -142,11 +142,11 @@ def _unpacked(packed: dict[str, Any], buffers: Buffers) -> bytes:
         # the library writes numbers of the width asked for into an array of wider ones
         return bytes(indices.tobytes()[: count * stride])
     values = decoder.decode_vertex_buffer(count, stride, data, dtype=np.dtype(f"V{stride}"))
-    name = {"OCTAHEDRAL": "oct", "QUATERNION": "quat", "EXPONENTIAL": "exp"}.get(
+    filtered = {"OCTAHEDRAL": "oct", "QUATERNION": "quat", "EXPONENTIAL": "exp"}.get(
         packed.get("filter", "NONE")
     )
-    if name is not None:
-        values = getattr(decoder, f"decode_filter_{name}")(values, count, stride)
+    if filtered is not None:
+        values = getattr(decoder, f"decode_filter_{filtered}")(values, count, stride)
     return bytes(np.ascontiguousarray(values).tobytes())
 
 
