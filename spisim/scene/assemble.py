@@ -13,20 +13,19 @@ from spisim.atmosphere import Atmosphere, combine
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.sections import WEATHER
 from spisim.atmosphere.weather import Weather
-from spisim.config.files import read_density
 from spisim.scene.description import (
     AmbientDescription,
     DroneDescription,
     SceneDescription,
-    VolumeDescription,
 )
+from spisim.scene.lamps import Lamp, make_lamp
 from spisim.scene.model import Ambient, Scene, Volume
 from spisim.scene.placing import Meshes, radians
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
 from spisim.scene.setting import Setting
 from spisim.scene.soundness import warn_of_odd_sizes, warn_of_unsound_meshes
-from spisim.scene.volumes import warn_of_overlap
+from spisim.scene.volumes import make_volume, warn_of_overlap
 from spisim.scene.warning import SceneWarning
 
 #: From forward, left, up (ROS REP 103) to right, down, forward.
@@ -59,11 +58,16 @@ def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_
         pose = _drone_pose(described.drone)
     objects = setting.stock.objects(described, setting, meshes)
     volumes: list[Volume] = []
-    for i, box in enumerate(described.volumes):
-        with setting.problems_at(f"volumes[{i}] ({box.name})"):
-            volumes.append(_volume(box, folder, wavelength_nm))
+    for i, filled in enumerate(described.volumes):
+        with setting.problems_at(f"volumes[{i}] ({filled.name})"):
+            volumes.append(make_volume(filled, objects, folder, wavelength_nm))
+    lamps: list[Lamp] = []
+    for i, lamp in enumerate(described.lamps):
+        with setting.problems_at(f"lamps[{i}] ({lamp.name})"):
+            lamps.append(make_lamp(lamp, objects, folder))
     _check_names("objects", [thing.name for thing in objects], source)
     _check_names("volumes", [volume.name for volume in volumes], source)
+    _check_names("lamps", [lamp.name for lamp in lamps], source)
     return Scene(
         described.name,
         objects,
@@ -76,6 +80,7 @@ def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_
         radians(described.drone.angular_velocity_deg_s),
         tuple(falling),
         wavelength_nm,
+        tuple(lamps),
     )
 
 
@@ -104,21 +109,6 @@ def _drone_pose(described: DroneDescription) -> Floats:
     looking = look_at(described.position_m, described.look_at_m, described.up)
     offset = pose_matrix(described.turn_deg, described.offset_m)
     return np.asarray(looking @ OPTICAL_FROM_BODY @ offset @ OPTICAL_FROM_BODY.T)
-
-
-def _volume(described: VolumeDescription, folder: Path, wavelength_nm: float) -> Volume:
-    medium = described.made(folder, wavelength_nm)
-    if medium.extinction_per_m == 0:
-        raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
-    centred = np.diag([*described.size_m, 1.0])
-    centred[:3, 3] = np.multiply(described.size_m, -0.5)
-    to_world = pose_matrix(described.rotate_deg, described.translate_m) @ centred
-    density = None
-    if described.density is not None:
-        density = read_density(folder / described.density)
-    elif described.structure is not None:
-        density = described.structure.density(to_world)
-    return Volume(described.name, medium, to_world, density, described.structure)
 
 
 def _ambient(described: AmbientDescription) -> Ambient:

@@ -14,6 +14,7 @@ from spisim.atmosphere.sections.fog import Fog
 from spisim.atmosphere.structure import Structure
 from spisim.atmosphere.weather import Weather
 from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector, named
+from spisim.scene.lamp_fields import AnyLamp
 
 
 class DroneDescription(Section):
@@ -177,15 +178,14 @@ class MaterialDescription(Section):
         return {name: getattr(self, name) for name in names if name in self.model_fields_set}
 
 
-class VolumeDescription(Pose, Fog):
-    """A box of fog or smoke with edges `size_m`, centred on the origin before its pose.
+class VolumeDescription(Fog):
+    """Fog or smoke that fills a part of space, in addition to what fills the air.
 
-    `density` is a file of relative densities (nz, ny, nx) that fills the box, `structure` what to
-    make them from.
+    `density` is a file of relative densities (nz, ny, nx) that fills the smallest box around that
+    part, in its own axes, `structure` what to make them from.
     """
 
     name: Name
-    size_m: tuple[Positive, Positive, Positive]
     density: Name | None = None
     structure: Structure | None = None
 
@@ -194,6 +194,49 @@ class VolumeDescription(Pose, Fog):
         if self.density is not None and self.structure is not None:
             raise PydanticCustomError("volume", "needs density or structure, not both")
         return self
+
+
+class BoxVolume(Pose, VolumeDescription):
+    """A box with edges `size_m`, centred on the origin before its pose."""
+
+    size_m: tuple[Positive, Positive, Positive]
+
+
+class BallVolume(Pose, VolumeDescription):
+    """A ball centred on the origin before its pose."""
+
+    radius_m: Positive
+
+
+class MeshVolume(Pose, VolumeDescription):
+    """What a closed mesh encloses, scaled and then posed; light does not notice the mesh itself."""
+
+    mesh: Name
+    scale: Positive = 1.0
+
+
+class ObjectVolume(VolumeDescription):
+    """What an object encloses, milk in a glass, and moves with it; its mesh has to be closed."""
+
+    object: Name
+
+
+#: How a volume is told apart, by the field that gives its shape.
+VOLUME_TAGS = {"mesh": "in a mesh", "object": "in an object", "radius_m": "a ball"}
+
+
+def _volume_tag(data: Any) -> str:
+    fields = data if isinstance(data, Mapping) else {}
+    return next((tag for field, tag in VOLUME_TAGS.items() if field in fields), "a box")
+
+
+AnyVolume = Annotated[
+    Annotated[BoxVolume, Tag("a box")]
+    | Annotated[BallVolume, Tag("a ball")]
+    | Annotated[MeshVolume, Tag("in a mesh")]
+    | Annotated[ObjectVolume, Tag("in an object")],
+    Discriminator(_volume_tag),
+]
 
 
 class AmbientDescription(Section):
@@ -224,7 +267,8 @@ class Surroundings(Air):
     description: str = ""
     materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
     material_swaps: dict[Name, Name] = Field(default_factory=dict)
-    volumes: tuple[VolumeDescription, ...] = ()
+    volumes: tuple[AnyVolume, ...] = ()
+    lamps: tuple[AnyLamp, ...] = ()
     moment: Moment | None = None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 import trimesh
@@ -15,6 +15,9 @@ from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.structure import Structure
 from spisim.scene.materials import Material
 from spisim.scene.pose import moved_pose
+
+if TYPE_CHECKING:
+    from spisim.scene.lamps import Lamp
 
 Vector3: TypeAlias = tuple[float, float, float]
 
@@ -50,12 +53,13 @@ class SceneObject:
 
 @dataclass(frozen=True, eq=False)
 class Volume:
-    """A box filled with a medium, in addition to the atmosphere.
+    """A part of space filled with a medium, in addition to the atmosphere.
 
-    `to_world` (4, 4) places the unit cube [0, 1]³. `density` (nz, ny, nx) is relative to the
-    medium's extinction, sampled at the centres of the cells that divide the cube, linear between
-    and constant beyond them; None is 1 everywhere. Where a `structure` made it, it is that after
-    `age_s`.
+    `to_world` (4, 4) places the unit cube [0, 1]³ around it: what is filled is that cube, the ball
+    that it holds, or what a closed mesh in it encloses, in world coordinates. `density` (nz, ny,
+    nx) is relative to the medium's extinction, sampled at the centres of the cells that divide the
+    cube, linear between and constant beyond them; None is 1 everywhere. Where a `structure` made
+    it, it is that after `age_s`. It moves with its `carrier`.
     """
 
     name: str
@@ -64,18 +68,38 @@ class Volume:
     density: NDArray[np.float32] | None = None
     structure: Structure | None = None
     age_s: float = 0.0
+    shape: Literal["box", "ball"] | trimesh.Trimesh = "box"
+    carrier: SceneObject | None = None
 
     @property
     def moves(self) -> bool:
-        """Whether its density changes with time."""
-        return self.structure is not None and self.structure.drifts
+        """Whether it does, or its density changes with time."""
+        return self._drifts or self._is_carried
 
     def at(self, time_s: float) -> Volume:
-        """The volume after `time_s`; itself if nothing drifts in it."""
-        if self.structure is None or not self.structure.drifts:
-            return self
-        age_s = self.age_s + time_s
-        return replace(self, age_s=age_s, density=self.structure.density(self.to_world, age_s))
+        """The volume after `time_s`; itself if it stays and nothing drifts in it."""
+        later = self
+        if self._is_carried:
+            assert self.carrier is not None
+            assert isinstance(self.shape, trimesh.Trimesh)
+            motion = self.carrier.motion(time_s)
+            shape = self.shape.copy().apply_transform(motion)
+            carrier = self.carrier.at(time_s)
+            later = replace(later, to_world=motion @ self.to_world, shape=shape, carrier=carrier)
+        if self._drifts:
+            assert self.structure is not None
+            age_s = self.age_s + time_s
+            density = self.structure.density(later.to_world, age_s)
+            later = replace(later, age_s=age_s, density=density)
+        return later
+
+    @property
+    def _drifts(self) -> bool:
+        return self.structure is not None and self.structure.drifts
+
+    @property
+    def _is_carried(self) -> bool:
+        return self.carrier is not None and self.carrier.moves
 
 
 @dataclass(frozen=True)
@@ -108,6 +132,7 @@ class Scene:
     drone_angular_velocity_rad_s: Vector3 = STILL
     precipitation: tuple[Precipitation, ...] = ()
     wavelength_nm: float = 1550.0
+    lamps: tuple[Lamp, ...] = ()
 
     @property
     def drone_moves(self) -> bool:

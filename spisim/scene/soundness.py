@@ -81,6 +81,12 @@ def fault(mesh: trimesh.Trimesh) -> str | None:
     return INVERTED if volume < -1e-9 * area**1.5 else None
 
 
+def is_closed(mesh: trimesh.Trimesh) -> bool:
+    """Whether as many triangles run along every edge one way as the other."""
+    triangles, balance = _edge_counts(mesh)
+    return bool((balance == 0).all() and (triangles > 1).all())
+
+
 def _volume_and_area(triangles: Floats) -> tuple[float, float]:
     """Volume that closed triangles (t, 3, 3) enclose, negative if they face in, and their area."""
     corner = triangles[:, 0] - triangles[0, 0]  # near the origin, which keeps digits

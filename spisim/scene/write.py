@@ -120,11 +120,13 @@ def _text(
     folder: str,
     header: str,
 ) -> str:
-    objects = [
-        thing | {"mesh": f"{folder}/{thing['mesh']}"} if thing.get("mesh") in meshes else thing
-        for thing in fields["objects"]
-    ]
-    content = {**fields, "objects": objects}
+    content = dict(fields)
+    for section in ("objects", "volumes"):
+        if section in fields:
+            content[section] = [
+                row | {"mesh": f"{folder}/{row['mesh']}"} if row.get("mesh") in meshes else row
+                for row in fields[section]
+            ]
     return header + yaml.dump(
         content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100
     )

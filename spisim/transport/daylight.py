@@ -1,9 +1,10 @@
-"""Steady light on the detectors: sun and sky, and the projector on the ranging detectors.
+"""Steady light on the detectors: sun, sky and lamps, and the projector on the ranging detectors.
 
 The sun is parallel light, the sky a uniform upper hemisphere; both come through the fog like all
 light. They are nowhere close to a path, so that walks from the detectors alone find them with a
-finite variance. The projector is close, and its light is found like that of the image: summed
-along the detectors' rays where it is scattered once, and by all strategies where more often.
+finite variance, as those of `gather` do lamps. The projector is close, and its light is found like
+that of the image: summed along the detectors' rays where it is scattered once, and by all
+strategies where more often.
 """
 
 from __future__ import annotations
@@ -21,12 +22,14 @@ from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.direct import direct_light, mirrored_light
 from spisim.transport.engine.ends import Detectors
+from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.sampling import Gauge, TargetError, repeat
 from spisim.transport.engine.tally import Deposit, ImageTally, Sums, Tallies
 from spisim.transport.engine.walk import MAX_VERTICES, Sky, Walk
 from spisim.transport.engine.weights import alone, second_on, second_on_or_behind_glass
+from spisim.transport.lamps import lamps_of
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import World
 
@@ -70,6 +73,11 @@ def sky_of(scene: Scene, instrument: Instrument) -> Sky:
     return lambda direction: dr.select(direction.z > 0, radiance, 0)
 
 
+def has_daylight(scene: Scene) -> bool:
+    """Whether there is sun or sky."""
+    return scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0
+
+
 @with_backend
 def daylight_power(
     scene: Scene,
@@ -81,15 +89,20 @@ def daylight_power(
     target: float = STEADY_ERROR,
     seed: np.random.SeedSequence,
 ) -> Received:
-    """Power of sun and sky.
+    """Power of sun, sky and lamps.
 
     Its standard error is at most `target` of it and of `floor_w`, a light that is there anyway.
     """
-    if scene.ambient.sun_klx == 0 and scene.ambient.sky_klx == 0:
+    lamps, outdoors = lamps_of(scene, instrument, world), has_daylight(scene)
+    if not outdoors and lamps is None:
         return Received(*np.zeros((2, len(detectors.positions_m))))
     sun, sky = sun_of(scene, instrument, world), sky_of(scene, instrument)
 
     def trace(ends: Detectors, samples: int, seeds: Sequence[int], deposit: Deposit) -> None:
+        if lamps is not None:
+            Gather(world, ends, lamps, deposit, REPLICAS).run(seeds[1])
+        if not outdoors:
+            return
         walk = Walk(
             world,
             ends,

@@ -36,6 +36,9 @@ class Bounds(Protocol):
     def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
         """Distances (near, far) between which a ray of length `far` is inside, if near < far."""
 
+    def contains(self, point: Any) -> Any:
+        """Whether a point is inside."""
+
 
 @dataclass(frozen=True, eq=False)
 class Ball:
@@ -52,6 +55,32 @@ class Ball:
         half = dr.select(squared > 0, dr.sqrt(dr.maximum(squared, 0)), -dr.inf)
         return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
 
+    def contains(self, point: Any) -> Any:
+        """See `Bounds`."""
+        return dr.squared_norm(point - self.centre) <= self.radius_m**2
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoid:
+    """The ball in the unit cube under an affine map."""
+
+    to_local: Any
+
+    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+        """See `Bounds`."""
+        offset = mi.Vector3f(self.to_local @ mi.Point3f(origin)) - 0.5
+        step = self.to_local @ mi.Vector3f(direction)
+        squared = dr.squared_norm(step)
+        middle = -dr.dot(offset, step) / squared
+        # From the point of the line next to the centre: no difference of large numbers.
+        beside = dr.squared_norm(offset + middle * step)
+        half = dr.select(beside < 0.25, dr.sqrt(dr.maximum(0.25 - beside, 0) / squared), -dr.inf)
+        return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
+
+    def contains(self, point: Any) -> Any:
+        """See `Bounds`."""
+        return dr.squared_norm(mi.Vector3f(self.to_local @ mi.Point3f(point)) - 0.5) <= 0.25
+
 
 @dataclass(frozen=True, eq=False)
 class Box:
@@ -66,6 +95,11 @@ class Box:
         first, second = -start / step, (1 - start) / step
         near = dr.maximum(dr.max(dr.minimum(first, second)), 0)
         return near, dr.minimum(dr.min(dr.maximum(first, second)), far)
+
+    def contains(self, point: Any) -> Any:
+        """See `Bounds`."""
+        local = self.to_local @ mi.Point3f(point)
+        return dr.all((local >= 0) & (local <= 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,58 +177,121 @@ class Homogeneous:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Extinction σ · density, density between 0 and 1 interpolated on a grid that fills a box."""
+    """Extinction σ · density, density between 0 and 1 interpolated on a grid that fills a box.
 
-    bounds: Box
+    It is there within the bounds, by default all of the box.
+    """
+
+    box: Box
     density: Any  # mi.Texture3f
     extinction_per_m: Any
     albedo: Any
     phase: Any
+    bounds: Bounds
     in_closed_form = False
 
-    @dr.syntax
     def flight(
         self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
     ) -> Any:
-        """Distance to the first real collision, by null-collision tracking; without a bias."""
+        """Distance to the first real collision; without a bias."""
         near, end = self.bounds.interval(origin, direction, far)
+        return self.collision(origin, direction, near, end, 1, sampler, active)
+
+    def transmittance(
+        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
+    ) -> Any:
+        """Unbiased estimate of the transmittance."""
+        near, end = self.bounds.interval(origin, direction, far)
+        return self.tracked(origin, direction, near, end, 1, sampler, active)
+
+    @dr.syntax
+    def collision(
+        self,
+        origin: Any,
+        direction: Any,
+        near: Any,
+        end: Any,
+        times: Any,
+        sampler: Any,
+        active: Any,
+    ) -> Any:
+        """Distance to the first one from `near` to `end`, else infinite: null-collision tracking.
+
+        With the medium so many `times`.
+        """
         distance = mi.Float(near)
         collision = mi.Float(dr.inf)
         going = active & (near < end)
-        while dr.hint(going, exclude=[self, origin, direction, end]):
-            distance -= dr.log(1 - sampler.next_1d(going)) / self.extinction_per_m
+        while dr.hint(going, exclude=[self, origin, direction, end, times]):
+            distance -= dr.log(1 - sampler.next_1d(going)) / (self.extinction_per_m * times)
             going &= distance < end
-            real = going & (sampler.next_1d(going) < self._density(origin + distance * direction))
+            place = origin + distance * direction
+            real = going & (sampler.next_1d(going) < self.density_at(place))
             collision = dr.select(real, distance, collision)
             going &= ~real
         return collision
 
     @dr.syntax
-    def transmittance(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
+    def tracked(
+        self,
+        origin: Any,
+        direction: Any,
+        near: Any,
+        end: Any,
+        times: Any,
+        sampler: Any,
+        active: Any,
     ) -> Any:
-        """Unbiased estimate of the transmittance, by ratio tracking."""
-        near, end = self.bounds.interval(origin, direction, far)
+        """Transmittance from `near` to `end`, by ratio tracking."""
         distance = mi.Float(near)
         through = mi.Float(1)
         going = active & (near < end)
-        while dr.hint(going, exclude=[self, origin, direction, end]):
-            distance -= dr.log(1 - sampler.next_1d(going)) / self.extinction_per_m
+        while dr.hint(going, exclude=[self, origin, direction, end, times]):
+            distance -= dr.log(1 - sampler.next_1d(going)) / (self.extinction_per_m * times)
             going &= distance < end
-            free = 1 - self._density(origin + distance * direction)
+            free = 1 - self.density_at(origin + distance * direction)
             through = dr.select(going, through * free, through)
             going &= through > 0
         return through
 
     def extinction_at(self, point: Any) -> Any:
         """Extinction, 1/m."""
-        local = self.bounds.to_local @ mi.Point3f(point)
-        inside = dr.all((local >= 0) & (local <= 1))
-        return dr.select(inside, self.extinction_per_m * self._density(point), 0)
+        inside = self.bounds.contains(point)
+        return dr.select(inside, self.extinction_per_m * self.density_at(point), 0)
 
-    def _density(self, point: Any) -> Any:
-        local = self.bounds.to_local @ mi.Point3f(point)
+    def density_at(self, point: Any) -> Any:
+        """Between 0 and 1."""
+        local = self.box.to_local @ mi.Point3f(point)
         return self.density.eval(local)[0]
+
+
+class Medium(Protocol):
+    """One of the media of a scene."""
+
+    @property
+    def albedo(self) -> Any:
+        """Single-scattering albedo."""
+
+    @property
+    def phase(self) -> Any:
+        """Mitsuba's phase function."""
+
+    @property
+    def in_closed_form(self) -> bool:
+        """Whether the transmittance is known."""
+
+    def flight(
+        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
+    ) -> Any:
+        """Distance to the first collision, infinite where there is none before `far`."""
+
+    def transmittance(
+        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
+    ) -> Any:
+        """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
+
+    def extinction_at(self, point: Any) -> Any:
+        """Extinction, 1/m."""
 
 
 class Collision(NamedTuple):
@@ -208,7 +305,7 @@ class Collision(NamedTuple):
 class Media:
     """All media of a scene; empty for clear air."""
 
-    parts: tuple[Homogeneous | Grid, ...]
+    parts: tuple[Medium, ...]
 
     def flight(
         self, ray: Any, far: Any, sampler: Any, active: Any, left_m: Any = dr.inf

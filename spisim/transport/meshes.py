@@ -6,8 +6,9 @@ a call to one of all shapes and materials.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import accumulate
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -15,6 +16,7 @@ from weakref import WeakKeyDictionary
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from spisim.scene import SceneObject, texture_coordinates
@@ -64,6 +66,26 @@ class Meshes:
             np.array(in_order, dtype=np.int64),
         )
 
+    @property
+    def triangles(self) -> int:
+        """Of all objects together."""
+        return int(self._starts[-1])
+
+    def triangles_of(self, number: int) -> slice:
+        """The numbers that the triangles of an object have here, in their order."""
+        (place,) = np.flatnonzero(self._objects == number)
+        return slice(int(self._starts[place]), int(self._starts[place + 1]))
+
+    @cached_property
+    def _first_of(self) -> Any:
+        """Number of the first triangle of each of Dr.Jit's numbers of a shape."""
+        return mi.UInt32(np.where(self._shapes >= 0, self._first[self._shapes], 0))
+
+    def triangle(self, si: Any, active: Any) -> Any:
+        """Number of the triangle that each ray meets, in a kernel."""
+        shape: Any = dr.reinterpret_array(mi.UInt32, si.shape)
+        return dr.gather(mi.UInt32, self._first_of, shape, active) + si.prim_index
+
     def object_ids(self, si: Any) -> NDArray[np.int64]:
         """Number of the object that each ray meets, -1 for none."""
         numbers = _registry_ids(si.shape)
@@ -83,7 +105,7 @@ _KEPT: WeakKeyDictionary[SceneObject, tuple[bytes, Meshes]] = WeakKeyDictionary(
 def shapes(objects: Sequence[SceneObject]) -> dict[str, Any]:
     """Mitsuba meshes by name, one for each material, in the order of its first object."""
     return {
-        f"mesh_{i}": _mesh([objects[number] for number in group])
+        f"mesh_{i}": shape([objects[number] for number in group])
         for i, group in enumerate(_by_material(objects))
     }
 
@@ -97,21 +119,39 @@ def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
     return list(groups.values())
 
 
-def _mesh(things: Sequence[SceneObject]) -> Any:
-    """All triangles of objects of one material."""
+def shape(things: Sequence[SceneObject], **parts: Any) -> Any:
+    """All triangles of objects of one material as a Mitsuba mesh; `parts` are more of its plugins.
+
+    Such as the medium within it, or its light.
+    """
     material = things[0].material
+    meshes = [thing.mesh for thing in things]
+    with_uv = material.needs_texture_coordinates
+    bsdf = mi.load_dict(bsdf_dict(material))
+    return mesh_shape(meshes, bsdf, parts, name=things[0].name, with_uv=with_uv)
+
+
+def mesh_shape(
+    meshes: Sequence[trimesh.Trimesh],
+    bsdf: Any,
+    parts: Mapping[str, Any],
+    *,
+    name: str = "mesh",
+    with_uv: bool = False,
+) -> Any:
+    """All triangles of some meshes as one of Mitsuba's."""
     properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(bsdf_dict(material))
-    vertices = np.concatenate([np.float32(thing.mesh.vertices) for thing in things])
-    firsts = np.cumsum([0, *(len(thing.mesh.vertices) for thing in things[:-1])], dtype=np.uint32)
+    properties["bsdf"] = bsdf
+    for key, part in parts.items():
+        properties[key] = part
+    vertices = np.concatenate([np.float32(mesh.vertices) for mesh in meshes])
+    firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])], dtype=np.uint32)
     faces = np.concatenate(
-        [np.uint32(thing.mesh.faces) + n for thing, n in zip(things, firsts, strict=True)]
+        [np.uint32(mesh.faces) + n for mesh, n in zip(meshes, firsts, strict=True)]
     )
-    uv = None
-    if material.needs_texture_coordinates:
-        uv = np.concatenate([texture_coordinates(thing.mesh) for thing in things])
+    uv = np.concatenate([texture_coordinates(mesh) for mesh in meshes]) if with_uv else None
     mesh = mi.Mesh(
-        things[0].name,
+        name,
         len(vertices),
         len(faces),
         has_vertex_texcoords=uv is not None,

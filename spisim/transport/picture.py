@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.daylight import sky_of, sun_of
+from spisim.transport.daylight import has_daylight, sky_of, sun_of
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import image_light, transport_image
+from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.sampling import Paths, repeat
 from spisim.transport.engine.tally import ImageTally, Sums, Tallies
-from spisim.transport.engine.walk import Walk
+from spisim.transport.engine.walk import MAX_VERTICES, Walk
 from spisim.transport.engine.weights import alone
+from spisim.transport.lamps import lamps_of
 from spisim.transport.views import InstrumentView, ProjectorView
 from spisim.transport.world import build_world
 
@@ -56,11 +58,12 @@ def camera_view(
     position_m: tuple[float, float, float] = ABOVE_M,
     spp: int = 32,
     seed: int = 0,
+    max_vertices: int = MAX_VERTICES,
 ) -> NDArray[np.float32]:
-    """In-band radiance (height, width), W m⁻² sr⁻¹: the lit pattern, sun and sky together.
+    """In-band radiance (height, width), W m⁻² sr⁻¹: the lit pattern, sun, sky and lamps together.
 
-    The projector's light is traced from both ends, as that of the transport image is; sun and sky
-    from the camera alone.
+    The projector's light is traced from both ends, as that of the transport image is; sun, sky and
+    lamps from the camera alone. Lamps without a size are not seen themselves, only what they light.
 
     Parameters
     ----------
@@ -70,6 +73,8 @@ def camera_view(
         (H, W) share of each virtual pixel's power, by default all on.
     position_m
         Of the camera in the optical frame; it looks along the optical axis.
+    max_vertices
+        Light that is scattered more often is left out.
     """
     placed = InstrumentView.placed(scene, instrument).projector
     world = build_world(scene)
@@ -77,7 +82,7 @@ def camera_view(
     lit = np.ones(placed.shape) if pattern is None else np.asarray(pattern)
     power_w = instrument.pixel_powers_w * lit
     total_w = float(power_w.sum())
-    daylight = scene.ambient.sun_klx > 0 or scene.ambient.sky_klx > 0
+    lamps = lamps_of(scene, instrument, world)
     sky = sky_of(scene, instrument)
     sun = sun_of(scene, instrument, world)
 
@@ -86,9 +91,12 @@ def camera_view(
         ours, rest = (Tallies(view.pixels, [ImageTally]) for _ in range(2))
         if total_w > 0:
             lamp = Lamp.of(placed, power_w, camera.lanes)
-            image_light(world, camera, lamp, seeds, ours.add)
-        if daylight:
-            Walk(world, camera, sun, False, alone, rest.add, sky=sky).run(seeds[0] ^ 1)
+            image_light(world, camera, lamp, seeds, ours.add, max_vertices=max_vertices)
+        if has_daylight(scene):
+            walk = Walk(world, camera, sun, False, alone, rest.add, sky=sky)
+            walk.run(seeds[0] ^ 1, max_vertices)
+        if lamps is not None:
+            Gather(world, camera, lamps, rest.add).run(seeds[1] ^ 1, max_vertices)
         lit, sunny = ours.read(1.0), rest.read(1.0)
         radiance = total_w * lit.values["image"] + sunny.values["image"]
         return Sums({"radiance": radiance}, lit.dropped + sunny.dropped)

@@ -6,7 +6,9 @@ emits the patterns. That makes it the oracle of the tests and the baseline of th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations
+from types import MappingProxyType
 from typing import Any
 
 import drjit as dr
@@ -17,11 +19,11 @@ from numpy.typing import NDArray
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene import Scene
+from spisim.scene.volumes import share_space
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.engine.ends import Detectors
-from spisim.transport.meshes import shapes
-from spisim.transport.phase import phase_plugin
+from spisim.transport.reference_scene import medium_dict, reference_scene
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball
 
@@ -32,26 +34,48 @@ MITSUBA_FROM_OPTICAL = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 class Renderer:
-    """A scene with emitters, lit and seen through its fog by Mitsuba's `volpath`."""
+    """A scene with its lamps and more emitters, lit and seen by Mitsuba's `volpath`.
 
-    def __init__(self, scene: Scene, emitters: dict[str, Any]) -> None:
-        description: dict[str, Any] = {"type": "scene", **shapes(scene.objects), **emitters}
-        fog, boundary = _medium(scene)
+    Mitsuba knows one medium at a place: fog everywhere, or volumes that do not overlap, with the
+    instrument outside of them.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        emitters: Mapping[str, Any] = MappingProxyType({}),
+        *,
+        watts_per_klm: float = 1.0,
+        max_depth: int = MAX_DEPTH,
+    ) -> None:
+        fogs = [scene.atmosphere] if scene.atmosphere.extinction_per_m > 0 else []
+        if len(fogs) > 0 and scene.volumes:
+            raise InputError("the reference engine takes one medium: fog or volumes, not both")
+        for first, second in combinations(scene.volumes, 2):
+            if share_space(first, second):
+                raise InputError(
+                    f"volumes {first.name!r} and {second.name!r} overlap, which the reference "
+                    "engine cannot have"
+                )
+        description = {"type": "scene", **reference_scene(scene, watts_per_klm), **emitters}
         self._around = None  # the medium that the instrument is in
-        if boundary is not None:
-            description["fog"] = boundary
-            if scene.volumes == ():
-                self._around = fog
-                for name, emitter in emitters.items():
-                    description[name] = {**emitter, "medium": fog}
+        for air in fogs:
+            self._around = mi.load_dict(medium_dict(air, air.extinction_per_m))
+            centre, radius = fog_ball(scene)
+            ball = {"type": "sphere", "center": centre.tolist(), "radius": radius}
+            description["fog"] = {**ball, "bsdf": {"type": "null"}, "interior": self._around}
+            for name, emitter in emitters.items():
+                description[name] = {**emitter, "medium": self._around}
         self.scene = mi.load_dict(description)
         self.parameters = mi.traverse(self.scene)
         # Only volpath connects a path to the emitter through panes and masks.
-        clear = fog is None and not any(
-            is_null_transmitting(thing.material) for thing in scene.objects
+        clear = (
+            not fogs
+            and not scene.volumes
+            and not any(is_null_transmitting(thing.material) for thing in scene.objects)
         )
         kind = "path" if clear else "volpath"
-        self._integrator = mi.load_dict({"type": kind, "max_depth": MAX_DEPTH})
+        self._integrator = mi.load_dict({"type": kind, "max_depth": max_depth})
 
     def radiance(self, origin: Any, direction: Any, sampler: Any) -> Any:
         """Radiance arriving at `origin` against `direction`, one sample per lane."""
@@ -69,50 +93,6 @@ class Renderer:
         power = self.radiance(launch.origin, launch.direction, sampler) * launch.beta
         per_path = np.asarray(power.numpy(), dtype=np.float64).reshape(samples, count)
         return np.asarray(per_path.sum(axis=0) * detectors.area_m2)
-
-
-def _medium(scene: Scene) -> tuple[Any, dict[str, Any] | None]:
-    """The scene's medium and the surface around it, as Mitsuba has them.
-
-    Mitsuba knows one medium at a place: fog everywhere or one volume, with the instrument outside.
-    """
-    fogs = [scene.atmosphere] if scene.atmosphere.extinction_per_m > 0 else []
-    if len(fogs) + len(scene.volumes) > 1:
-        raise InputError("the reference engine takes one medium: fog or one volume, not more")
-    boundary: dict[str, Any]
-    if fogs:
-        centre, radius = fog_ball(scene)
-        boundary = {"type": "sphere", "center": centre.tolist(), "radius": radius}
-        extinction: Any = fogs[0].extinction_per_m
-        optics, kind = fogs[0], "homogeneous"
-    elif scene.volumes:
-        (volume,) = scene.volumes
-        optics, extinction = volume.medium, volume.medium.extinction_per_m
-        kind = "homogeneous" if volume.density is None else "heterogeneous"
-        # Mitsuba's cube spans [-1, 1]³, its grids [0, 1]³.
-        cube = volume.to_world @ np.diag([0.5, 0.5, 0.5, 1.0])
-        cube[:3, 3] += volume.to_world[:3, :3] @ [0.5, 0.5, 0.5]
-        boundary = {"type": "cube", "to_world": mi.ScalarTransform4f(cube.tolist())}
-        if volume.density is not None:
-            extinction = {
-                "type": "gridvolume",
-                "grid": mi.VolumeGrid(volume.density[..., None] * np.float32(extinction)),
-                "to_world": mi.ScalarTransform4f(volume.to_world.tolist()),
-                "wrap_mode": "clamp",
-                "raw": True,
-            }
-    else:
-        return None, None
-    medium = mi.load_dict(
-        {
-            "type": kind,
-            "sigma_t": extinction,
-            "albedo": optics.albedo,
-            "phase": phase_plugin(optics.phase),
-            "has_spectral_extinction": False,
-        }
-    )
-    return medium, {**boundary, "bsdf": {"type": "null"}, "interior": medium}
 
 
 @with_backend

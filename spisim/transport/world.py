@@ -11,18 +11,22 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from spisim.atmosphere import Atmosphere
-from spisim.scene import Scene
+from spisim.scene import Scene, Volume
 from spisim.scene.bsdf import Diffuse
+from spisim.scene.lamps import PointLamp
 from spisim.transport.backend import with_backend
+from spisim.transport.enclosed import Enclosed, surface_scene
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import (
     Ball,
     Bias,
     Bounds,
     Box,
+    Ellipsoid,
     Grid,
     Homogeneous,
     Media,
+    Medium,
     density_texture,
 )
 from spisim.transport.meshes import Meshes
@@ -76,22 +80,28 @@ def _geometry(scene: Scene) -> Geometry:
 
 def _media(scene: Scene) -> Media:
     """Fog everywhere, and the volumes besides."""
-    parts: list[Homogeneous | Grid] = []
+    parts: list[Medium] = []
     if scene.atmosphere.extinction_per_m > 0:
         centre, radius_m = fog_ball(scene)
         ball = Ball(dr.opaque(mi.Point3f, centre.tolist()), dr.opaque(mi.Float, radius_m))
         parts.append(_homogeneous(ball, scene.atmosphere))
-    for volume in scene.volumes:
-        box = Box(transform(np.linalg.inv(volume.to_world)))
-        if volume.density is None:
-            parts.append(_homogeneous(box, volume.medium))
-        else:
-            peak, texture = float(volume.density.max()), volume.density
-            thickest = replace(
-                volume.medium, extinction_per_m=volume.medium.extinction_per_m * peak
-            )
-            parts.append(Grid(box, density_texture(texture / peak), *_optics(thickest)))
-    return Media(tuple(parts))
+    return Media((*parts, *map(_filled, scene.volumes)))
+
+
+def _filled(volume: Volume) -> Medium:
+    """What a volume is filled with."""
+    to_local = transform(np.linalg.inv(volume.to_world))
+    bounds: Bounds = Ellipsoid(to_local) if volume.shape == "ball" else Box(to_local)
+    grid = None
+    if volume.density is not None:
+        peak = float(volume.density.max())
+        thickest = replace(volume.medium, extinction_per_m=volume.medium.extinction_per_m * peak)
+        texture = density_texture(volume.density / peak)
+        grid = Grid(Box(to_local), texture, *_optics(thickest), bounds)
+    if not isinstance(volume.shape, str):
+        optics = _optics(volume.medium if grid is None else thickest)
+        return Enclosed(surface_scene(volume.shape), *optics, grid)
+    return grid or _homogeneous(bounds, volume.medium)
 
 
 def _homogeneous(bounds: Bounds, medium: Atmosphere) -> Homogeneous:
@@ -117,8 +127,9 @@ def fog_ball(scene: Scene) -> tuple[Floats, float]:
 
 
 def _everything(scene: Scene) -> tuple[Floats, float]:
-    """Centre (3,) and radius of a ball around every surface and the instrument, in metres."""
+    """Centre (3,) and radius of a ball around all surfaces, lamps and the instrument, in metres."""
     corners = [thing.mesh.bounds for thing in scene.objects] + [scene.drone_pose[None, :3, 3]]
+    corners += [np.array([each.position_m]) for each in scene.lamps if isinstance(each, PointLamp)]
     points = np.concatenate(corners)
     low, high = points.min(axis=0), points.max(axis=0)
     return (low + high) / 2, float(np.linalg.norm(high - low) / 2 + FOG_MARGIN_M)

@@ -421,14 +421,15 @@ def test_media_in_boxes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (shape("sphere", MEDIUM), "media fill boxes here and this is none"),
-        (shape("cube", MEDIUM, '<matrix value="1 0.5 0 0 1 0 0 0 1"/>'), "this is none"),
+        (shape("sphere", MEDIUM), "0.8 per unit, albedo 0.9, g 0.7 .* is a volume"),
+        (shape("rectangle", MEDIUM), "left out, mesh 'rectangle' is not closed"),
         (shape("cube", MEDIUM.replace("0.4 8 9", "0 8 9")), "has no extinction"),
         (shape("cube", '<medium type="heterogeneous" name="interior"/>'), "grids are left out"),
         (shape("cube", '<emitter type="area"><rgb name="radiance" value="3 2 1"/></emitter>'),
-         "area emitter on 'cube': radiance 3, 2, 1 is left out"),
-        (shape("cube") + '<emitter type="spot"/>', "spot emitter: .* left out"),
-        (shape("cube") + '<emitter type="constant"/>', "give sky_klx under"),
+         "area emitter on 'cube': radiance 3, 2, 1 has no unit: taken for 3 "),
+        (shape("cube") + '<emitter type="spot"/>', "spot emitter: .* taken for 1 W/sr"),
+        (shape("cube") + '<emitter type="constant"/>', r"constant emitter: .* W/\(m² sr\)"),
+        (shape("cube") + '<emitter type="projector"/>', "projector emitter: .* left out"),
     ],
 )  # fmt: skip
 def test_light_and_media_that_are_told(tmp_path: Path, body: str, message: str) -> None:
@@ -436,14 +437,45 @@ def test_light_and_media_that_are_told(tmp_path: Path, body: str, message: str) 
     assert any(re.search(message, note) for note in notes), notes
 
 
+def test_lamps_and_media_in_meshes(tmp_path: Path) -> None:
+    """Ten times as large, and lit as brightly; y is up as the sensor has it."""
+    sensor = (
+        '<sensor type="perspective"><transform name="to_world">'
+        '<lookat origin="0, 0, 9" target="0, 0, 0" up="0, 1, 0"/></transform></sensor>'
+    )
+    light = '<emitter type="area"><float name="radiance" value="3"/></emitter>'
+    body = (
+        shape("sphere", MEDIUM + '<bsdf type="null"/>', '<translate y="2"/>')
+        + shape("cube", light)
+        + '<emitter type="point"><point name="position" x="0" y="4" z="0"/>'
+        '<float name="intensity" value="5"/></emitter>'
+        '<emitter type="spot"><float name="cutoff_angle" value="30"/><transform name="to_world">'
+        '<lookat origin="0, 3, 0" target="0, 0, 0" up="1, 0, 0"/></transform></emitter>'
+        '<emitter type="directional"><vector name="direction" x="0" y="-2" z="0"/></emitter>'
+        '<emitter type="constant"><float name="radiance" value="0.5"/></emitter>'
+    )
+    found = taken(scene(tmp_path / "a.xml", sensor + body), scale=10.0).written.scene
+    (volume,) = found.volumes
+    assert isinstance(volume.shape, trimesh.Trimesh)
+    np.testing.assert_allclose(
+        volume.shape.bounds, [[-10, -10, 10], [10, 10, 30]], atol=0.05, rtol=0
+    )
+    assert volume.medium.extinction_per_m == pytest.approx(0.08)
+    lamps = {lamp.summary()["type"]: lamp for lamp in found.lamps}
+    assert lamps["area"].object == "cube"
+    assert lamps["area"].radiance.amount == pytest.approx(3)
+    np.testing.assert_allclose(lamps["point"].position_m, [0, 0, 40], atol=1e-6)
+    assert lamps["point"].intensity.amount == pytest.approx(500)
+    np.testing.assert_allclose(lamps["spot"].position_m, [0, 0, 30], atol=1e-6)
+    np.testing.assert_allclose(lamps["spot"].direction, [0, 0, -1], atol=1e-6)
+    assert np.degrees(lamps["spot"].beam_rad) == pytest.approx(22.5)
+    np.testing.assert_allclose(lamps["directional"].direction, [0, 0, -1], atol=1e-6)
+    assert lamps["environment"].radiance.amount == pytest.approx(0.5)
+
+
 @pytest.mark.parametrize(
     ("emitter", "ambient"),
     [
-        ('<emitter type="directional"><vector name="direction" x="0" y="-2" z="0"/></emitter>',
-         (0, (0, 0, -1), 0)),
-        ('<emitter type="directional"><transform name="to_world">'
-         '<lookat origin="0 0 0" target="3 0 0" up="0 1 0"/></transform></emitter>',
-         (0, (1, 0, 0), 0)),
         ('<emitter type="sunsky"><vector name="sun_direction" x="0" y="1" z="0"/></emitter>',
          (100, (0, 0, -1), 20)),
     ],

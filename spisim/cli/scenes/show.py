@@ -74,6 +74,12 @@ def _print(found: Survey) -> None:
         f"{media or 'clear air'}",
         soft_wrap=True,
     )
+    for lamp in found.lamps:
+        results.print(
+            f"lamp {lamp['name']}: {lamp['type']}, {lamp['quantity']} {lamp['amount']:.4g} "
+            f"{lamp['unit']}",
+            soft_wrap=True,
+        )
 
 
 def _cells(spot: Spot) -> tuple[str, str]:

@@ -27,7 +27,7 @@ class Spot:
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Distances in metres from the pinhole, over the projector's field; counts; media.
+    """Distances in metres from the pinhole, over the projector's field; counts; media; lamps.
 
     `nearest` and `farthest` are of the projector's field, `points_m` (n, 3) what is hit there, in
     the world. `problem` is what makes the scene useless to the instrument, None for nothing.
@@ -42,6 +42,7 @@ class Survey:
     objects: int
     triangles: int
     media: list[dict[str, Any]]
+    lamps: list[dict[str, Any]]
     problem: str | None
     points_m: Floats
     nearest_m: Floats  # (3,), where the nearest one is; nan where nothing is
@@ -83,6 +84,7 @@ def survey(scene: Scene, instrument: Instrument, caster: RayCaster) -> Survey:
         objects=len(scene.objects),
         triangles=sum(len(thing.mesh.faces) for thing in scene.objects),
         media=scene.media_summary(),
+        lamps=[lamp.summary() for lamp in scene.lamps],
         problem=layout_problem(scene, needs(instrument)),
         points_m=points,
         nearest_m=origin + field.range_m[near] * rays[1][near] if hit.any() else np.full(3, np.nan),

@@ -1,10 +1,12 @@
 """Media and emitters of Mitsuba scenes, as far as a scene file can say them.
 
 Mitsuba knows neither 1550 nm nor, in scenes of colours, a unit of light. Of a spectrum the value
-of its longest wavelength is taken, of a colour its red, which is nearest. How bright daylight is
-stays open, but where it comes from is taken.
+of its longest wavelength is taken, of a colour its red, which is nearest. Lamps
+keep their numbers, as watts within the instrument's band.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,31 +14,53 @@ import numpy as np
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.mitsuba_file import Node
-from spisim.scene.importing.model import Content, Daylight, Haze
+from spisim.scene.importing.model import Content, Daylight, Glow, Haze, Part
+from spisim.scene.importing.shapes import as_mesh
+from spisim.scene.volumes import closed
 
 #: Illuminance that Mitsuba's physical sun and sky are taken for: a clear day.
 SUN_KLX, SKY_KLX = 100.0, 20.0
 LIGHT = ("radiance", "irradiance", "intensity")
+#: What an emitter's light is told in, and the field of a lamp that takes it.
+LAMPS = {
+    "area": ("radiance", "radiance_w_per_m2_sr", "W/(m² sr)"),
+    "constant": ("radiance", "radiance_w_per_m2_sr", "W/(m² sr)"),
+    "directional": ("irradiance", "irradiance_w_per_m2", "W/m²"),
+    "point": ("intensity", "intensity_w_per_sr", "W/sr"),
+    "spot": ("intensity", "intensity_w_per_sr", "W/sr"),
+}
+SAY = {"constant": "environment", "directional": "directional", "point": "point", "spot": "spot"}
 
 
-def take_medium(node: Node, box: Floats | None, name: str, content: Content) -> None:
-    """Add a medium that fills a box, `box` (4, 4) of a cube of edge 1; note what cannot be told."""
+def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None], name: str,
+                content: Content) -> None:  # fmt: skip
+    """Add a medium that fills parts of a shape, in the world; note what cannot be told.
+
+    `boxes` (4, 4) of cubes of edge 1 are those of parts that are one.
+    """
     what = f"{node.what} in {name!r:.80}"
     if node.type != "homogeneous":
         content.note(f"{what}: grids are left out; give `density` of a volume in the scene file")
         return
     extinction, albedo, g = _coefficients(node)
-    told = (
-        f"extinction {extinction:.4g} per unit, albedo {albedo:.4g}, g {g:.3g} (red, as at 1550 nm)"
-    )
-    if box is None:
-        content.note(f"{what}: {told}: left out, media fill boxes here and this is none")
-        return
     if not extinction > 0:
         content.note(f"{what}: has no extinction and is left out")
         return
-    content.hazes.append(Haze(node.id or name, box, extinction, albedo, g))
-    content.note(f"{what}: {told} is a volume of the scene file")
+    told = (
+        f"extinction {extinction:.4g} per unit, albedo {albedo:.4g}, g {g:.3g} (red, as at 1550 nm)"
+    )
+    for part, box in zip(parts, boxes, strict=True):
+        haze = Haze(node.id or name, part.to_world, extinction, albedo, g)
+        if box is not None:
+            content.hazes.append(replace(haze, to_world=box))
+        else:
+            try:
+                mesh = closed(as_mesh(part.geometry), name)
+            except InputError as error:
+                content.note(f"{what}: {told}: left out, {error}")
+                continue
+            content.hazes.append(replace(haze, mesh=mesh))
+        content.note(f"{what}: {told} is a volume of the scene file")
 
 
 def _coefficients(node: Node) -> tuple[float, float, float]:
@@ -58,32 +82,58 @@ def _coefficients(node: Node) -> tuple[float, float, float]:
     return float(extinction), float(albedo), float(g)
 
 
-def take_emitter(node: Node, content: Content, shape: str | None = None) -> None:
-    """Take the direction of the sun; note all other light with what the file says of it."""
-    if node.type == "directional" and content.daylight is None:
-        content.daylight = Daylight(0.0, _direction(node), 0.0)
-        content.note(
-            f"{node.what}: the sun shines from there, with {_amount(node)} of no unit, which tells "
-            "no daylight: give sun_klx under `ambient` in the scene file (100 at noon)"
-        )
-    elif node.type in ("sunsky", "sun") and content.daylight is None:
+def take_emitter(node: Node, content: Content, shape: str | None = None) -> float:
+    """Take a lamp or the sun, and tell of it; return the radiance of one that is a surface.
+
+    Numbers without a unit are taken for watts within the instrument's band.
+    """
+    if node.type in ("sunsky", "sun") and content.daylight is None:
         to_sun = node.value("sun_direction", np.array([0.0, 0.0, 1.0]))
         sky_klx = SKY_KLX if node.type == "sunsky" else 0.0
         content.daylight = Daylight(SUN_KLX, -_turned(node, to_sun), sky_klx)
         content.note(
             f"{node.what}: taken for a clear day, {SUN_KLX:g} klx of sun and {sky_klx:g} of sky"
         )
-    elif node.type in ("constant", "envmap", "sky", "directional"):
-        content.note(
-            f"{node.what}: {_amount(node)} of no unit is left out: give sky_klx under `ambient` in "
-            "the scene file (20 under a clear sky)"
-        )
-    else:
-        where = "" if shape is None else f" on {shape!r:.80}"
-        content.note(
-            f"{node.what}{where}: {_amount(node)} is left out: lamps, mostly of no light at "
-            "1550 nm, are not in scene files"
-        )
+        return 0.0
+    where = "" if shape is None else f" on {shape!r:.80}"
+    what = f"{node.what}{where}: {_amount(node)}"
+    if node.type not in LAMPS:
+        content.note(f"{what} is left out: give `lamps` in the scene file")
+        return 0.0
+    quantity, field, unit = LAMPS[node.type]
+    try:
+        amount = _infrared(node, quantity, 1.0)
+    except InputError:
+        content.note(f"{what} is left out, which is no number: give `lamps` in the scene file")
+        return 0.0
+    if not 0 < amount < np.inf:
+        content.note(f"{what} is left out: it gives no light")
+        return 0.0
+    content.note(
+        f"{what} has no unit: taken for {amount:.4g} {unit} within the instrument's band, of which "
+        "most lamps for the eye have next to nothing; see `lamps` in the scene file"
+    )
+    if node.type == "area":
+        return amount
+    content.glows.append(_glow(node, {"type": SAY[node.type], field: amount}))
+    return 0.0
+
+
+def _glow(node: Node, fields: dict[str, Any]) -> Glow:
+    name = node.id or node.name or node.type
+    if node.type == "constant":
+        return Glow(name, fields)
+    if node.type == "directional":
+        return Glow(name, fields, direction=_direction(node))
+    to_world = node.value("to_world", np.eye(4))
+    if node.type == "point":
+        return Glow(name, fields, position=node.value("position", to_world[:3, 3]))
+    cutoff = node.value("cutoff_angle", 20.0)
+    if not 0 < cutoff <= 90:
+        raise InputError(f"{node.what}: cutoff_angle {cutoff} is not within 0 to 90")
+    beam = min(node.value("beam_width", 0.75 * cutoff), cutoff)
+    fields |= {"cutoff_deg": cutoff, "beam_deg": beam}
+    return Glow(name, fields, to_world[:3, 3], _turned(node, np.array([0.0, 0.0, 1.0])))
 
 
 def _amount(node: Node) -> str:

@@ -5,6 +5,7 @@ https://mitsuba.readthedocs.io/en/stable/src/key_topics/scene_format.html
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -91,13 +92,14 @@ class _Shapes:
         parts = self._parts(node, kind, name)
         if kind in MESHES and parts:
             name = node.id or Path(node.value("filename", name)).stem
-        surface = self._surface(node)
+        surface, radiance = self._surface(node), 0.0
         for each in node.children:
             if each.kind == "emitter":
-                take_emitter(each, self._content, name)
+                radiance += take_emitter(each, self._content, name)
             elif each.kind == "medium" and node.properties.get("interior") is each:
+                placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
                 boxes = [_as_box(part, to_world) for part in parts]
-                take_medium(each, boxes[0] if len(boxes) == 1 else None, name, self._content)
+                take_medium(each, placed, boxes, name, self._content)
         if surface is None:
             self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
             return
@@ -106,7 +108,7 @@ class _Shapes:
             if node.value("flip_normals", False):
                 geometry = shapes.as_mesh(geometry).copy()
                 geometry.invert()
-            self._content.add(Part(name, geometry, to_world @ part.to_world, surface))
+            self._content.add(Part(name, geometry, to_world @ part.to_world, surface, radiance))
 
     def _parts(self, node: Node, kind: str, name: str) -> list[Part]:
         """Geometry of a shape in its own coordinates."""

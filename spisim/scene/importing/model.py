@@ -1,11 +1,11 @@
 """What the readers of foreign formats hand over: parts in a common world, and what was odd."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from json import JSONDecodeError
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import trimesh
@@ -51,13 +51,14 @@ class Part:
     geometry: trimesh.Trimesh | Shape
     to_world: Floats
     surface: Surface
+    radiance: float = 0.0  # of an area lamp, W/(m² sr)
 
 
 @dataclass(frozen=True, eq=False)
 class Haze:
-    """A box of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
+    """A body of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
 
-    `extinction` is per unit of the file.
+    Or a closed `mesh`. `extinction` is per unit of the file.
     """
 
     name: str
@@ -65,6 +66,20 @@ class Haze:
     extinction: float
     albedo: float
     g: float
+    mesh: trimesh.Trimesh | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Glow:
+    """A lamp that is no surface: the `fields` of a scene file that tell its type and strength.
+
+    And where it is and shines to, as far as it has a place and a direction.
+    """
+
+    name: str
+    fields: Mapping[str, Any]
+    position: Floats | None = None
+    direction: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +107,7 @@ class Content:
     cameras: list[Floats] = field(default_factory=list)  # (4, 4), look along their z
     hazes: list[Haze] = field(default_factory=list)
     daylight: Daylight | None = None
+    glows: list[Glow] = field(default_factory=list)
 
     def add(self, part: Part) -> None:
         """Append a part; InputError for too many of them."""

@@ -9,7 +9,7 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
-from spisim.scene.importing.model import Axis, Content, Part, Shape, check_poses, scaling
+from spisim.scene.importing.model import Axis, Content, Glow, Shape, check_poses, scaling
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
@@ -68,7 +68,7 @@ def to_metres(content: Content, scale: float) -> Content:
     poses = turn @ grow @ given @ shrink
     check_poses(poses, names)
     parts = [
-        Part(part.name, resized[id(part.geometry)], pose, part.surface)
+        replace(part, geometry=resized[id(part.geometry)], to_world=pose)
         for part, pose in zip(content.parts, poses, strict=True)
     ]
     hazes = [
@@ -79,7 +79,23 @@ def to_metres(content: Content, scale: float) -> Content:
     if daylight is not None:
         daylight = replace(daylight, sun_direction=turn[:3, :3] @ daylight.sun_direction)
     cameras = [turn @ grow @ camera @ shrink for camera in content.cameras]
-    return replace(content, parts=parts, cameras=cameras, hazes=hazes, daylight=daylight)
+    glows = [_moved(glow, turn @ grow, factor) for glow in content.glows]
+    return replace(
+        content, parts=parts, cameras=cameras, hazes=hazes, daylight=daylight, glows=glows
+    )
+
+
+def _moved(glow: Glow, move: Floats, factor: float) -> Glow:
+    """A lamp that lights things `factor` times as large just as brightly."""
+    fields = dict(glow.fields)
+    if "intensity_w_per_sr" in fields:
+        fields["intensity_w_per_sr"] *= factor**2
+    position, direction = glow.position, glow.direction
+    if position is not None:
+        position = move[:3, :3] @ position + move[:3, 3]
+    if direction is not None:
+        direction = move[:3, :3] @ direction / factor
+    return replace(glow, fields=fields, position=position, direction=direction)
 
 
 def odd_sizes(bounds_m: Floats) -> list[str]:

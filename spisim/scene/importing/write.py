@@ -2,7 +2,7 @@
 
 import re
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from reconstruction.arrays import Floats
 from spisim.scene.importing.drone import DronePose
 from spisim.scene.importing.materials import Match
-from spisim.scene.importing.model import Content, Haze, Part, Shape
+from spisim.scene.importing.model import Content, Glow, Haze, Part, Shape
 from spisim.scene.importing.shapes import as_mesh, stretched
 from spisim.scene.pose import pose_matrix
 
@@ -32,7 +32,7 @@ def scene_fields(
 
     `matches` are the materials of the content's parts.
     """
-    objects, meshes = _objects(content.parts, matches)
+    objects, meshes, lamps = _objects(content.parts, matches)
     fields: dict[str, Any] = {
         "name": name,
         "description": f"imported from {source}",
@@ -44,7 +44,11 @@ def scene_fields(
     }
     if content.hazes:
         taken: set[str] = set()
-        fields["volumes"] = [_haze_row(haze, taken) for haze in content.hazes]
+        fields["volumes"] = [_haze_row(haze, taken, meshes) for haze in content.hazes]
+    named = {lamp["name"] for lamp in lamps}
+    lamps += [_glow_row(glow, named) for glow in content.glows]
+    if lamps:
+        fields["lamps"] = lamps
     if content.daylight is not None:
         fields["ambient"] = {
             "sun_klx": round(content.daylight.sun_klx, 3),
@@ -54,26 +58,43 @@ def scene_fields(
     return fields, meshes
 
 
-def _haze_row(haze: Haze, taken: set[str]) -> dict[str, Any]:
+def _glow_row(glow: Glow, taken: set[str]) -> dict[str, Any]:
+    row = {"name": _unique_name(glow.name, 1, taken), **glow.fields}
+    if glow.position is not None:
+        row["position_m"] = _rounded(glow.position, 6)
+    if glow.direction is not None:
+        row["direction"] = _rounded(glow.direction, 9)
+    return row
+
+
+def _haze_row(haze: Haze, taken: set[str], meshes: Meshes) -> dict[str, Any]:
+    name = _unique_name(haze.name, 1, taken)
+    medium = {
+        "extinction_per_m": float(f"{haze.extinction:.9g}"),
+        "albedo": haze.albedo,
+        "g": haze.g,
+    }
+    if haze.mesh is not None:
+        file = _unique_file(f"{haze.name} bounds", meshes)
+        meshes[file] = haze.mesh.copy().apply_transform(haze.to_world)
+        return {"name": name, "mesh": file, **medium}
     pose = haze.to_world.copy()
     size_m = np.linalg.norm(pose[:3, :3], axis=0)
     pose[:3, :3] /= size_m
     if np.linalg.det(pose[:3, :3]) < 0:  # a box is symmetric
         pose[:3, 0] *= -1
     return {
-        "name": _unique_name(haze.name, 1, taken),
+        "name": name,
         "size_m": _rounded(size_m, 9),
-        "extinction_per_m": float(f"{haze.extinction:.9g}"),
-        "albedo": haze.albedo,
-        "g": haze.g,
+        **medium,
         **_pose_row(pose),
     }
 
 
 def _objects(
     parts: Sequence[Part], matches: Sequence[Match]
-) -> tuple[list[dict[str, Any]], Meshes]:
-    """Rows of a scene file, one for all copies of a part, and their meshes."""
+) -> tuple[list[dict[str, Any]], Meshes, list[dict[str, Any]]]:
+    """Rows of a scene file, one for all copies of a part, their meshes, and rows of area lamps."""
     groups: dict[Any, list[tuple[dict[str, Any], str, Floats]]] = {}
     stretched_meshes: dict[Any, trimesh.Trimesh] = {}
     files: dict[int, str] = {}
@@ -90,9 +111,23 @@ def _objects(
         if abs(scale - 1) > RIGID:
             shape["scale"] = float(f"{scale:.9g}")
         shape["material"] = match.material
-        groups.setdefault(repr(shape), []).append((shape, part.name, pose))
+        key = part.radiance, repr(shape)
+        groups.setdefault(key, []).append((shape, part.name, pose))
     taken: set[str] = set()
-    return [_row(copies, taken) for copies in groups.values()], meshes
+    rows = [_row(copies, taken) for copies in groups.values()]
+    lamps = [
+        {"name": name, "type": "area", "object": name, "radiance_w_per_m2_sr": radiance}
+        for (radiance, _), row in zip(groups, rows, strict=True)
+        if radiance > 0
+        for name in _names(row)
+    ]
+    return rows, meshes, lamps
+
+
+def _names(row: Mapping[str, Any]) -> list[str]:
+    """Of a row's objects when they are loaded."""
+    copies = len(row.get("instances", ()))
+    return [f"{row['name']}-{i}" for i in range(1, copies + 1)] or [row["name"]]
 
 
 def _placeable(

@@ -1,0 +1,235 @@
+"""Random walk from a sensor to lamps: each vertex joined to all kinds of them.
+
+Light of a lamp without a size that is scattered beside it meets a 1/d² that walks have no finite
+variance for. In fog it is therefore also looked for along each segment of the walk, at a point
+that is drawn equi-angularly about the lamp (Kulla & Fajardo, EGSR 2012), and weighted against the
+collision at which the segment ends by the balance heuristic.
+
+What reaches a point or parallel lamp by mirrors and smooth glass alone no walk of this kind finds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from spisim.transport.engine.ends import Detectors, Projector
+from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.engine.lamps import Lamps, Lit, Met
+from spisim.transport.engine.tally import Contribution, Deposit, carries_light
+from spisim.transport.engine.vertex import Turn, Vertex
+from spisim.transport.engine.walk import MAX_CROSSINGS, MAX_VERTICES, ROULETTE_VERTEX, lanes
+from spisim.transport.world import World
+
+#: Paths are kept until they carry less than this share of their start.
+ENDING = 0.25
+
+
+@dataclass
+class _Path:
+    """One path per lane, on its way to vertex number `vertex`."""
+
+    ray: Any
+    beta: Any
+    vertex: Any
+    crossings: Any  # surfaces passed straight through
+    active: Any
+    before: Any  # last vertex, or the sensor
+    density: Any  # of leaving it, 1/sr; infinite where no join finds what lies there
+
+
+@dataclass(frozen=True, eq=False)
+class Gather:
+    """Paths from a sensor, which find the light of lamps."""
+
+    world: World
+    sensor: Projector | Detectors
+    lamps: Lamps
+    deposit: Deposit
+    replicas: int = 1  # estimates side by side, which paths take turns to be part of
+
+    @dr.syntax
+    def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
+        """Launch one path per lane and deposit all light that it finds."""
+        number, sampler = lanes(self.replicas * self.sensor.lanes, seed)
+        lane, replica = number // self.replicas, number % self.replicas
+        limit = dr.opaque(mi.UInt32, max_vertices)
+        launch = self.sensor.launch(lane, sampler)
+        found = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
+        if dr.hint(isinstance(self.sensor, Detectors), mode="scalar"):
+            self._see(lane, found, sampler)
+        path, scale = _start(launch), dr.rcp(launch.beta)
+        while dr.hint(path.active, exclude=[self, found, scale, limit]):
+            here, reach = self._fly(path, found, limit, sampler)
+            may_join = path.active & (path.vertex <= limit)
+            for light in self.lamps.joined:
+                lit = light.seen_from(here.point, sampler)
+                self._join(here, lit, path, found, sampler, may_join)
+            if dr.hint(self.lamps.points is not None, mode="scalar"):
+                self._join_points(here, reach, path, found, sampler, may_join)
+            turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
+            self._leave(here, turn, path)
+            self._roulette(turn, path, scale, limit, sampler)
+
+    def _fly(
+        self, path: _Path, found: Contribution, limit: Any, sampler: Any
+    ) -> tuple[Vertex, Any]:
+        """Follow the ray to a surface or a collision, and tell how far it could have gone.
+
+        Paths that meet neither end here.
+        """
+        media, ray = self.world.media, path.ray
+        si = self.world.geometry.scene.ray_intersect(ray, path.active)
+        collision = media.flight(ray, si.t, sampler, path.active)
+        in_fog = path.active & (collision.distance < si.t)
+        on_surface = path.active & ~in_fog & si.is_valid()
+        for around in self.lamps.around:
+            self._meet(around.met(ray.d), path, found, path.active & ~in_fog & ~on_surface)
+        if self.lamps.areas is not None:
+            self._meet(self.lamps.areas.met(path.before, si, on_surface), path, found, on_surface)
+        reach = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
+        if self.lamps.points is not None and media.parts:
+            self._join_along(ray, reach, path, found, sampler, path.active & (path.vertex <= limit))
+        path.active &= in_fog | on_surface
+        distance = dr.select(in_fog, collision.distance, si.t)
+        distance = dr.select(path.active, distance, 0)
+        path.beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
+        here = Vertex(
+            self.world.geometry,
+            media,
+            mi.BSDFContext(mi.TransportMode.Radiance),
+            si,
+            collision.medium,
+            mi.Point3f(ray(distance)),
+            ray.d,
+            in_fog,
+            on_surface,
+        )
+        return here, reach
+
+    def _meet(self, met: Met, path: _Path, found: Contribution, active: Any) -> None:
+        """Deposit light that the path has run into."""
+        alone = (path.density == dr.inf) | (met.density == 0)
+        share = dr.select(alone, 1, path.density / (path.density + met.density))
+        value = path.beta * met.radiance * share
+        self.deposit(found._replace(value=value, active=active & carries_light(value)))
+
+    def _join(
+        self,
+        here: Vertex,
+        lit: Lit,
+        path: _Path,
+        found: Contribution,
+        sampler: Any,
+        active: Any,
+        share: Any = 1,
+    ) -> None:
+        """Deposit what a vertex sends on of a lamp's light."""
+        lobe = here.lobe(lit.towards, active & (lit.irradiance > 0))
+        balance = lit.density / (lit.density + lobe.forward)
+        weight = dr.select(lit.density == dr.inf, share, balance)
+        value = path.beta * lobe.value * lit.irradiance * weight
+        lit_up = active & carries_light(value)
+        value *= here.transmission(lit.towards, lit.gap_m, sampler, lit_up)
+        self.deposit(found._replace(value=value, active=lit_up & carries_light(value)))
+
+    def _join_points(
+        self,
+        here: Vertex,
+        reach: Any,
+        path: _Path,
+        found: Contribution,
+        sampler: Any,
+        active: Any,
+    ) -> None:
+        """The same of lamps without a size."""
+        points, media = self.lamps.points, self.world.media
+        assert points is not None
+        number, position = points.choose(sampler)
+        share = mi.Float(1)
+        if media.parts:
+            distance = dr.dot(here.point - path.ray.o, path.ray.d)
+            angular = EquiAngular.about(position, path.ray, reach).density(distance)
+            flown = self._flown(path.ray, distance, here.point)
+            share = dr.select(here.in_fog, flown / (flown + angular), 1)
+        lit = points.chosen_from(number, position, here.point)
+        self._join(here, lit, path, found, sampler, active, share)
+
+    def _join_along(
+        self, ray: Any, reach: Any, path: _Path, found: Contribution, sampler: Any, active: Any
+    ) -> None:
+        """Deposit what fog on the way scatters of them, wherever the path's own flight ends."""
+        points, media = self.lamps.points, self.world.media
+        assert points is not None
+        number, position = points.choose(sampler)
+        angular = EquiAngular.about(position, ray, reach)
+        distance = angular.sample(sampler.next_1d(active))
+        point, density = mi.Point3f(ray(distance)), angular.density(distance)
+        medium = media.pick(point, sampler.next_1d(active))
+        lit = points.chosen_from(number, position, point)
+        value = path.beta * media.albedo(medium) * media.extinction_at(point) * lit.irradiance
+        value *= dr.rcp(density + self._flown(ray, distance, point))
+        active &= carries_light(value)
+        value *= media.phase(medium, point, ray.d, lit.towards, active)
+        value *= self.world.geometry.between(point, lit.towards, lit.gap_m, active)
+        active &= carries_light(value)
+        value *= media.transmittance(ray.o, ray.d, distance, sampler, active)
+        value *= media.transmittance(point, lit.towards, lit.gap_m, sampler, active)
+        self.deposit(found._replace(value=value, active=active & carries_light(value)))
+
+    def _flown(self, ray: Any, distance: Any, point: Any) -> Any:
+        """Density with which a flight ends there by a collision, as far as it has a closed form."""
+        media = self.world.media
+        return media.extinction_at(point) * media.known_transmittance(ray.o, ray.d, distance)
+
+    def _see(self, lane: Any, found: Contribution, sampler: Any) -> None:
+        """Deposit the light that shines straight onto a detector from lamps that none runs into."""
+        assert isinstance(self.sensor, Detectors)
+        points = () if self.lamps.points is None else (self.lamps.points,)
+        for light in (*self.lamps.parallel, *points):
+            middle = dr.gather(mi.Point3f, self.sensor.positions, lane % self.sensor.count)
+            lit = light.seen_from(middle, sampler)
+            place = mi.Point3f(middle + lit.towards * lit.gap_m)
+            end = self.sensor.connect(lane, place, sampler)
+            value = lit.irradiance * end.importance * lit.gap_m * lit.gap_m / self.sensor.rate
+            active = carries_light(value)
+            value *= self.world.geometry.between(middle, lit.towards, lit.gap_m, active)
+            value *= self.world.media.transmittance(middle, lit.towards, lit.gap_m, sampler, active)
+            self.deposit(found._replace(value=value, active=active & carries_light(value)))
+
+    def _leave(self, here: Vertex, turn: Turn, path: _Path) -> None:
+        """Take the next direction."""
+        path.beta *= turn.weight
+        path.before = dr.select(turn.straight, path.before, here.point)
+        density = dr.select(turn.specular, dr.inf, turn.forward)
+        path.density = dr.select(turn.straight, path.density, density)
+        path.vertex += dr.select(turn.straight, 0, 1)
+        path.crossings += dr.select(turn.straight, 1, 0)
+        path.ray = turn.ray
+
+    def _roulette(self, turn: Turn, path: _Path, scale: Any, limit: Any, sampler: Any) -> None:
+        """End paths that carry little, without bias, and those that are too long."""
+        survival = dr.select(
+            (path.vertex <= ROULETTE_VERTEX) | turn.straight,
+            1,
+            dr.minimum(path.beta * scale / ENDING, 1),
+        )
+        path.active &= (sampler.next_1d(path.active) < survival) & carries_light(path.beta)
+        path.active &= (path.vertex <= limit + 1) & (path.crossings <= MAX_CROSSINGS)
+        path.beta *= dr.rcp(survival)
+
+
+def _start(launch: Any) -> _Path:
+    beta = mi.Float(launch.beta)
+    return _Path(
+        ray=mi.Ray3f(launch.origin, launch.direction),
+        beta=beta,
+        vertex=mi.UInt32(1),
+        crossings=mi.UInt32(0),
+        active=carries_light(beta),
+        before=mi.Point3f(launch.origin),
+        density=mi.Float(dr.inf),
+    )

@@ -1,0 +1,248 @@
+"""Steady lamps, which paths from sensors are joined to, run into, or find where they leave.
+
+A lamp that has a size is joined to a point of it, and met by chance: the balance heuristic weighs
+both ways by their densities per solid angle. Point and parallel lamps are joined alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.arrays import Floats
+from spisim.transport.geometry import direction_to
+from spisim.transport.meshes import Meshes
+
+
+class Lit(NamedTuple):
+    """A lamp as seen from a vertex, at a point drawn from all that shines."""
+
+    towards: Any  # unit
+    gap_m: Any
+    irradiance: Any  # on a surface that faces it, W/m², over the density of the draw
+    density: Any  # of the draw, 1/sr; infinite where nothing else finds this light
+
+
+class Met(NamedTuple):
+    """Light that a path runs into."""
+
+    radiance: Any  # W/(m² sr)
+    density: Any  # with which a join finds it, 1/sr
+
+
+class Joined(Protocol):
+    """Lamps that vertices are joined to."""
+
+    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+        """One point of them, drawn at random."""
+
+
+@dataclass(frozen=True, eq=False)
+class Parallel:
+    """Light from one direction."""
+
+    irradiance: Any  # W/m²
+    direction: Any  # in which it goes, unit
+    distance_m: Any  # further than anything in the scene
+
+    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+        """See `Joined`."""
+        return Lit(-self.direction, self.distance_m, self.irradiance, mi.Float(dr.inf))
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Lamps without a size, drawn in proportion to their power."""
+
+    positions: Any
+    axes: Any
+    intensities: Any  # W/sr on the axis
+    beams: Any  # rad from the axis: whole up to there,
+    cutoffs: Any  # in proportion to the angle up to there
+    choice: Any  # DiscreteDistribution
+
+    @classmethod
+    def of(
+        cls, positions: Floats, axes: Floats, intensities: Floats, angles: Floats, powers: Floats
+    ) -> Points:
+        """Of n lamps: (n, 3), (n, 3), (n,), beams and cutoffs (n, 2), (n,)."""
+        weights = mi.Float(np.float32(powers / powers.sum()))
+        places, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
+        strengths = mi.Float(np.float32(intensities))
+        beams, cutoffs = (mi.Float(np.float32(each)) for each in angles.T)
+        dr.make_opaque(places, headings, strengths, beams, cutoffs, weights)
+        choice = mi.DiscreteDistribution(weights)
+        return cls(places, headings, strengths, beams, cutoffs, choice)
+
+    def choose(self, sampler: Any) -> tuple[Any, Any]:
+        """Number and position of a lamp."""
+        number = self.choice.sample(sampler.next_1d())
+        return number, dr.gather(mi.Point3f, self.positions, number)
+
+    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+        """See `Joined`."""
+        number, position = self.choose(sampler)
+        return self.chosen_from(number, position, vertex)
+
+    def chosen_from(self, number: Any, position: Any, vertex: Any) -> Lit:
+        """The lamp that was chosen."""
+        towards, gap_m = direction_to(vertex, position)
+        axis, intensity = (
+            dr.gather(kind, values, number)
+            for kind, values in ((mi.Vector3f, self.axes), (mi.Float, self.intensities))
+        )
+        beam, cutoff = (
+            dr.gather(mi.Float, values, number) for values in (self.beams, self.cutoffs)
+        )
+        angle = dr.safe_acos(-dr.dot(axis, towards))
+        slope = (cutoff - angle) / dr.maximum(cutoff - beam, 1e-9)
+        falloff = dr.select(angle <= beam, 1, dr.clip(slope, 0, 1))
+        share = self.choice.eval_pmf_normalized(number)
+        irradiance = intensity * falloff / (share * gap_m * gap_m)
+        return Lit(towards, gap_m, irradiance, mi.Float(dr.inf))
+
+
+@dataclass(frozen=True, eq=False)
+class Areas:
+    """Triangles that shine on the side that they face, drawn in proportion to their power."""
+
+    meshes: Meshes
+    radiances: Any  # of every triangle of the meshes, W/(m² sr)
+    corners: Any  # of those that shine
+    edges: tuple[Any, Any]
+    choice: Any  # DiscreteDistribution
+    total: Any  # Σ radiance · area
+
+    @classmethod
+    def of(cls, meshes: Meshes, radiances: NDArray[np.float32], triangles: Floats) -> Areas:
+        """Radiances of all triangles of the meshes, and corners (n, 3, 3) of those that shine."""
+        corner, second, third = np.moveaxis(triangles, 1, 0)
+        edges = second - corner, third - corner
+        areas = np.linalg.norm(np.cross(*edges), axis=1) / 2
+        strengths = areas * radiances[radiances > 0]
+        weights = mi.Float(np.float32(strengths / strengths.sum()))
+        table = mi.Float(radiances)
+        points = mi.Point3f(np.float32(corner.T))
+        sides = tuple(mi.Vector3f(np.float32(edge.T)) for edge in edges)
+        dr.make_opaque(weights, table, points, *sides)
+        total = dr.opaque(mi.Float, float(strengths.sum()))
+        return cls(meshes, table, points, (sides[0], sides[1]),
+                   mi.DiscreteDistribution(weights), total)  # fmt: skip
+
+    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+        """See `Joined`."""
+        number = self.choice.sample(sampler.next_1d())
+        place = mi.warp.square_to_uniform_triangle(sampler.next_2d())
+        first, second = (dr.gather(mi.Vector3f, edge, number) for edge in self.edges)
+        corner = dr.gather(mi.Point3f, self.corners, number)
+        towards, gap_m = direction_to(vertex, corner + first * place.x + second * place.y)
+        cosine = -dr.dot(dr.normalize(dr.cross(first, second)), towards)
+        irradiance = dr.select(cosine > 0, self.total * cosine / (gap_m * gap_m), 0)
+        share = self.choice.eval_pmf_normalized(number)
+        area = 0.5 * dr.norm(dr.cross(first, second))
+        density = share / area * gap_m * gap_m / dr.maximum(cosine, 1e-9)
+        return Lit(towards, gap_m, irradiance, density)
+
+    def met(self, before: Any, si: Any, active: Any) -> Met:
+        """What shines where a path from a point meets a surface."""
+        number = self.meshes.triangle(si, active)
+        facing = si.wi.z > 0
+        radiance = dr.gather(mi.Float, self.radiances, number, active & facing)
+        gap2 = dr.squared_norm(si.p - before)
+        density = radiance / self.total * gap2 / dr.maximum(si.wi.z, 1e-9)
+        return Met(radiance, density)
+
+
+@dataclass(frozen=True, eq=False)
+class Uniform:
+    """The same from all around: found where paths leave, which no draw does better."""
+
+    radiance: Any
+
+    def met(self, direction: Any) -> Met:
+        """What a path that leaves in a direction finds."""
+        return Met(self.radiance, mi.Float(0))
+
+
+@dataclass(frozen=True, eq=False)
+class Surround:
+    """A picture of all around: linear between its pixels, drawn pixel by pixel.
+
+    Rows from its own +z to -z, columns from x by y.
+    """
+
+    shape: tuple[int, int]
+    picture: Any  # mi.Texture2f of a column more at either side
+    choice: Any  # DiscreteDistribution
+    to_world: Any
+    to_local: Any
+    distance_m: Any
+
+    @classmethod
+    def of(cls, radiance: NDArray[np.floating], to_world: Floats, distance_m: float) -> Surround:
+        """Radiance (h, w); `to_world` (3, 3)."""
+        height, width = radiance.shape
+        padded = np.pad(radiance, ((0, 0), (1, 1)), mode="wrap").astype(np.float32)
+        texture: Any = mi.Texture2f
+        picture = texture(
+            mi.TensorXf(padded[..., None]),
+            wrap_mode=dr.WrapMode.Clamp,
+            filter_mode=dr.FilterMode.Linear,
+        )
+        edges = np.cos(np.linspace(0, np.pi, height + 1))
+        strengths = radiance * (edges[:-1] - edges[1:])[:, None]
+        weights = mi.Float(np.float32(strengths / strengths.sum()).ravel())
+        turn, back = (mi.Matrix3f(np.float32(each)) for each in (to_world, to_world.T))
+        dr.make_opaque(weights, turn, back)
+        choice = mi.DiscreteDistribution(weights)
+        far = dr.opaque(mi.Float, distance_m)
+        return cls((height, width), picture, choice, turn, back, far)
+
+    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+        """See `Joined`."""
+        height, width = self.shape
+        cell, place = self.choice.sample(sampler.next_1d()), sampler.next_2d()
+        top, below = (dr.cos(dr.pi / height * mi.Float(cell // width + k)) for k in (0, 1))
+        cosine = dr.lerp(top, below, place.y)
+        azimuth = dr.two_pi / width * (mi.Float(cell % width) + place.x)
+        sine, (up, along) = dr.safe_sqrt(1 - cosine * cosine), dr.sincos(azimuth)
+        towards = self.to_world @ mi.Vector3f(sine * along, sine * up, cosine)
+        met = self.met(towards)
+        irradiance = dr.select(met.density > 0, met.radiance / met.density, 0)
+        return Lit(towards, self.distance_m, irradiance, met.density)
+
+    def met(self, direction: Any) -> Met:
+        """What a path that leaves in a direction finds."""
+        height, width = self.shape
+        local = self.to_local @ direction
+        azimuth = dr.atan2(local.y, local.x) * dr.inv_two_pi
+        u = dr.select(azimuth < 0, azimuth + 1, azimuth)
+        v = dr.safe_acos(local.z) * dr.inv_pi
+        radiance = self.picture.eval(mi.Point2f((u * width + 1) / (width + 2), v))[0]
+        row = dr.minimum(mi.UInt32(v * height), height - 1)
+        column = dr.minimum(mi.UInt32(u * width), width - 1)
+        top, below = (dr.cos(dr.pi / height * mi.Float(row + k)) for k in (0, 1))
+        share = self.choice.eval_pmf_normalized(row * width + column)
+        return Met(radiance, share * width * dr.inv_two_pi / (top - below))
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """All lamps of a scene, by how paths find them."""
+
+    parallel: tuple[Parallel, ...] = ()
+    points: Points | None = None
+    areas: Areas | None = None
+    around: tuple[Uniform | Surround, ...] = ()
+
+    @property
+    def joined(self) -> tuple[Joined, ...]:
+        """Those that vertices are joined to alike: all but points."""
+        pictures = (each for each in self.around if isinstance(each, Surround))
+        areas = () if self.areas is None else (self.areas,)
+        return (*self.parallel, *areas, *pictures)
