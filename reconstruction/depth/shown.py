@@ -98,6 +98,11 @@ class Shown:
         return Anchors(*(np.where(fitted, *pair) for pair in pairs))
 
     @property
+    def ranged(self) -> bool:
+        """Whether there is a range of anything; those of lost spots are but what is likely."""
+        return bool(np.any((self.best.weight > 0) & ~self.lost))
+
+    @property
     def level(self) -> float:
         """Mean of the spots' log depths."""
         best, weight = self.best, self.best.weight

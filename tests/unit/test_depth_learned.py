@@ -7,6 +7,7 @@ import pytest
 from scipy.special import expit
 
 import worlds
+from convolutions import convolved, shuffled, unshuffled
 from instruments import changed
 from reconstruction import Capture, Reconstructor
 from reconstruction.capture import Optics, Setup
@@ -27,7 +28,6 @@ from reconstruction.errors import InputError
 from reconstruction.image import Imaging
 from reconstruction.ranging import FogOptics
 from spisim.simulation import simulate
-from test_learned import convolved, shuffled, unshuffled
 
 OPTICS = Optics(tan_half_width=np.tan(np.radians(10)), tan_half_height=np.tan(np.radians(10)))
 NOTHING = Anchors(np.full(4, np.nan), np.full(4, np.nan))
@@ -75,7 +75,7 @@ def plane(shape=(64, 64), reflectance=0.3):
 def test_by_brightness_a_surface_of_one_reflectance_has_its_very_depth():
     depth_m, image = plane()
     frame = seen(depth_m, image)
-    found = inputs_of(frame).maps[8] + frame.level
+    found = inputs_of(frame).maps[10] + frame.level
     within = np.abs(found - np.log(depth_m))
     # The mean of neighbours at the spots, and spots that fade away from where they are.
     assert within.max() < 0.08
@@ -220,7 +220,8 @@ def test_reflectance_is_that_of_the_wall(capture):
     view = view_of(capture)
     found = Observer.of(capture.setup)(view)
     cosines = view.frame.spots.directions[:, 2]
-    np.testing.assert_allclose(np.exp(found.log_reflectance), 0.5 * cosines, rtol=0.05)
+    # By one frequency the air is not known to be clear, which takes ranges off by some per cent.
+    np.testing.assert_allclose(np.exp(found.log_reflectance), 0.5 * cosines, rtol=0.12)
     assert found.reach_m == pytest.approx(10.0, rel=1e-3)
 
 
