@@ -1,12 +1,11 @@
 """Frames with their depths, of drawn scenes under surrogate light: what depths are learned from.
 
-    python tools/depth_frames.py FOLDER [--plan learned_depth.yaml] [--scenes 0 3000] [--like MANIFEST.json]
+    python tools/depth_frames.py FOLDER [--scenes 0 3000] [--like MANIFEST.json]
 
 Scene n of the plan is of its family n, counted round and round. Each file has the frames of one
 scene: what the network sees of them (`Shown`, by the name of its parts), and `depth_m`, nan where
-there is nothing. Scenes that cannot be drawn, and poses in which a drone cannot
-be, are left out. Equal plans and numbers give equal
-frames on the same machine.
+there is nothing. Scenes that cannot be drawn, and poses in which a drone cannot be, are left out.
+Equal plans and numbers give equal frames on the same machine, as long as the families draw alike.
 """
 
 import argparse

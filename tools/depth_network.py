@@ -35,6 +35,7 @@ from reconstruction.depth.network import (
     features,
 )
 from reconstruction.depth.shown import MAPS, NUMBERS, Anchors, Inputs, Shown, inputs_of
+from spisim.scene import families
 
 SEED = 7
 BATCH = 8
@@ -372,6 +373,7 @@ def main() -> None:
         "steps": steps,
         "start": asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest(),
         "seed": SEED,
+        "drawn_by": digest(sorted(Path(families.__file__).parent.rglob("*.py"))),
         "plan": hashlib.sha256(plan).hexdigest(),
         "data": digest(files),
         "sha256": hashlib.sha256(asked.weights.read_bytes()).hexdigest(),
