@@ -5,8 +5,8 @@
 200 traced captures and more of each group, weather and preset, which are made on the first run into
 the folder and kept there: interrupted, it goes on where it was. Every depth method gets the ranges
 of plain `cw` and of `fog`. References, on plain ranges: interpolation by inverse distance, and the
-anchored map with the constants that were set by hand before they were fitted. Intervals are 95 %,
-by bootstrap over scenes. `--markdown` pastes the tables into docs/depth.md.
+anchored map with constants that stay what they are here, whatever is fitted later. Intervals are
+95 %, by bootstrap over scenes. `--markdown` pastes the tables into docs/depth.md.
 """
 
 import os
@@ -31,10 +31,10 @@ from spisim.paper.checks import Check, Table, surroundings
 PAGE = Path(__file__).parents[1] / "docs" / "depth.md"
 FOLDER = Path(__file__).parents[1] / "out" / "depth"
 PACKAGES = ("spisim", "mitsuba", "drjit", "numpy", "scipy")
-CANDIDATE = (USUAL_DEPTHS[0], "fog")
-"""The default depth method, on ranges that know of fog."""
-INVERSE, HAND = ("inverse-distance", "cw"), (FROZEN, "cw")
-REFERENCES = {"inverse distance": INVERSE, "the map by hand": HAND}
+CANDIDATE = (USUAL_DEPTHS[0], "cw")
+"""The default depth method, on the ranges that are taken by default."""
+INVERSE, FROZEN_MAP = ("inverse-distance", "cw"), (FROZEN, "cw")
+REFERENCES = {"inverse distance": INVERSE, "the frozen map": FROZEN_MAP}
 WORKERS = 2
 RESAMPLED = 2000
 TIMED = 20
@@ -44,12 +44,12 @@ RATIOS = {
     ("unseen families", "fog 150–500 m"): (0.75, 0.85),
     ("unseen families", "fog 50–150 m"): (0.40, 0.40),
 }
-"""AbsRel of the candidate over that of inverse distance, and of the map by hand, at most."""
+"""AbsRel of the candidate over that of inverse distance, and of the frozen map, at most."""
 DELTA = {"clear": 0.86, "fog 150–500 m": 0.82, "fog 50–150 m": 0.82}
 """Share of δ < 1.25 on unseen families, at least."""
 HONEST = (0.92, 0.97)
 MISSED = 0.5
-"""Share of the misses of the map by hand."""
+"""Share of the misses of the frozen map."""
 INVENTED = 0.05
 FRAME_MS = 15.0
 FIGURES = {
@@ -187,7 +187,7 @@ def ratios(cells: Cells) -> Table:
     return Table(
         f"AbsRel of `{CANDIDATE[0]}` on the ranges of `{CANDIDATE[1]}`, over that of the "
         "references on plain ranges of the same captures.",
-        (*columns, "over the map by hand"),
+        (*columns, "over the frozen map"),
         body,
     )
 
@@ -196,7 +196,7 @@ def others(cells: Cells) -> Table:
     """Everything else of the candidate and the reference."""
     body = []
     for cell, judged in rows(cells):
-        for way in (CANDIDATE, HAND):
+        for way in (CANDIDATE, FROZEN_MAP):
             found = (mean(judged, way, figure) for figure in FIGURES)
             told = ("–" if np.isnan(value) else f"{value:.3f}" for value in found)
             brier, base = sky(judged, way)
@@ -230,8 +230,10 @@ def checks(cells: Cells) -> Iterator[Check]:
         yield Check(f"pixels within 2 σ, {where}", within, HONEST[0], True)
         yield Check(f"the same, at most, {where}", within, HONEST[1])
     everything = [each for judged in cells.values() for each in judged]
-    missed, before = (mean(everything, way, "obstacle_missed") for way in (CANDIDATE, HAND))
-    yield Check("share of obstacles missed, against that by hand", missed, MISSED * before)
+    missed, before = (mean(everything, way, "obstacle_missed") for way in (CANDIDATE, FROZEN_MAP))
+    yield Check(
+        "share of obstacles missed, against that of the frozen map", missed, MISSED * before
+    )
     if mean(everything, CANDIDATE, "nothing_share") > 0:
         brier, base = sky(everything, CANDIDATE)
         yield Check("Brier score of nothing, against the base rate's", brier, base)

@@ -23,8 +23,8 @@ from reconstruction.evaluation import depth_metrics
 from reconstruction.image import Imaging
 
 RANGINGS = ("cw", "fog")
-FROZEN = "anchored, by hand"
-BY_HAND = AnchoredPrior(
+FROZEN = "anchored, frozen"
+CONSTANTS = AnchoredPrior(
     log_depth_deviation=0.4,
     log_reflectance_deviation=0.7,
     correlation_length=0.5,
@@ -35,7 +35,7 @@ BY_HAND = AnchoredPrior(
     max_nearer=1.3,
     doubt=1.0,
 )
-"""Constants of the anchored map before they were fitted."""
+"""Of the anchored map that others are compared with."""
 
 Way = tuple[str, str]
 """Depth method and ranging."""
@@ -72,7 +72,7 @@ class Compiled:
 def methods(setup: Setup) -> dict[str, DepthMethod]:
     """By name: the one that is frozen, and those that are registered and fit."""
     fit = (name for name in DEPTH_METHODS if not lacks(DEPTH_METHODS[name], setup))
-    return {FROZEN: Anchored(BY_HAND)} | {name: DEPTH_METHODS[name] for name in fit}
+    return {FROZEN: Anchored(CONSTANTS)} | {name: DEPTH_METHODS[name] for name in fit}
 
 
 COMPILED: dict[str, Compiled] = {}

@@ -116,21 +116,31 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
     spots = capture.spots
     if spots is None:
         return []
+    statuses = measure_ranges(spots, frame).status
     warnings = [
         f"spot {spot} {NO_RANGE[status]}: it gives no range"
-        for spot, status in enumerate(measure_ranges(spots, frame).status)
+        for spot, status in enumerate(statuses)
         if status != "ok"
     ]
     truth = _truth(capture, frame)
     if truth is not None:
         farthest_m = RANGING_METHODS[spots.method].unambiguous_range_m(spots)
         warnings += [
-            f"spot {spot} lies at {true_m:.2f} m, beyond the {farthest_m:.2f} m up to which a "
-            "range is unambiguous: it is measured a multiple of that too near"
+            f"spot {spot} {_untrue(float(true_m), farthest_m)}"
             for spot, true_m in enumerate(truth.spot_range_m)
-            if np.isfinite(true_m) and true_m > farthest_m
+            if statuses[spot] == "ok" and not true_m <= farthest_m
         ]
     return warnings
+
+
+def _untrue(true_m: float, farthest_m: float) -> str:
+    """Why a range that was measured is none of a spot there."""
+    if np.isnan(true_m):
+        return "meets nothing: its range is that of noise or fog"
+    return (
+        f"lies at {true_m:.2f} m, beyond the {farthest_m:.2f} m up to which a range is "
+        "unambiguous: it is measured a multiple of that too near"
+    )
 
 
 def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:

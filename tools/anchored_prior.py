@@ -1,4 +1,4 @@
-"""Fit the prior of the depth method `anchored` to frames of drawn scenes.
+"""Fit the prior of the depth map `anchored` to frames of drawn scenes.
 
     python tools/depth_frames.py LEARN
     python tools/depth_frames.py JUDGE --plan PLAN_OF_OTHER_FAMILIES
@@ -25,7 +25,7 @@ from reconstruction.capture import Optics
 from reconstruction.depth import DepthEstimate, pixel_of
 from reconstruction.depth.anchored_prior import FITTED as FILE
 from reconstruction.depth.anchored_prior import AnchoredPrior, fitted_prior
-from reconstruction.depth.methods.anchored import anchored_depth
+from reconstruction.depth.kriging import anchored_depth
 
 FREE = (
     *("log_depth_deviation", "log_reflectance_deviation", "correlation_length", "similarity"),

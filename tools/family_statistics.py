@@ -11,12 +11,12 @@ with. Writes the table between the marks of DOCS/scenes.md and DOCS/images/famil
 import argparse
 import sys
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from reconstruction.arrays import Floats
@@ -176,7 +176,8 @@ def _figure(views: dict[str, list[View]]) -> Figure:
     depths.set(xscale="log", xlabel="true range, m", ylabel="share of pixels")
     depths.axvline(OFFERED.farthest_spot_m, color="0.5", ls=":", label="told without doubt")
     depths.legend()
-    _boxes(sky, names, [[np.isinf(one.range_m).mean() for one in views[n]] for n in names])
+    shown = [np.array([np.isinf(one.range_m).mean() for one in views[n]]) for n in names]
+    _boxes(sky, names, shown)
     sky.set(ylabel="share of sky", ylim=(-0.02, 1))
     _boxes(likeness, names, [nearest_correlation([one.lit for one in views[n]]) for n in names])
     likeness.axhline(0.6, color="0.5", ls=":")
@@ -184,11 +185,11 @@ def _figure(views: dict[str, list[View]]) -> Figure:
     for kind, label in (("lit", "lit by the projector"), ("daylit", "in even daylight")):
         images = [getattr(one, kind) for name in names for one in views[name]]
         frequency, power = spectra(images)
-        mean = np.exp(np.log(power[power.min(axis=1) > 0]).mean(axis=0))
-        spectrum.loglog(frequency, mean / mean[3], label=label, lw=1.6)
-    low, high = (frequency / frequency[3],) * 2
-    for exponent, style in ((NATURAL[0], "-"), (sum(NATURAL), ":"), (NATURAL[0] - NATURAL[1], ":")):
-        line = low**-exponent
+        usual = np.exp(np.log(power[power.min(axis=1) > 0]).mean(axis=0))
+        spectrum.loglog(frequency, usual / usual[3], label=label, lw=1.6)
+    mean, deviation = NATURAL
+    for exponent, style in ((mean, "-"), (mean + deviation, ":"), (mean - deviation, ":")):
+        line = (frequency / frequency[3]) ** -exponent
         spectrum.loglog(frequency, line, color="0.5", ls=style, lw=1)
     spectrum.plot([], [], color="0.5", lw=1, label="natural scenes: 1.88 ± 0.43")
     spectrum.set(xlabel="cycles per image", ylabel="power, relative")
@@ -196,19 +197,15 @@ def _figure(views: dict[str, list[View]]) -> Figure:
     return sheet
 
 
-def _boxes(axis, names: list[str], values: list[Floats]) -> None:  # type: ignore[no-untyped-def]
+def _boxes(axis: Axes, names: list[str], values: list[Floats]) -> None:
     axis.boxplot(values, widths=0.6, flierprops={"markersize": 2})
     axis.set_xticks(range(1, len(names) + 1), names, rotation=90, fontsize=7)
 
 
-def _asked() -> Iterator[object]:
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("docs", nargs="?", type=Path, default=DOCS, help="folder of scenes.md")
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 24), metavar="N")
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), metavar="NAME")
     asked = parser.parse_args()
-    return asked.docs, range(*asked.seeds), asked.families
-
-
-if __name__ == "__main__":
-    main(*_asked())  # type: ignore[misc]
+    main(asked.docs, range(*asked.seeds), asked.families)

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from anchored_prior import Sight, seen
 from reconstruction.arrays import Floats
 from reconstruction.depth.anchored_prior import fitted_prior
-from reconstruction.depth.methods.anchored import anchored_depth
+from reconstruction.depth.kriging import anchored_depth
 from reconstruction.depth.neighbours import around, between
 from reconstruction.depth.rays import squared_distances
 from spisim.report.style import plot_style

@@ -43,7 +43,7 @@ class FrameTruth:
 
     ``image`` (H, W) is the electrons per exposure that each virtual pixel alone, fully on,
     contributes, ``image_error`` the standard error of the light transport that found it;
-    ``spot_range_m`` (4,).
+    ``spot_range_m`` (4,), nan where a laser meets nothing.
     """
 
     image: Image

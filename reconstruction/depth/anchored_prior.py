@@ -10,7 +10,7 @@ FITTED = Path(__file__).with_suffix(".json")
 
 @dataclass(frozen=True)
 class AnchoredPrior:
-    """Constants of `reconstruction.depth.methods.anchored`.
+    """Constants of `reconstruction.depth.kriging`.
 
     ``log_depth_deviation``: spread of ln depth within a view as far as known beforehand, which
     counts as one anchor. ``log_reflectance_deviation``: spread of ln(rho cos theta).

@@ -20,8 +20,8 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
     ``frame``: its number. ``images``, by method: see `image_metrics`. ``truth``: the rms standard
     error of its image over the image's rms, ``image_error``, below which an nrmse tells nothing.
     ``spots``, by method: for each spot range_m, true_m, error_m, sigma_m, status and alternatives,
-    each with range_m, sigma_m and weight. ``depths``, by method: see `depth_metrics`. What does not
-    exist is empty or None.
+    each with range_m, sigma_m and weight; a range without true_m is a false alarm. ``depths``, by
+    method: see `depth_metrics`. What does not exist is empty or None.
 
     Raises InputError where the result is of other readings than this capture's frame of the same
     number, and where the truth of that frame is not known.

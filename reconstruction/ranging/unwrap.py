@@ -34,11 +34,17 @@ def path_from_phases(
     """
     limit_m = unambiguous_path_m(frequencies_hz)
     wraps = int(np.ceil(limit_m * frequencies_hz.max() / c - 1e-9))
-    both = np.stack(np.broadcast_arrays(phases, sigmas)).reshape(2, len(phases), -1)
+    rows = phases.reshape(len(phases), -1), sigmas.reshape(len(phases), -1)
     step = max(1, TRIED_AT_A_TIME // (wraps * len(phases)))
     parts = [
-        _of_some(*both[..., start : start + step], frequencies_hz, limit_m, wraps)
-        for start in range(0, both.shape[-1], step)
+        _of_some(
+            rows[0][:, start : start + step],
+            rows[1][:, start : start + step],
+            frequencies_hz,
+            limit_m,
+            wraps,
+        )
+        for start in range(0, rows[0].shape[1], step)
     ]
     path, sigma, ambiguous = (
         np.concatenate(each).reshape(phases.shape[1:]) for each in zip(*parts, strict=True)

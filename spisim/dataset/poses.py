@@ -16,6 +16,7 @@ from spisim.scene import Scene
 from spisim.scene.assemble import OPTICAL_FROM_BODY
 from spisim.scene.layout import OFFERED, layout_problem
 from spisim.scene.pose import pose_matrix
+from spisim.scene.rays import first_hits
 
 #: Poses that are tried before a scene counts as too narrow to move in.
 ATTEMPTS = 40
@@ -29,8 +30,8 @@ class Poses(Section):
 
     The first is the scene's own. Of the others, offset and turn are uniform within plus and minus
     `offset_m` (forward, left, up) and `turn_deg` (roll, pitch, yaw), in the drone's body frame; one
-    in which a drone cannot fly, or none of whose lasers meets anything near by, is drawn again
-    from a narrower range.
+    in which a drone cannot fly, behind something, or none of whose lasers meets anything near by,
+    is drawn again from a narrower range.
     """
 
     count: Annotated[Count, Field(le=10_000)] = 1
@@ -43,7 +44,7 @@ def _section(value: Any) -> Any:
 
 
 #: A field of a file that may be their number alone.
-AnyPoses = Annotated[Poses, BeforeValidator(_section)]
+AnyPoses = Annotated[Poses, BeforeValidator(_section, json_schema_input_type=int | Poses)]
 
 
 @dataclass(frozen=True)
@@ -73,18 +74,25 @@ class View:
             drawn = pose_matrix(turn_deg, offset_m)
             moved = scene.drone_pose @ OPTICAL_FROM_BODY @ drawn @ OPTICAL_FROM_BODY.T
             seen = replace(scene, drone_pose=np.asarray(moved))
-            problem = layout_problem(seen, OFFERED)
+            problem = _behind(scene, seen) or layout_problem(seen, OFFERED)
             if problem is None:
                 drone = _told(fields.get("drone") or {}, offset_m.tolist(), turn_deg.tolist())
                 return replace(seen, text=dump_yaml({**fields, "drone": drone}))
         raise InputError(
-            f"scene {scene.name!r}: none of {ATTEMPTS} poses is one to fly in; in the last, {problem}"
+            f"scene {scene.name!r}: none of {ATTEMPTS} poses is one to fly in; in the last, "
+            f"{problem}"
         )
 
 
-def _told(
-    drone: Mapping[str, Any], offset_m: list[float], turn_deg: list[float]
-) -> dict[str, Any]:
+def _behind(scene: Scene, seen: Scene) -> str | None:
+    """Whether something is between the scene's own pose and another, in words."""
+    start, stop = scene.drone_pose[:3, 3], seen.drone_pose[:3, 3]
+    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
+    (crossed,) = first_hits(start, (stop - start)[None], triangles)
+    return "something is between it and the scene's own" if crossed <= 1 else None
+
+
+def _told(drone: Mapping[str, Any], offset_m: list[float], turn_deg: list[float]) -> dict[str, Any]:
     """Fields of the drone that add an offset and a turn to those it has."""
     own_turn, own_offset = drone.get("turn_deg", (0, 0, 0)), drone.get("offset_m", (0, 0, 0))
     if any(own_turn) or any(own_offset):

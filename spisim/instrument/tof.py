@@ -25,8 +25,8 @@ class SpotLight:
     """What reaches the four ranging detectors, in primary electrons.
 
     `echo_per_s` (frames, 4, bins) is the rate per histogram bin of the path length
-    `path_length_m` (bins,), ascending, for a laser that is on; `steady_per_s` (frames, 4) that of daylight,
-    the projector's patterns and the dark current. `laser_power_w` is that of one laser.
+    `path_length_m` (bins,), ascending, for a laser that is on; `steady_per_s` (frames, 4) that of
+    daylight, the projector's patterns and the dark current. `laser_power_w` is that of one laser.
     """
 
     path_length_m: Floats

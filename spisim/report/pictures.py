@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from reconstruction import Capture
 from reconstruction.arrays import Floats
-from reconstruction.depth import REACH_M
 from reconstruction.files import mark, write_atomically
 from reconstruction.outputs.pictures import NOTHING
 
+HORIZON = 10.0
+"""What is so many times farther than a quarter of all is not told apart in pictures."""
 MIN_PLAIN = 1e-4
 """Smaller numbers take an exponent, and much of a narrow scale."""
 
@@ -85,9 +86,12 @@ def view_scale(view: ArrayLike) -> Scale:
 
 
 def depth_scale(*images: ArrayLike) -> Scale:
-    """Near is bright, in metres, up to REACH_M; from 0 to 1 where there is no depth at all."""
-    images = tuple(np.where(np.asarray(each) <= REACH_M, each, np.nan) for each in images)
-    return Scale(_percentile(1, *images, default=0.0), _percentile(99, *images), "viridis_r", "m")
+    """Near is bright, in metres; from 0 to 1 where there is no depth at all.
+
+    What lies far behind all that is near, as a horizon does, is shown as the far end.
+    """
+    far_m = min(_percentile(99, *images), HORIZON * _percentile(25, *images))
+    return Scale(_percentile(1, *images, default=0.0), far_m, "viridis_r", "m")
 
 
 def error_scale(*images: ArrayLike) -> Scale:

@@ -32,7 +32,7 @@ def light_figure(transport: SpotHistograms, true_length_m: Floats | None) -> Fig
 
     `true_length_m` (4,): the true way to each spot and back, marked by a dashed line.
     """
-    lengths_m = np.asarray(transport.path_length_m, float)
+    lengths_m: Floats = np.asarray(transport.path_length_m, np.float64)
     density = np.asarray(transport.spot_histogram, float) / np.gradient(lengths_m)
     lit = np.flatnonzero(density.max(axis=0) > 0)
     if lit.size == 0:
@@ -61,7 +61,7 @@ def arrival_figure(
     if counts.size == 0 or counts.max() <= 0:
         return None
     limits = 0.1, 10.0 ** max(np.ceil(np.log10(counts.max())), 1)
-    lengths_m = np.arange(counts.shape[1]) * c * spots.bin_width_s
+    lengths_m: Floats = np.arange(counts.shape[1], dtype=np.float64) * c * spots.bin_width_s
     return _figure(lengths_m, counts, true_length_m, limits, "arrivals per bin")
 
 

@@ -17,9 +17,7 @@ def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
     return first_met(origin, rays, triangles)[0]
 
 
-def first_met(
-    origin: Floats, rays: Floats, triangles: Floats
-) -> tuple[Floats, NDArray[np.int64]]:
+def first_met(origin: Floats, rays: Floats, triangles: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """First hit (n,) of each ray as `first_hits`, and the number of its triangle, -1 for none.
 
     Only those triangles are tried whose bounding sphere a ray passes through.

@@ -41,7 +41,7 @@ class Transport:
     image_error: Floats
     spot_histogram: Floats  # (4, bins): fraction of a laser's power on its detector's aperture
     spot_histogram_error: Floats
-    #: (bins,): whole optical path, emitter to detector, ascending; see `spisim.transport.path_bins`.
+    #: (bins,): whole optical path, emitter to detector; see `spisim.transport.path_bins`.
     path_length_m: Floats
     daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
     daylight_error_w: float

@@ -1,5 +1,6 @@
 """The depth map: better than the nearest anchor on average, sane on bad input; point clouds."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,8 @@ from scipy import ndimage
 
 from images import image_from
 from reconstruction.capture import Optics
-from reconstruction.depth import pixel_of, pixel_rays, point_cloud_ply
-from reconstruction.depth.anchored_prior import fitted_prior
-from reconstruction.depth.methods import anchored
+from reconstruction.depth import kriging, pixel_of, pixel_rays, point_cloud_ply
+from reconstruction.depth.anchored_prior import FITTED, fitted_prior
 from reconstruction.depth.methods.inverse_distance import weighted_range
 from reconstruction.depth.methods.nearest import nearest_range
 from reconstruction.depth.neighbours import around, between
@@ -26,7 +26,7 @@ ANCHORS = np.array([[15.5, 15.5], [15.5, 47.5], [47.5, 15.5], [47.5, 47.5]])
 
 
 def anchored_depth(image, anchors, depth_m, sigma_m):
-    found = anchored.anchored_depth(image, anchors, depth_m, sigma_m, PRIOR)
+    found = kriging.anchored_depth(image, anchors, depth_m, sigma_m, PRIOR)
     return None if found is None else found.depth_m
 
 
@@ -202,7 +202,7 @@ def test_inverse_distance_is_the_range_at_a_spot_and_their_mean_between():
 
 def test_a_map_is_the_surer_the_nearer_its_anchors_and_the_less_they_differ():
     def deviation(depth_m):
-        found = anchored.anchored_depth(
+        found = kriging.anchored_depth(
             np.ones((SIDE, SIDE)), ANCHORS, np.array(depth_m), np.full(4, 0.01), PRIOR
         )
         return found.deviation
@@ -220,7 +220,7 @@ def test_deviations_are_those_of_kriging():
     sigma = np.array([0.05, 0.1, 0.2, 0.4])
     depth_m = np.array([3.0, 4.0, 5.0, 6.0])
     image = np.ones((SIDE, SIDE))
-    found = anchored.anchored_depth(image, ANCHORS, depth_m, sigma * depth_m, prior)
+    found = kriging.anchored_depth(image, ANCHORS, depth_m, sigma * depth_m, prior)
     weight = 1 / (1 + (sigma / prior.log_depth_deviation) ** 2)
     logs = np.log(depth_m)
     scatter = weight @ (logs - weight @ logs / weight.sum()) ** 2
@@ -236,6 +236,16 @@ def test_deviations_are_those_of_kriging():
     simple = 1.1 * variance - cross @ inverse @ cross
     of_mean = (1 - ones @ inverse @ cross) ** 2 / (ones @ inverse @ ones)
     assert found.deviation[20, 30] == pytest.approx(np.sqrt(simple + of_mean))
+
+
+def test_the_prior_rests_on_other_families_than_those_that_judge_it():
+    told = json.loads(FITTED.read_text())
+    learn, judge = (set(told[part]["families"]) for part in ("learn", "judge"))
+    assert learn
+    assert judge
+    assert not learn & judge
+    assert told["taken"] == (told["judge"]["error_fitted"] < told["judge"]["error_before"])
+    assert 0.92 <= told["judge"]["within_2_sigma"] <= 0.99
 
 
 def test_rays_and_pixels_are_each_others_inverse():

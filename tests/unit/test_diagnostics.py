@@ -74,11 +74,18 @@ def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
     assert capture.spots is not None
     limit = c / (2 * capture.spots.tap_frequencies_hz[0])
     for beyond in (False, True):
-        true = np.array([[4.2, np.nan, limit + (0.01 if beyond else -0.01), 4.8]])
+        true = np.array([[4.2, 4.4, limit + (0.01 if beyond else -0.01), 4.8]])
         truth = replace(capture.truth, spot_range_m=true)
         warnings = capture_warnings(replace(capture, truth=truth))
         assert len(warnings) == beyond
         assert all("spot 2 lies at 15.00 m, beyond the 14.99 m" in line for line in warnings)
+
+
+def test_a_range_where_there_is_nothing_is_told(capture: Capture) -> None:
+    assert capture.truth is not None
+    truth = replace(capture.truth, spot_range_m=np.array([[4.2, np.nan, 4.6, 4.8]]))
+    told = "spot 1 meets nothing: its range is that of noise or fog"
+    assert capture_warnings(replace(capture, truth=truth)) == [told]
 
 
 def test_dense_ranges_beyond_the_unambiguous_range_are_told(capture: Capture) -> None:

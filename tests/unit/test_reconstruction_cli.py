@@ -156,7 +156,8 @@ def test_fewer_patterns_is_what_fewer_patterns_would_have_given(capture, polarit
 def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, capsys):
     assert main([str(path), "-o", str(tmp_path / "out")]) == 0
     pictures = {"image.png", "image_pursuit.png", "image_zero_filled.png"}
-    names = pictures | {"depth.png", "depth_nearest.png", "cloud.ply", "result.h5"}
+    pictures |= {"depth.png", "depth_nearest.png", "depth-deviation.png"}
+    names = pictures | {"cloud.ply", "result.h5"}
     assert {file.name for file in (tmp_path / "out").iterdir()} == names
     for name in ("image.png", "depth.png"):
         assert matplotlib.image.imread(tmp_path / "out" / name).std() > 0.05
@@ -187,7 +188,8 @@ def test_methods_are_chosen_and_pictures_of_others_do_not_stay(path, tmp_path, c
     assert report["images"] == ["zero-filled", "pursuit:dct"]
     assert list(report["depth_coverage"]) == ["nearest", "anchored"]
     default = {"image.png", "depth.png", "cloud.ply", "result.h5"}
-    assert files == default | {"image_pursuit_dct.png", "depth_anchored.png"}
+    anchored = {"depth_anchored.png", "depth-deviation_anchored.png"}
+    assert files == default | anchored | {"image_pursuit_dct.png"}
     result = read_result(tmp_path / "out" / "result.h5")
     assert list(result.images) == ["zero-filled", "pursuit:dct"]
     report, files = run("--image", "pursuit", "--depth", "nearest", "--ranging", "all")

@@ -29,6 +29,10 @@ from .templates import EXTINCTIONS_PER_M
 
 STEP_M = 0.005
 """Between ranges over which the fog is summed up."""
+BLOCK = 256
+"""Ranges whose echoes are sorted into bins at a time."""
+TAILS = 8.5
+"""Standard deviations beyond which a pulse has nothing, in double precision."""
 REACH = 1.5
 """Arrivals are counted so many standard deviations of the pulse to either side of a place."""
 PEAKS = 8
@@ -70,9 +74,8 @@ def make_histogram_templates(
     width = spots.response_sigma_s / spots.bin_width_s
     delay = spots.delay(path_m)
     damped = weight[:, None] * np.exp(-EXTINCTIONS_PER_M[:, None] * path_m[:, None])
-    edges = np.arange(bins + 1)
     fog = [
-        arrivals * STEP_M * each @ np.diff(ndtr((edges - at[:, None]) / width), axis=-1)
+        arrivals * STEP_M * _spread(each, at, width, bins)
         for each, at in zip(damped, delay, strict=True)
     ]
     return HistogramTemplates(
@@ -83,6 +86,22 @@ def make_histogram_templates(
         fog=np.array(fog),
         width=width,
     )
+
+
+def _spread(light: Floats, at: Floats, width: float, bins: int) -> Floats:
+    """Light (K, R) of pulses centred `at` (R,) bins, rising, in bins (K, B).
+
+    By blocks of ranges, each in the bins that its pulses reach: tables of far ranges stay small.
+    """
+    total = np.zeros((len(light), bins))
+    for start in range(0, len(at), BLOCK):
+        block = slice(start, start + BLOCK)
+        first, last = at[block].min() - TAILS * width, at[block].max() + TAILS * width
+        low, high = (int(np.clip(place, 0, bins)) for place in (first, np.ceil(last)))
+        edges = np.arange(low, high + 1)
+        pulses = np.diff(ndtr((edges - at[block, None]) / width), axis=-1)
+        total[:, low:high] += light[:, block] @ pulses
+    return total
 
 
 def find_histogram_modes(

@@ -18,8 +18,9 @@ from ..method import RangingSolver
 from ..ranges import Ranges
 from ..unwrap import unambiguous_path_m
 
-LONGEST_M = 40.0
-"""Ranges beyond this are not looked for."""
+LONGEST_M = 150.0
+"""Ranges beyond this are not looked for: through fog that matters, a drone's laser shows nothing
+there."""
 
 
 class Fog:

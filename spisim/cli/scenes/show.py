@@ -67,7 +67,7 @@ def _print(found: Survey) -> None:
     table.add_row("farthest in the field", *_cells(found.farthest))
     table.add_row("drone's clearance", f"{found.clearance_m:.3f}", "")
     results.print(table)
-    size = " × ".join(f"{side:.3g}" for side in found.extents_m)
+    size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in found.extents_m)
     media = ", ".join(f"{medium['where']}: {medium['kind']}" for medium in found.media)
     results.print(
         f"\n{found.name}: {found.objects} objects, {found.triangles:,} triangles, {size} m; "

@@ -89,7 +89,7 @@ def view_image(scene: Scene, caster: RayCaster, fov_deg: float, pixels: int = PI
 def _title(sheet: Figure, look: Look) -> None:
     found = look.survey
     sheet.text(0.012, 0.952, drawn(found.name), fontsize=15, weight="bold", color=INK, va="bottom")
-    size = " × ".join(f"{side:.3g}" for side in found.extents_m)
+    size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in found.extents_m)
     facts = (
         f"{found.objects} objects, {found.triangles:,} triangles, {size} m; "
         f"nothing nearer to the drone than {found.clearance_m:.2f} m"

@@ -145,11 +145,12 @@ def _deck(
         segments = [[(x, s * y, 0), (x, s * y, high)] for x in posts for s in (-1, 1)]
         levels = [high] if parameters.railing == "bars" else np.linspace(0.25, high, 4)
         rails = [[(BEHIND_M, s * y, z), (AHEAD_M, s * y, z)] for s in (-1, 1) for z in levels]
-        fine = np.arange(-12, 70, 0.13) if parameters.railing == "bars" else []
-        thin = [[(x, s * y, 0.1), (x, s * y, high)] for x in fine for s in (-1, 1)]
-        rail = union(
-            [bars(segments, 0.035, 6), bars(rails, 0.03, 6), *([bars(thin, 0.008)] if thin else [])]
-        )
+        parts = [bars(segments, 0.035, 6), bars(rails, 0.03, 6)]
+        if parameters.railing == "bars":
+            fine = np.arange(-12, 70, 0.13)
+            thin = [[(x, s * y, 0.1), (x, s * y, high)] for x in fine for s in (-1, 1)]
+            parts.append(bars(thin, 0.008))
+        rail = union(parts)
     railing = "concrete" if parameters.railing == "parapet" else "steel-galvanised"
     draft.mesh("railing", railing, rail, at, turn)
     if rng.random() < 0.5:

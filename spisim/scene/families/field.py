@@ -41,7 +41,7 @@ class FieldParameters(Parameters):
     """The drone flies low over the land, or as high as what stands there."""
 
     drone_height_m: float = drawn_log(1.0, 6.0, "above the ground")
-    pitch_deg: float = drawn(-4.0, 16.0, "of the line of sight, down is positive")
+    pitch_deg: float = drawn(-8.0, 15.0, "of the line of sight, down is positive")
     relief_m: float = drawn(0.05, 1.5, "height of the land's waves")
     crop: str = one_of("pasture", "rows", "tall-grass", "bare", text="what grows")
     nearest_m: float = drawn_log(2.0, 8.0, "to what stands nearest")

@@ -26,7 +26,7 @@ class ForestEdgeParameters(Parameters):
     """The drone flies over the field and looks towards the wood, along it, or past its end."""
 
     drone_height_m: float = drawn_log(1.3, 9.0, "above the field")
-    pitch_deg: float = drawn(-4.0, 14.0, "of the line of sight, down is positive")
+    pitch_deg: float = drawn(-9.0, 13.0, "of the line of sight, down is positive")
     edge_m: float = drawn_log(4.5, 30.0, "along the line of sight to the wood")
     edge_angle_deg: float = drawn(-75.0, 75.0, "of the edge from square to the line of sight")
     gap_deg: float = drawn(-16.0, 16.0, "at which the wood has a gap or its end, to the left")
@@ -117,7 +117,7 @@ def _wood(
     kinds = ("broad-leaved", "conifer", "poplar") if parameters.trees == "mixed" else None
     add_wood(
         draft, "tree", kinds or (parameters.trees,), parameters.season, rng,
-        land.places(*feet.T), parameters.tree_m,
+        land.places(feet[:, 0], feet[:, 1]), parameters.tree_m,
     )  # fmt: skip
     # What is deep in the wood nobody tells apart; it starts behind the rows.
     start = np.array([parameters.edge_m, 0]) + 3 * spacing * inward
@@ -145,7 +145,7 @@ def _undergrowth(
     flat = s[:, None] * along + (parameters.edge_m, 0) + rng.normal(0, 0.8, (count, 2))
     flat = flat[np.hypot(*flat.T) > 3.0]
     body, foliage = clipped_bush(rng, (1.3, 1.1, 1.2), 0.1, 500)
-    places = land.places(*flat.T, -0.25)
+    places = land.places(flat[:, 0], flat[:, 1], -0.25)
     turns, scales = rng.uniform(0, 360, len(places)), rng.uniform(0.5, 1.6, len(places))
     draft.mesh("bushes", parameters.season, spread(union([body, foliage]), places, turns, scales))
 

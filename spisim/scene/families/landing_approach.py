@@ -29,7 +29,7 @@ class LandingApproachParameters(Parameters):
 
     place: str = one_of("pad", "road", "roof", "runway", text="to land on")
     height_m: float = drawn_log(1.2, 8.0, "of the drone above the place")
-    slant_deg: float = drawn(0.0, 28.0, "of the line of sight below the horizon")
+    slant_deg: float = drawn(0.0, 24.0, "of the line of sight below the horizon")
     turn_deg: float = drawn(-90.0, 90.0, "of the place to the line of sight")
     roll_deg: float = drawn(-6.0, 6.0, "of the drone as it turns in")
     aside_deg: float = drawn(-7.0, 7.0, "of the middle of the place, to the left")
@@ -165,7 +165,7 @@ def _runway(
     draft.mesh("threshold", "paint-white", union(bars_))
     markers = [
         land.on(*_turned(parameters, t, way * half))
-        for t in np.arange(-4, 60, 5)
+        for t in np.arange(-4.0, 60.0, 5.0)
         for way in (-1, 1)
     ]
     draft.mesh("edge markers", "polypropylene", spread(cone(), markers, 0, 1.0))
@@ -231,11 +231,10 @@ def _around(
         n = len(range(number, parameters.clutter, len(things)))
         if not n:
             continue
-        spots = [_turned(parameters, *rng.uniform(-0.9, 0.9, 2) * (size + 1)) for _ in range(n)]
-        level = [
-            0.02 if parameters.place == "roof" else land.height(*spot) + 0.03 for spot in spots
-        ]
-        places = np.column_stack([spots, level])
+        places = []
+        for _ in range(n):
+            x, y = _turned(parameters, *rng.uniform(-0.9, 0.9, 2) * (size + 1))
+            places.append((x, y, 0.02) if parameters.place == "roof" else land.on(x, y, -0.03))
         draft.mesh(name, material, spread(mesh, places, rng.uniform(0, 360, n), 1))
     if parameters.place == "roof":
         spots = land.places(*_ring(rng, parameters, parameters.trees, 2.4 * size + 8, 60).T)

@@ -64,8 +64,8 @@ def build(parameters: StairwellParameters, rng: np.random.Generator) -> Draft:
             top + parameters.drone_height_m - 0.1,
         )
         target = (LOBBY_M, rng.uniform(-0.8, 0.2) * left, rng.uniform(0.8, 1.4))
-    target = _turned(position, target, parameters.gaze_deg, parameters.tilt_deg)
-    draft = Draft(position, target, sky_klx=rng.uniform(5.0, 18.0))
+    aim = _turned(position, target, parameters.gaze_deg, parameters.tilt_deg)
+    draft = Draft(position, aim, sky_klx=rng.uniform(5.0, 18.0))
     _shell(draft, parameters, top, far)
     _flights(draft, parameters, top)
     _railings(draft, parameters)

@@ -40,7 +40,7 @@ class StreetParameters(Parameters):
     view: str = one_of(
         "front", "along", "above", text="of a front, along the street, or to the roofs"
     )
-    rise_m: float = drawn(0.0, 5.0, "how much higher the drone flies, if not before a front")
+    rise: float = drawn(0.0, 1.0, "of the way to the eaves the drone flies, if not before a front")
     turn_deg: float = drawn(-36.0, 8.0, "of the line of sight to the street, if not to a front")
     tilt_deg: float = drawn(
         -10.0, 10.0, "of the line of sight, down is positive, if not to a front"
@@ -71,9 +71,10 @@ def build(parameters: StreetParameters, rng: np.random.Generator) -> Draft:
 def _further(parameters: StreetParameters) -> StreetParameters:
     """The same street, seen along it from higher up, or up to the eaves."""
     heading = parameters.heading_deg + parameters.turn_deg
-    height = parameters.drone_height_m + parameters.rise_m
+    low, eaves = parameters.drone_height_m, 3.0 * parameters.storeys
+    height = low + parameters.rise * (eaves + 0.5 - low)
     # To the roofs the drone looks up by as much as it needs to see them.
-    up = 0.0 if parameters.view == "along" else 14.0
+    up = 0.0 if parameters.view == "along" else 12.0
     away = parameters.front_m / np.sin(np.radians(heading))
     target = height + away * np.tan(np.radians(up - parameters.tilt_deg))
     changed = {"heading_deg": heading, "drone_height_m": height, "target_m": target}
@@ -286,5 +287,5 @@ FAMILY = Family(
     "A street between houses with windows of glass, a parked car and a cable across",
     StreetParameters,
     build,
-    least_spots=2,
+    least_spots=1,
 )

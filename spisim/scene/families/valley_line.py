@@ -93,7 +93,7 @@ def _along(parameters: ValleyLineParameters) -> Floats:
 def _offsets(parameters: ValleyLineParameters) -> Floats:
     """Of the wires (n,) from the middle of the support, across the line."""
     n = parameters.wires
-    return (np.arange(n) - (n - 1) / 2) * parameters.spread_m
+    return np.asarray(parameters.spread_m * (np.arange(n) - (n - 1) / 2))
 
 
 def _support(

@@ -1,7 +1,7 @@
 """Solids that props are put together from, as triangles; lengths in metres."""
 
 from collections.abc import Iterable, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import trimesh
@@ -103,7 +103,7 @@ def spread(mesh: Mesh, places: ArrayLike, turns_deg: ArrayLike, scales: ArrayLik
     return alike(corners, np.asarray(mesh.faces))
 
 
-def bars(segments: ArrayLike, radius: float, sections: int = 4) -> Mesh:
+def bars(segments: Sequence[Any] | Floats, radius: float, sections: int = 4) -> Mesh:
     """Straight bars between pairs of points (n, 2, 3), as of a lattice, as one mesh."""
     ends = np.asarray(segments, float)
     along = ends[:, 1] - ends[:, 0]

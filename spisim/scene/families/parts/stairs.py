@@ -108,8 +108,10 @@ def _winding_rails(
     on_wall = rng.integers(0, count, 36)
     spots = helix(outer, 0.0)[on_wall] + rng.uniform((0, 0, 0.3), (0, 0, 2.2), (36, 3))
     _plates(draft, rng, spots, np.degrees(turn[on_wall]), "plates")
-    pipes = [[(outer * np.cos(a), outer * np.sin(a), 0), (outer * np.cos(a), outer * np.sin(a), z[-1] + 2)]
-             for a in rng.uniform(0, 2 * np.pi, 5)]  # fmt: skip
+    where = rng.uniform(0, 2 * np.pi, 5)
+    foot = outer * np.stack([np.cos(where), np.sin(where)], axis=1)
+    low, high = (np.column_stack([foot, np.full(5, level)]) for level in (0.0, z[-1] + 2))
+    pipes = np.stack([low, high], axis=1)
     draft.mesh("pipes", "steel-galvanised", bars(pipes, rng.uniform(0.015, 0.06), 10))
 
 

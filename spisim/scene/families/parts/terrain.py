@@ -57,13 +57,14 @@ class Terrain:
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
         offsets = np.linspace(-width_m / 2, width_m / 2, 5)[:, None, None]
-        lines = self.places(*np.moveaxis(points + offsets * across, -1, 0), -above_m)
+        x, y = np.moveaxis(points + offsets * across, -1, 0)
+        lines = self.places(x, y, -above_m)
         return grid_mesh(np.swapaxes(lines, 0, 1))
 
     def centres(self) -> tuple[Floats, Floats]:
         """x and y (n - 1, m - 1) of the middles of the cells."""
         x, y = ((line[:-1] + line[1:]) / 2 for line in (self.x_m, self.y_m))
-        return np.meshgrid(x, y, indexing="ij")  # type: ignore[return-value]
+        return np.meshgrid(x, y, indexing="ij")
 
     def add(
         self,
@@ -94,7 +95,8 @@ def terrain(relief: Relief, near: tuple[Range, Range], step_m: float) -> Terrain
 
 def waves(rng: np.random.Generator, lengths_m: Range, count: int = 9) -> Relief:
     """Smooth random relief between -1 and 1, of wavelengths between two."""
-    lengths = np.exp(rng.uniform(*np.log(lengths_m), count))
+    low, high = np.log(lengths_m).tolist()
+    lengths = np.exp(rng.uniform(low, high, count))
     headings, phases = rng.uniform(0, 2 * np.pi, (2, count))
     numbers = 2 * np.pi / lengths * np.array([np.cos(headings), np.sin(headings)])
     weights = lengths / lengths.sum()  # long waves are higher
