@@ -69,14 +69,15 @@ def build(parameters: StreetParameters, rng: np.random.Generator) -> Draft:
 
 
 def _further(parameters: StreetParameters) -> StreetParameters:
-    """The same street, seen along it from higher up, or up to the eaves."""
-    heading = parameters.heading_deg + parameters.turn_deg
+    """The same street, seen along it past its end, or at the eaves, from higher up."""
     low, eaves = parameters.drone_height_m, 3.0 * parameters.storeys
     height = low + parameters.rise * (eaves + 0.5 - low)
-    # To the roofs the drone looks up by as much as it needs to see them.
-    up = 0.0 if parameters.view == "along" else 12.0
+    heading = parameters.heading_deg + parameters.turn_deg
+    level = eaves
+    if parameters.view == "along":
+        heading, level = 12.0 + 0.7 * (parameters.heading_deg - 40.0), height
     away = parameters.front_m / np.sin(np.radians(heading))
-    target = height + away * np.tan(np.radians(up - parameters.tilt_deg))
+    target = level - away * np.tan(np.radians(parameters.tilt_deg))
     changed = {"heading_deg": heading, "drone_height_m": height, "target_m": target}
     return parameters.model_copy(update=changed)
 
