@@ -4,7 +4,7 @@
 
 Every family, every seed, several views; clear air, or fog of 30 to 300 m of visibility. The file
 has `image` (n, H, W), fractions of the power of a pixel that come back, and `family`, `seed` and
-`view` of each. Views in which a beam hits nothing are left out.
+`view` of each. Views from within something are left out.
 """
 
 import argparse

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shlex
 from pathlib import Path
@@ -141,7 +142,8 @@ def _print(report: Import) -> None:
         "unit": f"{report.unit_m:g} m ({report.unit_why})",
         "up": f"{report.up} ({report.up_why})",
         "drone": f"at {_metres(drone.position_m)}, looks at {_metres(drone.look_at_m)} "
-        f"({drone.why}); nearest surface {drone.nearest_m:.2f} m, ahead {drone.ahead_m:.2f} m",
+        f"({drone.why}); nearest surface {drone.nearest_m:.2f} m, "
+        + (f"ahead {drone.ahead_m:.2f} m" if math.isfinite(drone.ahead_m) else "nothing ahead"),
     }
     for title, text in lines.items():
         results.print(f"{title:8} {text}", soft_wrap=True)
