@@ -86,13 +86,16 @@ class Net(nn.Module):
         self.again = Blocks(MIDDLE, MIDDLE_BLOCKS)
         self.up = nn.Conv2d(MIDDLE, 4 * NARROW, 1)
         self.after = nn.Conv2d(NARROW, NARROW, 3, padding=1)
-        self.leave = nn.Conv2d(NARROW, 4 * 3, 3, padding=1)
+        self.leave = nn.Conv2d(NARROW, 4 * 4, 3, padding=1)
         nn.init.zeros_(self.leave.weight)
-        bias = torch.tensor([0.0, -1.5, -2.0]).repeat_interleave(4)
+        bias = torch.tensor([0.0, -1.5, -2.0, -1.0]).repeat_interleave(4)
         self.leave.bias = nn.Parameter(bias)
 
     def forward(self, maps: Tensor, numbers: Tensor) -> Tensor:
-        """Log depth over the start, log of its deviation, logit of nothing: (B, 3, H, W)."""
+        """Log depth over the start, log of its deviation, logits of nothing and of plain ranges.
+
+        (B, 4, H, W).
+        """
         half = pixel_unshuffle(maps, 2)
         constant = numbers[:, :, None, None].expand(-1, -1, *half.shape[2:])
         kept = torch.relu(self.enter(torch.cat([half, constant], dim=1)))
@@ -137,7 +140,7 @@ class Frames:
         return others, its
 
     def batch(self, rng: np.random.Generator) -> list[Tensor]:
-        """Some of them, varied: maps, numbers, start and log depth."""
+        """Some of them, varied: maps, numbers, starts and log depth."""
         chosen = rng.integers(len(self), size=BATCH)
         return stacked([varied(self.shown[n], self.depth_m[n], rng) for n in chosen])
 
@@ -190,21 +193,26 @@ def without_spots(shown: Shown, dropped: Any) -> Shown:
 
 
 def stacked(frames: list[tuple[Inputs, Any]]) -> list[Tensor]:
-    """Maps, numbers, start and log depth, nan for nothing, of frames of one shape."""
+    """Maps, numbers, starts and log depth, nan for nothing, of frames of one shape."""
     with np.errstate(divide="ignore"):
         columns = [
             [inputs.maps for inputs, _ in frames],
             [inputs.numbers for inputs, _ in frames],
-            [inputs.start for inputs, _ in frames],
+            [[inputs.start, inputs.plain] for inputs, _ in frames],
             [np.log(depth_m) for _, depth_m in frames],
         ]
     return [torch.from_numpy(np.array(column, np.float32)) for column in columns]
 
 
+def log_depth_of(out: Tensor, start: Tensor) -> Tensor:
+    """Log depth (B, H, W) that is told, of the two starts (B, 2, H, W)."""
+    return start[:, 0] + torch.sigmoid(out[:, 3]) * (start[:, 1] - start[:, 0]) + out[:, 0]
+
+
 def loss_of(out: Tensor, start: Tensor, log_depth: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
     """The loss, and the parts of it."""
     there = torch.isfinite(log_depth)
-    error = torch.where(there, start + out[:, 0] - torch.nan_to_num(log_depth), 0)
+    error = torch.where(there, log_depth_of(out, start) - torch.nan_to_num(log_depth), 0)
     error = error.clamp(-FARTHEST, FARTHEST)
     log_scale = out[:, 1].clamp(*LOG_SIGMA) - np.log(2) / 2  # of a Laplace distribution
     unlikely = log_scale + error.abs() * torch.exp(-log_scale)
@@ -281,7 +289,7 @@ def told(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
         maps, numbers, start, log_depth = stacked(pairs)
         out = net(_last(maps), numbers)
         values = (
-            start + out[:, 0] - log_depth,
+            log_depth_of(out, start) - log_depth,
             torch.exp(out[:, 1].clamp(*LOG_SIGMA)),
             torch.sigmoid(out[:, 2]),
             ~torch.isfinite(log_depth),

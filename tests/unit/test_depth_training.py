@@ -25,7 +25,8 @@ def inputs():
     rng = np.random.default_rng(0)
     maps = rng.standard_normal((MAPS, *SHAPE)).astype(np.float32)
     numbers = rng.standard_normal(len(NUMBERS)).astype(np.float32)
-    return Inputs(maps, numbers, np.zeros(SHAPE, np.float32))
+    start = np.zeros(SHAPE, np.float32)
+    return Inputs(maps, numbers, start, start + 1)
 
 
 def evaluated(net, inputs):
@@ -37,8 +38,8 @@ def test_numpy_evaluates_what_was_trained(net, inputs):
     weights = {name: value.numpy() for name, value in net.state_dict().items()}
     limits = np.zeros((2, len(FEATURES)), np.float32)
     told = DepthNetwork(weights | {"limits": limits, "calibration": np.zeros(1)})(inputs)
-    change, log_sigma, logit = evaluated(net, inputs).numpy()
-    np.testing.assert_allclose(told.log_depth, change, atol=1e-4)
+    change, log_sigma, logit, trust = evaluated(net, inputs).numpy()
+    np.testing.assert_allclose(told.log_depth, change + 1 / (1 + np.exp(-trust)), atol=1e-4)
     np.testing.assert_allclose(np.log(told.deviation), np.clip(log_sigma, -4.5, 1), atol=1e-4)
     np.testing.assert_allclose(told.nothing, 1 / (1 + np.exp(-logit)), atol=1e-4)
 
@@ -59,10 +60,10 @@ def test_the_loss_is_least_at_the_truth_and_at_the_deviation_of_the_errors():
     torch.manual_seed(2)
     log_depth = torch.full((1, 64, 64), 1.0)
     noise = torch.distributions.Laplace(0.0, 0.1).sample((1, 64, 64))
-    start = log_depth + noise
+    start = torch.stack([log_depth + noise] * 2, dim=1)
 
     def loss(shift=0.0, deviation=0.141):
-        out = torch.zeros(1, 3, 64, 64)
+        out = torch.zeros(1, 4, 64, 64)
         out[:, 0], out[:, 1], out[:, 2] = shift, np.log(deviation), -9.0
         return float(depth_network.loss_of(out, start, log_depth)[0])
 
@@ -72,7 +73,7 @@ def test_the_loss_is_least_at_the_truth_and_at_the_deviation_of_the_errors():
 
 def test_what_is_nothing_counts_for_its_probability_alone():
     log_depth = torch.full((1, 8, 8), float("nan"))
-    wild, tame = torch.full((1, 3, 8, 8), 5.0), torch.zeros(1, 3, 8, 8)
+    wild, tame = torch.full((1, 4, 8, 8), 5.0), torch.zeros(1, 4, 8, 8)
     wild[:, 2] = tame[:, 2] = 3.0
     losses = [
         depth_network.loss_of(out, torch.zeros(1, 8, 8), log_depth)[0] for out in (wild, tame)
