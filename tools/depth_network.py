@@ -39,7 +39,7 @@ from spisim.scene import families
 
 SEED = 7
 BATCH = 8
-RATE = 1.5e-3
+RATE = 1.2e-3
 NARROW, MIDDLE, WIDE = 24, 48, 80
 """Channels at a half, a quarter and an eighth of the resolution."""
 ASIDE = 20
