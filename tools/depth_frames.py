@@ -62,7 +62,8 @@ def main() -> None:
     asked.folder.mkdir(parents=True, exist_ok=True)
     numbers: Sequence[int] = range(*asked.scenes)
     if asked.like is not None:
-        numbers = [n for n in json.loads(asked.like.read_text())["scenes"] if n in numbers]
+        told = json.loads(asked.like.read_text())["scenes"].split()
+        numbers = [number for number in map(int, told) if number in numbers]
     for number in numbers:
         if asked.families and family_of(plan, number) not in asked.families:
             continue

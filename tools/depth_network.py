@@ -6,9 +6,9 @@
 The loss is that of a Laplace distribution of log depth, whose deviation is told besides; the mean
 relative error, which counts most what is told too far; and the cross entropy of "nothing". Every
 frame is shown with some of its spots, as it is or mirrored, with what fitting the fog tells or
-without. One family and every 20th scene are kept aside; on the former the deviations are calibrated
-so that 95 % of the pixels lie within 1.96 of them. Beside the weights, a JSON file of their name
-tells what they were trained on, and how good they are on what was kept aside.
+without. One family and every 20th scene are kept aside; on both the deviations are calibrated so
+that 95 % of the pixels lie within 1.96 of them. Beside the weights, a JSON file of their name tells
+what they were trained on, and how good they are on what was kept aside.
 """
 
 import argparse
@@ -16,6 +16,7 @@ import hashlib
 import json
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -315,10 +316,16 @@ def quality(net: nn.Module, frames: Frames, scale: float = 1.0) -> dict[str, flo
     }
 
 
-def calibration(net: nn.Module, frames: Frames) -> float:
-    """Log of the factor with which 95 % of the pixels lie within 1.96 deviations."""
-    error, sigma, _, empty = told(net, frames)
-    return float(np.log(np.quantile(np.abs(error[~empty]) / sigma[~empty], 0.95) / 1.96))
+def calibration(net: nn.Module, held: Sequence[Frames]) -> float:
+    """Log of the factor with which 95 % of the pixels lie within 1.96 deviations.
+
+    The mean of those of unseen scenes and of an unseen family.
+    """
+    factors = []
+    for frames in held:
+        error, sigma, _, empty = told(net, frames)
+        factors.append(np.quantile(np.abs(error[~empty]) / sigma[~empty], 0.95) / 1.96)
+    return float(np.mean(np.log(factors)))
 
 
 def limits_of(frames: Frames) -> Any:
@@ -355,40 +362,52 @@ def main() -> None:
     torch.manual_seed(SEED)
     torch.set_num_threads(1)
     files = sorted(asked.folder.glob("*.npz"))
-    aside = files[::ASIDE]
-    train, seeds = Frames([file for file in files if file not in set(aside)]), Frames(aside)
-    train, family = train.of(FAMILY_ASIDE)
-    held = {"seeds": seeds.of(FAMILY_ASIDE)[0], "family": family}
+    train, held = split(files)
     print(len(train), {name: len(each) for name, each in held.items()}, Counter(train.family))
     net, steps = trained(train, held["family"], asked.steps, asked.minutes, asked.start)
-    log_scale = calibration(net, held["family"])
+    start = asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest()
+    told_of = {"steps": steps, "start": start, "data": digest(files), "scenes": scenes_of(files)}
+    write(asked.weights, net, train, held, told_of)
+    if asked.onnx is not None:
+        export(net, asked.onnx)
+
+
+def split(files: list[Path]) -> tuple[Frames, dict[str, Frames]]:
+    """Frames to learn from, and those kept aside: scenes of the same families, and one family."""
+    aside = files[::ASIDE]
+    train, family = Frames([file for file in files if file not in set(aside)]).of(FAMILY_ASIDE)
+    return train, {"seeds": Frames(aside).of(FAMILY_ASIDE)[0], "family": family}
+
+
+def scenes_of(files: list[Path]) -> str:
+    """Numbers of the scenes in the plan."""
+    return " ".join(str(int(file.stem)) for file in files)
+
+
+def write(
+    file: Path, net: Net, train: Frames, held: dict[str, Frames], manifest: dict[str, Any]
+) -> None:
+    """Weights, calibrated, with the limits of what they are for; and what is told of them."""
+    log_scale = calibration(net, list(held.values()))
     weights = {name: value.half().numpy() for name, value in net.state_dict().items()}
     np.savez(
-        asked.weights,
+        file,
         version=VERSION,
         limits=limits_of(train),
         calibration=np.array([log_scale], np.float32),
         **weights,
     )
-    if asked.onnx is not None:
-        export(net, asked.onnx)
-    plan = PLAN.read_bytes()
-    manifest = {
+    manifest |= {
         "frames": len(train),
-        "scenes": [int(file.stem) for file in files],
         "families": dict(Counter(train.family)),
         "family_aside": FAMILY_ASIDE,
-        "steps": steps,
-        "start": asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest(),
         "seed": SEED,
+        "plan": hashlib.sha256(PLAN.read_bytes()).hexdigest(),
         "drawn_by": digest(sorted(Path(families.__file__).parent.rglob("*.py"))),
-        "plan": hashlib.sha256(plan).hexdigest(),
-        "data": digest(files),
-        "sha256": hashlib.sha256(asked.weights.read_bytes()).hexdigest(),
+        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
         "aside": {name: quality(net, each, np.exp(log_scale)) for name, each in held.items()},
     }
-    asked.weights.with_suffix(".json").write_text(json.dumps(manifest, indent=2) + "\n")
-    print(json.dumps(manifest, indent=2))
+    file.with_suffix(".json").write_text(json.dumps(manifest, indent=2) + "\n")
 
 
 def export(net: Net, file: Path) -> None:
