@@ -11,6 +11,7 @@ from reconstruction import Capture, Reconstructor, Setup, read_capture
 from reconstruction.depth import (
     DEPTH_METHODS,
     Context,
+    DepthEstimate,
     DepthMethod,
     DepthSolver,
     View,
@@ -71,8 +72,9 @@ class Compiled:
 
 def methods(setup: Setup) -> dict[str, DepthMethod]:
     """By name: the one that is frozen, and those that are registered and fit."""
+    found: dict[str, DepthMethod] = {FROZEN: Anchored(CONSTANTS)}
     fit = (name for name in DEPTH_METHODS if not lacks(DEPTH_METHODS[name], setup))
-    return {FROZEN: Anchored(CONSTANTS)} | {name: DEPTH_METHODS[name] for name in fit}
+    return found | {name: DEPTH_METHODS[name] for name in fit}
 
 
 COMPILED: dict[str, Compiled] = {}
@@ -90,11 +92,10 @@ def judge(case: Case) -> Judged:
         COMPILED[case.preset] = Compiled(capture.setup)
     told = {}
     for way, solve, view in COMPILED[case.preset](capture):
-        found = solve(view)
-        if found is not None:
-            told[way] = depth_metrics(
-                found.depth_m, true_m, deviation=found.deviation, nothing=found.nothing, rays=rays
-            )
+        found = solve(view) or DepthEstimate(np.full(true_m.shape, np.nan))
+        told[way] = depth_metrics(
+            found.depth_m, true_m, deviation=found.deviation, nothing=found.nothing, rays=rays
+        )
     return Judged(case, told)
 
 
