@@ -36,6 +36,23 @@ def test_every_sample_once_by_so_many_processes(tmp_path: Path) -> None:
             os.kill(pid, 0)
 
 
+def test_a_process_goes_on_with_the_world_that_it_is_in(tmp_path: Path) -> None:
+    make = Fake(tmp_path)
+    with LocalExecutor(make, 1, SAFETY_S, lambda index: index // 4) as executor:
+        made = [outcome.index for outcome in executor.run([0, 4, 1, 5, 2, 6, 3, 7])]
+    assert made == [0, 1, 2, 3, 4, 5, 6, 7]
+
+
+def test_another_process_begins_with_another_world(tmp_path: Path) -> None:
+    make = Fake(tmp_path)
+    with LocalExecutor(make, 2, SAFETY_S, lambda index: index // 4) as executor:
+        made = [outcome.index for outcome in executor.run(range(8))]
+    assert sorted(made) == list(range(8))
+    names = (path.name.partition("-") for path in (tmp_path / "pids").glob("*-*"))
+    makers = {int(index): pid for index, _, pid in names}
+    assert makers[0] != makers[4]
+
+
 @pytest.mark.parametrize(
     ("trouble", "reason"),
     [("kill", "worker killed by SIGKILL"), ("exit", "worker ended with exit status 7")],

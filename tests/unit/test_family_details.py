@@ -195,11 +195,12 @@ def under_the_spots(scene: Scene) -> list[Bsdf]:
     return [scene.objects[k].material.bsdf for k in np.argmin(ranges, axis=0)]
 
 
-def test_every_family_is_in_the_library() -> None:
+def test_every_closed_family_is_in_the_library() -> None:
     names = list_scenes()
     files = [scenes_folder() / f"{name}.yaml" for name in names]
     shown = {yaml.safe_load(file.read_text(encoding="utf-8")).get("family") for file in files}
-    assert set(FAMILIES) <= shown | set(names)
+    closed = {name for name, family in FAMILIES.items() if family.least_spots == 4}
+    assert closed <= shown | set(names)
 
 
 def triangles(scene: Scene) -> int:
