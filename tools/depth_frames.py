@@ -1,17 +1,17 @@
 """Frames with their depths, of drawn scenes under surrogate light: what depths are learned from.
 
-    python tools/depth_frames.py FOLDER [--plan learned_depth.yaml] [--scenes 0 1500]
+    python tools/depth_frames.py FOLDER [--scenes 0 3000] [--like MANIFEST.json]
 
 Scene n of the plan is of its family n, counted round and round. Each file has the frames of one
 scene: what the network sees of them (`Shown`, by the name of its parts), and `depth_m`, nan where
-there is nothing. Scenes that cannot be drawn, and poses in which a drone cannot
-be, are left out. Equal plans and numbers give equal
-frames on the same machine.
+there is nothing. Scenes that cannot be drawn, and poses in which a drone cannot be, are left out.
+Equal plans and numbers give equal frames on the same machine, as long as the families draw alike.
 """
 
 import argparse
+import json
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ from spisim.simulation import simulate
 from spisim.transport.backend import use_threads
 
 PLAN = Path(__file__).with_name("learned_depth.yaml")
-SCENES = 1500
+SCENES = 3000
 IMAGE = "edge-preserving"
 """The method of the images that are shown."""
 SCENE_SEEDS = 2**31
@@ -52,6 +52,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--plan", type=Path, default=PLAN)
     parser.add_argument("--scenes", type=int, nargs=2, default=(0, SCENES), metavar="N")
+    parser.add_argument("--like", type=Path, help="manifest of weights: make the scenes it tells")
     parser.add_argument("--families", nargs="+", help="make the scenes of these alone")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -59,7 +60,11 @@ def main() -> None:
     threadpool_limits(1)
     plan = load_yaml(asked.plan.read_text(), asked.plan)
     asked.folder.mkdir(parents=True, exist_ok=True)
-    for number in range(*asked.scenes):
+    numbers: Sequence[int] = range(*asked.scenes)
+    if asked.like is not None:
+        told = json.loads(asked.like.read_text())["scenes"].split()
+        numbers = [number for number in map(int, told) if number in numbers]
+    for number in numbers:
         if asked.families and family_of(plan, number) not in asked.families:
             continue
         file = asked.folder / f"{number:05}.npz"

@@ -6,9 +6,9 @@
 The loss is that of a Laplace distribution of log depth, whose deviation is told besides; the mean
 relative error, which counts most what is told too far; and the cross entropy of "nothing". Every
 frame is shown with some of its spots, as it is or mirrored, with what fitting the fog tells or
-without. One family and every 20th scene are kept aside; on the former the deviations are calibrated
-so that 95 % of the pixels lie within 1.96 of them. Beside the weights, a JSON file of their name
-tells what they were trained on, and how good they are on what was kept aside.
+without. One family and every 20th scene are kept aside; on both the deviations are calibrated so
+that 95 % of the pixels lie within 1.96 of them. Beside the weights, a JSON file of their name tells
+what they were trained on, and how good they are on what was kept aside.
 """
 
 import argparse
@@ -16,6 +16,7 @@ import hashlib
 import json
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,10 +36,11 @@ from reconstruction.depth.network import (
     features,
 )
 from reconstruction.depth.shown import MAPS, NUMBERS, Anchors, Inputs, Shown, inputs_of
+from spisim.scene import families
 
 SEED = 7
 BATCH = 8
-RATE = 1.5e-3
+RATE = 1.2e-3
 NARROW, MIDDLE, WIDE = 24, 48, 80
 """Channels at a half, a quarter and an eighth of the resolution."""
 ASIDE = 20
@@ -85,13 +87,16 @@ class Net(nn.Module):
         self.again = Blocks(MIDDLE, MIDDLE_BLOCKS)
         self.up = nn.Conv2d(MIDDLE, 4 * NARROW, 1)
         self.after = nn.Conv2d(NARROW, NARROW, 3, padding=1)
-        self.leave = nn.Conv2d(NARROW, 4 * 3, 3, padding=1)
+        self.leave = nn.Conv2d(NARROW, 4 * 4, 3, padding=1)
         nn.init.zeros_(self.leave.weight)
-        bias = torch.tensor([0.0, -1.5, -2.0]).repeat_interleave(4)
+        bias = torch.tensor([0.0, -1.5, -2.0, -1.0]).repeat_interleave(4)
         self.leave.bias = nn.Parameter(bias)
 
     def forward(self, maps: Tensor, numbers: Tensor) -> Tensor:
-        """Log depth over the start, log of its deviation, logit of nothing: (B, 3, H, W)."""
+        """Log depth over the start, log of its deviation, logits of nothing and of plain ranges.
+
+        (B, 4, H, W).
+        """
         half = pixel_unshuffle(maps, 2)
         constant = numbers[:, :, None, None].expand(-1, -1, *half.shape[2:])
         kept = torch.relu(self.enter(torch.cat([half, constant], dim=1)))
@@ -136,7 +141,7 @@ class Frames:
         return others, its
 
     def batch(self, rng: np.random.Generator) -> list[Tensor]:
-        """Some of them, varied: maps, numbers, start and log depth."""
+        """Some of them, varied: maps, numbers, starts and log depth."""
         chosen = rng.integers(len(self), size=BATCH)
         return stacked([varied(self.shown[n], self.depth_m[n], rng) for n in chosen])
 
@@ -189,21 +194,26 @@ def without_spots(shown: Shown, dropped: Any) -> Shown:
 
 
 def stacked(frames: list[tuple[Inputs, Any]]) -> list[Tensor]:
-    """Maps, numbers, start and log depth, nan for nothing, of frames of one shape."""
+    """Maps, numbers, starts and log depth, nan for nothing, of frames of one shape."""
     with np.errstate(divide="ignore"):
         columns = [
             [inputs.maps for inputs, _ in frames],
             [inputs.numbers for inputs, _ in frames],
-            [inputs.start for inputs, _ in frames],
+            [[inputs.start, inputs.plain] for inputs, _ in frames],
             [np.log(depth_m) for _, depth_m in frames],
         ]
     return [torch.from_numpy(np.array(column, np.float32)) for column in columns]
 
 
+def log_depth_of(out: Tensor, start: Tensor) -> Tensor:
+    """Log depth (B, H, W) that is told, of the two starts (B, 2, H, W)."""
+    return start[:, 0] + torch.sigmoid(out[:, 3]) * (start[:, 1] - start[:, 0]) + out[:, 0]
+
+
 def loss_of(out: Tensor, start: Tensor, log_depth: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
     """The loss, and the parts of it."""
     there = torch.isfinite(log_depth)
-    error = torch.where(there, start + out[:, 0] - torch.nan_to_num(log_depth), 0)
+    error = torch.where(there, log_depth_of(out, start) - torch.nan_to_num(log_depth), 0)
     error = error.clamp(-FARTHEST, FARTHEST)
     log_scale = out[:, 1].clamp(*LOG_SIGMA) - np.log(2) / 2  # of a Laplace distribution
     unlikely = log_scale + error.abs() * torch.exp(-log_scale)
@@ -253,7 +263,6 @@ def trained(
             recent.clear()
             if step % 2000 == 0:
                 print("  aside", quality(mean.module, aside), flush=True)
-                torch.save(mean.module.state_dict(), "/tmp/learned-checkpoint.pt")
     kept_net = mean.module
     assert isinstance(kept_net, Net)
     return kept_net, step
@@ -281,7 +290,7 @@ def told(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
         maps, numbers, start, log_depth = stacked(pairs)
         out = net(_last(maps), numbers)
         values = (
-            start + out[:, 0] - log_depth,
+            log_depth_of(out, start) - log_depth,
             torch.exp(out[:, 1].clamp(*LOG_SIGMA)),
             torch.sigmoid(out[:, 2]),
             ~torch.isfinite(log_depth),
@@ -307,19 +316,26 @@ def quality(net: nn.Module, frames: Frames, scale: float = 1.0) -> dict[str, flo
     }
 
 
-def calibration(net: nn.Module, frames: Frames) -> float:
-    """Log of the factor with which 95 % of the pixels lie within 1.96 deviations."""
-    error, sigma, _, empty = told(net, frames)
-    return float(np.log(np.quantile(np.abs(error[~empty]) / sigma[~empty], 0.95) / 1.96))
+def calibration(net: nn.Module, held: Sequence[Frames]) -> float:
+    """Log of the factor with which 95 % of the pixels lie within 1.96 deviations.
+
+    The mean of those of unseen scenes and of an unseen family.
+    """
+    factors = []
+    for frames in held:
+        error, sigma, _, empty = told(net, frames)
+        factors.append(np.quantile(np.abs(error[~empty]) / sigma[~empty], 0.95) / 1.96)
+    return float(np.mean(np.log(factors)))
 
 
 def limits_of(frames: Frames) -> Any:
-    """Of what makes a frame like these (2, features)."""
+    """Of what makes a frame like these (2, features): as they are, or with less known of them."""
     rng = np.random.default_rng(SEED)
     found = []
-    for shown in frames.shown:
+    for number, shown in enumerate(frames.shown):
         poorer = without_fog(without_spots(shown, rng.random(4) < 0.5))
-        found += [features(each, inputs_of(each)) for each in (shown, poorer)]
+        each = poorer if number % 2 else shown
+        found.append(features(each, inputs_of(each)))
     least, most = np.percentile(found, USUAL, axis=0)
     beyond = BEYOND * (most - least) + 1e-3
     return np.array([least - beyond, most + beyond], np.float32)
@@ -346,39 +362,52 @@ def main() -> None:
     torch.manual_seed(SEED)
     torch.set_num_threads(1)
     files = sorted(asked.folder.glob("*.npz"))
-    aside = files[::ASIDE]
-    train, seeds = Frames([file for file in files if file not in set(aside)]), Frames(aside)
-    train, family = train.of(FAMILY_ASIDE)
-    held = {"seeds": seeds.of(FAMILY_ASIDE)[0], "family": family}
+    train, held = split(files)
     print(len(train), {name: len(each) for name, each in held.items()}, Counter(train.family))
     net, steps = trained(train, held["family"], asked.steps, asked.minutes, asked.start)
-    log_scale = calibration(net, held["family"])
+    start = asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest()
+    told_of = {"steps": steps, "start": start, "data": digest(files), "scenes": scenes_of(files)}
+    write(asked.weights, net, train, held, told_of)
+    if asked.onnx is not None:
+        export(net, asked.onnx)
+
+
+def split(files: list[Path]) -> tuple[Frames, dict[str, Frames]]:
+    """Frames to learn from, and those kept aside: scenes of the same families, and one family."""
+    aside = files[::ASIDE]
+    train, family = Frames([file for file in files if file not in set(aside)]).of(FAMILY_ASIDE)
+    return train, {"seeds": Frames(aside).of(FAMILY_ASIDE)[0], "family": family}
+
+
+def scenes_of(files: list[Path]) -> str:
+    """Numbers of the scenes in the plan."""
+    return " ".join(str(int(file.stem)) for file in files)
+
+
+def write(
+    file: Path, net: Net, train: Frames, held: dict[str, Frames], manifest: dict[str, Any]
+) -> None:
+    """Weights, calibrated, with the limits of what they are for; and what is told of them."""
+    log_scale = calibration(net, list(held.values()))
     weights = {name: value.half().numpy() for name, value in net.state_dict().items()}
     np.savez(
-        asked.weights,
+        file,
         version=VERSION,
         limits=limits_of(train),
         calibration=np.array([log_scale], np.float32),
         **weights,
     )
-    if asked.onnx is not None:
-        export(net, asked.onnx)
-    plan = PLAN.read_bytes()
-    manifest = {
+    manifest |= {
         "frames": len(train),
-        "scenes": len(files),
         "families": dict(Counter(train.family)),
         "family_aside": FAMILY_ASIDE,
-        "steps": steps,
-        "start": asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest(),
         "seed": SEED,
-        "plan": hashlib.sha256(plan).hexdigest(),
-        "data": digest(files),
-        "sha256": hashlib.sha256(asked.weights.read_bytes()).hexdigest(),
+        "plan": hashlib.sha256(PLAN.read_bytes()).hexdigest(),
+        "drawn_by": digest(sorted(Path(families.__file__).parent.rglob("*.py"))),
+        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
         "aside": {name: quality(net, each, np.exp(log_scale)) for name, each in held.items()},
     }
-    asked.weights.with_suffix(".json").write_text(json.dumps(manifest, indent=2) + "\n")
-    print(json.dumps(manifest, indent=2))
+    file.with_suffix(".json").write_text(json.dumps(manifest, indent=2) + "\n")
 
 
 def export(net: Net, file: Path) -> None:

@@ -1,6 +1,6 @@
 """Fit what surrogate light adds to light scattered once, and tell how far it is from light traced.
 
-    python tools/surrogate_fit.py [--seeds 7000 7003]
+    python tools/surrogate_fit.py [--seeds 7000 7003] [--families FAMILY ...]
 
 Traces drawn scenes, clear and in fog of 30 to 600 m, and prints the shares of
 `spisim.transport.surrogate` that fit the families to learn from, by least squares of mean light
@@ -10,7 +10,7 @@ and relative bias of the image, and bias of the spots' ranges by the phase at 15
 
 import argparse
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,11 +47,12 @@ def main() -> None:
     """Print constants and distances."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seeds", type=int, nargs=2, default=(7000, 7003), metavar="N")
+    parser.add_argument("--families", nargs="+", default=list(FAMILIES))
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
     instrument = load_instrument("paper")
     rows, rests, distances = [], [], []
-    for family, visibility_m, scene, seed in scenes(range(*asked.seeds)):
+    for family, visibility_m, scene, seed in scenes(range(*asked.seeds), asked.families):
         traced = solve(scene, instrument, spp=SPP["fog" if visibility_m else "clear"], seed=seed)
         if family in FITTED:
             row, rest = shares(scene, instrument, traced)
@@ -78,10 +79,10 @@ def fitted(rows: Floats, rests: Floats) -> list[float]:
     return [round(each, 3) for each in (bounced, *foggy.tolist())]
 
 
-def scenes(seeds: range) -> Iterator[tuple[str, float | None, Scene, int]]:
+def scenes(seeds: range, families: Sequence[str]) -> Iterator[tuple[str, float | None, Scene, int]]:
     """Family, visibility, scene and seed: each family clear and in one of the fogs."""
     for seed in seeds:
-        for number, family in enumerate(FAMILIES):
+        for number, family in enumerate(families):
             try:
                 scene = draw_scene(family, seed)
             except InputError:
@@ -107,8 +108,13 @@ def shares(scene: Scene, instrument: Instrument, traced: Transport) -> tuple[Flo
 
 
 def distance(guessed: Transport, traced: Transport) -> tuple[float, float, float]:
-    """Correlation and relative bias of the image, and the mean bias of the spots' ranges, m."""
-    correlation = float(np.corrcoef(guessed.image.ravel(), traced.image.ravel())[0, 1])
+    """Correlation and relative bias of the image, and the mean bias of the spots' ranges, m.
+
+    The correlation is that with the light traced without its own error.
+    """
+    between = np.cov(guessed.image.ravel(), traced.image.ravel())
+    own = between[1, 1] - float(np.mean(traced.image_error**2))
+    correlation = float(between[0, 1] / np.sqrt(between[0, 0] * own)) if own > 0 else np.nan
     bias = float(guessed.image.mean() / traced.image.mean() - 1)
     paths = [_path_m(light) for light in (guessed, traced)]
     apart = np.angle(np.exp(1j * (paths[0] - paths[1]) * 2 * np.pi * PHASE_HZ / c))

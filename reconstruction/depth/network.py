@@ -62,7 +62,8 @@ class DepthNetwork:
         out = self._evaluated(filled(inputs.maps, MULTIPLE), inputs.numbers)
         out = out[:, :height, :width].astype(np.float64)
         log_sigma = np.clip(out[1], *LOG_SIGMA) + self._calibration
-        return Told(inputs.start + out[0], np.exp(log_sigma), expit(out[2]))
+        start = inputs.start + expit(out[3]) * (inputs.plain - inputs.start)
+        return Told(start + out[0], np.exp(log_sigma), expit(out[2]))
 
     def unlike(self, shown: Shown, inputs: Inputs) -> str | None:
         """In what a frame is unlike all that the network has seen, in words; None if in nothing."""

@@ -98,6 +98,11 @@ class Shown:
         return Anchors(*(np.where(fitted, *pair) for pair in pairs))
 
     @property
+    def ranged(self) -> bool:
+        """Whether there is a range of anything; those of lost spots are but what is likely."""
+        return bool(np.any((self.best.weight > 0) & ~self.lost))
+
+    @property
     def level(self) -> float:
         """Mean of the spots' log depths."""
         best, weight = self.best, self.best.weight
@@ -107,14 +112,16 @@ class Shown:
 
 
 class Inputs(NamedTuple):
-    """What the network is given: ``maps`` (C, H, W), ``numbers`` (N,), and a ``start`` (H, W).
+    """What the network is given, ``maps`` (C, H, W) and ``numbers`` (N,), and what it corrects.
 
-    That is log depth of the map anchored on the spots, to which is added what the network says.
+    ``start`` (H, W) is log depth of the map anchored on what is known best of the spots, ``plain``
+    on their plain ranges alone: whether these are right, the network is to see.
     """
 
     maps: Channels
     numbers: Channels
     start: Channels
+    plain: Channels
 
 
 def inputs_of(shown: Shown) -> Inputs:
@@ -123,7 +130,7 @@ def inputs_of(shown: Shown) -> Inputs:
     anchors = pixel_of(shown.directions, shown.optics, shape)
     squared = squared_distances(shape, anchors) / max(shape) ** 2
     near, inverse = np.exp(-squared / (2 * NARROW**2)), 1 / (squared + SOFTENING)
-    plain, fitted, sure = shown.plain.weight, shown.fitted.weight, best.weight
+    measured, fitted, sure = shown.plain.weight, shown.fitted.weight, best.weight
     log_depth = np.nan_to_num(best.log_depth)
     bright, unveiled = _log(shown.image), _log(shown.image - veil(shown, anchors))
 
@@ -142,15 +149,16 @@ def inputs_of(shown: Shown) -> Inputs:
     height, width = shape
     x = (2 * np.arange(width) + 1 - width) / width * shown.optics.tan_half_width
     y = (2 * np.arange(height) + 1 - height) / height * shown.optics.tan_half_height
-    start, unsure = _anchored(shown, anchors)
+    start, unsure = _anchored(shown, best, anchors)
+    plain, _ = _anchored(shown, shown.plain, anchors) if measured.any() else (start, unsure)
     maps = [
         bright,
         unveiled,
         start - level,
         unsure,
         spread(log_depth - level, sure),
-        spread(shown.plain.log_depth - level, plain),
-        near @ plain,
+        spread(shown.plain.log_depth - level, measured),
+        near @ measured,
         spread(shown.fitted.log_depth - level, fitted),
         near @ fitted,
         near @ shown.lost.astype(np.float64),
@@ -159,11 +167,13 @@ def inputs_of(shown: Shown) -> Inputs:
         spread(reflectance, known),
         np.broadcast_to(4 * x, shape),
         np.broadcast_to(4 * y[:, None], shape),
+        plain - start,
     ]
     return Inputs(
         np.array(maps, np.float32),
         _numbers(shown, known, reflectance),
         start.astype(np.float32),
+        plain.astype(np.float32),
     )
 
 
@@ -171,15 +181,14 @@ NUMBERS = (
     *("level", "spread", "ranges", "lost", "deviation", "deviation fitted", "noise", "share"),
     *("extinction", "fog known", "reach", "reflectance", "reflectance known"),
 )
-MAPS = 15
+MAPS = 16
 
 
-def _anchored(shown: Shown, anchors: Floats) -> tuple[Floats, Floats]:
+def _anchored(shown: Shown, spots: Anchors, places: Floats) -> tuple[Floats, Floats]:
     """Log depth of the map anchored on the spots, and log of its deviation, both (H, W)."""
-    best = shown.best
-    depth_m = np.exp(best.log_depth)
+    depth_m = np.exp(spots.log_depth)
     with np.errstate(invalid="ignore"):
-        found = anchored_depth(shown.image, anchors, depth_m, best.log_sigma * depth_m, START)
+        found = anchored_depth(shown.image, places, depth_m, spots.log_sigma * depth_m, START)
     if found is None:
         return np.full(shown.image.shape, shown.level), np.zeros(shown.image.shape)
     assert found.deviation is not None

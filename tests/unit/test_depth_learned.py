@@ -8,6 +8,7 @@ from scipy.special import expit
 from test_learned import convolved, shuffled, unshuffled
 
 import worlds
+from convolutions import convolved, shuffled, unshuffled
 from instruments import changed
 from reconstruction import Capture, Reconstructor
 from reconstruction.capture import Optics, Setup
@@ -75,7 +76,7 @@ def plane(shape=(64, 64), reflectance=0.3):
 def test_by_brightness_a_surface_of_one_reflectance_has_its_very_depth():
     depth_m, image = plane()
     frame = seen(depth_m, image)
-    found = inputs_of(frame).maps[8] + frame.level
+    found = inputs_of(frame).maps[10] + frame.level
     within = np.abs(found - np.log(depth_m))
     # The mean of neighbours at the spots, and spots that fade away from where they are.
     assert within.max() < 0.08
@@ -106,9 +107,9 @@ def test_a_mirrored_frame_looks_mirrored():
     )
     first, second = inputs_of(frame), inputs_of(mirrored)
     np.testing.assert_allclose(second.start[:, ::-1], first.start, atol=1e-5)
-    kept = [number for number in range(MAPS) if number != MAPS - 2]  # all but x
+    kept = [number for number in range(MAPS) if number != MAPS - 3]  # all but x
     np.testing.assert_allclose(second.maps[kept][..., ::-1], first.maps[kept], atol=1e-5)
-    np.testing.assert_allclose(second.maps[-2], -first.maps[-2][:, ::-1], atol=1e-6)
+    np.testing.assert_allclose(second.maps[-3], -first.maps[-3][:, ::-1], atol=1e-6)
 
 
 def test_the_veil_of_a_fog_that_is_known_comes_off():
@@ -175,9 +176,10 @@ def reference(inputs, weights):
 def test_the_network_is_what_its_definition_says(weights):
     depth_m, image = plane((16, 32))
     inputs = inputs_of(seen(depth_m, image))
-    change, log_sigma, logit = reference(inputs, weights)
+    change, log_sigma, logit, trust = reference(inputs, weights)
     found = learned.shipped()(inputs)
-    np.testing.assert_allclose(found.log_depth, inputs.start + change, atol=1e-4)
+    start = inputs.start + expit(trust) * (inputs.plain - inputs.start)
+    np.testing.assert_allclose(found.log_depth, start + change, atol=1e-4)
     expected = np.exp(np.clip(log_sigma, -4.5, 1) + weights["calibration"][0])
     np.testing.assert_allclose(found.deviation, expected, rtol=1e-3)
     np.testing.assert_allclose(found.nothing, expit(logit), atol=1e-4)
@@ -220,7 +222,8 @@ def test_reflectance_is_that_of_the_wall(capture):
     view = view_of(capture)
     found = Observer.of(capture.setup)(view)
     cosines = view.frame.spots.directions[:, 2]
-    np.testing.assert_allclose(np.exp(found.log_reflectance), 0.5 * cosines, rtol=0.05)
+    # By one frequency the air is not known to be clear, which takes ranges off by some per cent.
+    np.testing.assert_allclose(np.exp(found.log_reflectance), 0.5 * cosines, rtol=0.12)
     assert found.reach_m == pytest.approx(10.0, rel=1e-3)
 
 

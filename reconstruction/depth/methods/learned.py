@@ -73,7 +73,7 @@ class LearnedSolver:
         told = self._network(inputs)
         depth_m = np.where(told.nothing > LIKELY, np.nan, np.exp(told.log_depth))
         found = DepthEstimate(depth_m, told.deviation, told.nothing)
-        if not shown.best.weight.any():
+        if not shown.ranged:
             unknown = np.full(depth_m.shape, np.nan)
             return DepthEstimate(unknown, None, told.nothing, "no spot has a range: no depth")
         measured = None if self._dense is None else self._dense(view)
