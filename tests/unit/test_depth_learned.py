@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import expit
-from test_learned import convolved, shuffled, unshuffled
 
 import worlds
 from convolutions import convolved, shuffled, unshuffled
