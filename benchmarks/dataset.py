@@ -116,7 +116,7 @@ def main() -> int:
         [alone.row(), together.row()],
     )
     checks = [
-        Check("samples per minute, two workers", together.per_minute, 60, at_least=True),
+        Check("samples per minute, two workers", together.per_minute, 300, at_least=True),
         Check("efficiency of two workers", efficiency(alone, together), 0.85, at_least=True),
         Check("growth of a worker's memory, %", growth_percent(alone, amounts.settled), 5),
     ]

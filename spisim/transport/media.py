@@ -6,6 +6,10 @@ transmittance of all is the product of each one's. A homogeneous medium has both
 heterogeneous one is tracked: null-collision (delta) tracking for the flight, ratio tracking for
 the transmittance (Novák et al., Computer Graphics Forum 37, 551 (2018)). Distances are always
 those between points, so a null collision can neither add to nor take from an optical path length.
+
+Flights that leave an end of a path are biased towards collisions, as light that is scattered there
+by thin fog is rare and bright (exponential biasing, Spanier & Gelbard 1969, §3.3, with a rate that
+falls with the distance).
 """
 
 from __future__ import annotations
@@ -17,6 +21,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+
+#: Flights collide so many times as often as light does where they leave an end, at most,
+BIAS = 5.0
+#: so far from it, at most, or a mean free path,
+BIAS_REACH_M = 3.0
+#: and with an optical depth at most so much larger in all, so that their weights are bounded.
+BIAS_DEPTH = 1.5
 
 
 class Bounds(Protocol):
@@ -58,6 +69,38 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
+class Bias:
+    """Extinction that flights meet besides the true one, as a multiple of it: c / (1 + (s/b)²).
+
+    s is the distance from the end that a path has left; infinite where it has turned since.
+    """
+
+    strength: Any  # c
+    reach_m: Any  # b
+
+    @classmethod
+    def of(cls, extinction_per_m: float) -> Bias:
+        """That of a medium."""
+        reach_m = min(BIAS_REACH_M, 1 / extinction_per_m)
+        strength = min(BIAS - 1, BIAS_DEPTH / (extinction_per_m * reach_m * np.pi / 2))
+        return cls(dr.opaque(mi.Float, strength), dr.opaque(mi.Float, reach_m))
+
+    def length_m(self, near: Any, far: Any) -> Any:
+        """Its integral from one distance to another."""
+        angle = dr.atan(far / self.reach_m) - dr.atan(near / self.reach_m)
+        return self.strength * self.reach_m * angle
+
+    def way_m(self, near: Any, length_m: Any) -> Any:
+        """From `near` on until its integral is `length_m`; infinite where it never is."""
+        angle = dr.atan(near / self.reach_m) + length_m / (self.strength * self.reach_m)
+        return dr.select(angle < 0.5 * dr.pi, self.reach_m * dr.tan(angle) - near, dr.inf)
+
+    def factor(self, distance: Any) -> Any:
+        """Of all extinction over the true one."""
+        return 1 + self.strength / (1 + dr.square(distance / self.reach_m))
+
+
+@dataclass(frozen=True, eq=False)
 class Homogeneous:
     """Constant extinction within bounds."""
 
@@ -65,13 +108,25 @@ class Homogeneous:
     extinction_per_m: Any
     albedo: Any
     phase: Any
+    bias: Bias
     in_closed_form = True
 
-    def flight(self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any) -> Any:
+    def flight(
+        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
+    ) -> Any:
         """Distance to the first collision, infinite where there is none before `far`."""
         near, far = self.bounds.interval(origin, direction, far)
-        distance = near - dr.log(1 - sampler.next_1d(active)) / self.extinction_per_m
+        free, biased = (
+            -dr.log(1 - sampler.next_1d(active)) / self.extinction_per_m for _ in range(2)
+        )
+        distance = near + dr.minimum(free, self.bias.way_m(left_m + near, biased))
         return dr.select(distance < far, distance, dr.inf)
+
+    def bias_depth(self, origin: Any, direction: Any, far: Any, left_m: Any) -> Any:
+        """Optical depth of what a flight meets besides the medium."""
+        near, far = self.bounds.interval(origin, direction, far)
+        length_m = self.bias.length_m(left_m + near, left_m + dr.maximum(far, near))
+        return self.extinction_per_m * length_m
 
     def transmittance(
         self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
@@ -98,8 +153,10 @@ class Grid:
     in_closed_form = False
 
     @dr.syntax
-    def flight(self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any) -> Any:
-        """Distance to the first real collision, by null-collision tracking."""
+    def flight(
+        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
+    ) -> Any:
+        """Distance to the first real collision, by null-collision tracking; without a bias."""
         near, end = self.bounds.interval(origin, direction, far)
         distance = mi.Float(near)
         collision = mi.Float(dr.inf)
@@ -153,14 +210,31 @@ class Media:
 
     parts: tuple[Homogeneous | Grid, ...]
 
-    def flight(self, ray: Any, far: Any, sampler: Any, active: Any) -> Collision:
-        """First collision along the ray before `far`."""
+    def flight(
+        self, ray: Any, far: Any, sampler: Any, active: Any, left_m: Any = dr.inf
+    ) -> Collision:
+        """First collision along the ray before `far`, by `flight_density`."""
         nearest, which = mi.Float(dr.inf), mi.UInt32(0)
         for number, part in enumerate(self.parts):
-            distance = part.flight(ray.o, ray.d, far, sampler, active)
+            distance = part.flight(ray.o, ray.d, far, sampler, active, left_m)
             which = dr.select(distance < nearest, number, which)
             nearest = dr.minimum(distance, nearest)
         return Collision(nearest, which)
+
+    def flight_density(
+        self, origin: Any, direction: Any, distance: Any, medium: Any, in_fog: Any, left_m: Any
+    ) -> Any:
+        """Density of a flight that ends at a distance, over that of light.
+
+        In fog by a collision with a medium. It began `left_m` after leaving the path's end.
+        """
+        depth, factor = mi.Float(0), mi.Float(1)
+        for number, part in enumerate(self.parts):
+            if isinstance(part, Homogeneous):
+                depth += part.bias_depth(origin, direction, distance, left_m)
+                here = in_fog & (medium == number)
+                factor = dr.select(here, part.bias.factor(left_m + distance), factor)
+        return factor * dr.exp(-depth)
 
     def transmittance(
         self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any

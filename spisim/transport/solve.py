@@ -25,6 +25,8 @@ from spisim.transport.world import World, build_world
 
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
+#: And first of all on the way to an error: a launch of fewer takes as long.
+FIRST_SPOT_PATHS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,7 @@ def solve(
     else:
         budgets = [
             TargetError(transport_noise_share, gauge, first)
-            for gauge, first in zip(gauges, (1, SPOT_PATHS_PER_SPP), strict=True)
+            for gauge, first in zip(gauges, (1, FIRST_SPOT_PATHS), strict=True)
         ]
     image = transport_image(
         world,

@@ -15,7 +15,16 @@ from spisim.scene import Scene
 from spisim.scene.bsdf import Diffuse
 from spisim.transport.backend import with_backend
 from spisim.transport.geometry import Geometry, transform
-from spisim.transport.media import Ball, Box, Grid, Homogeneous, Media, density_texture
+from spisim.transport.media import (
+    Ball,
+    Bias,
+    Bounds,
+    Box,
+    Grid,
+    Homogeneous,
+    Media,
+    density_texture,
+)
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors
 from spisim.transport.phase import phase_plugin
@@ -71,11 +80,11 @@ def _media(scene: Scene) -> Media:
     if scene.atmosphere.extinction_per_m > 0:
         centre, radius_m = fog_ball(scene)
         ball = Ball(dr.opaque(mi.Point3f, centre.tolist()), dr.opaque(mi.Float, radius_m))
-        parts.append(Homogeneous(ball, *_optics(scene.atmosphere)))
+        parts.append(_homogeneous(ball, scene.atmosphere))
     for volume in scene.volumes:
         box = Box(transform(np.linalg.inv(volume.to_world)))
         if volume.density is None:
-            parts.append(Homogeneous(box, *_optics(volume.medium)))
+            parts.append(_homogeneous(box, volume.medium))
         else:
             peak, texture = float(volume.density.max()), volume.density
             thickest = replace(
@@ -83,6 +92,10 @@ def _media(scene: Scene) -> Media:
             )
             parts.append(Grid(box, density_texture(texture / peak), *_optics(thickest)))
     return Media(tuple(parts))
+
+
+def _homogeneous(bounds: Bounds, medium: Atmosphere) -> Homogeneous:
+    return Homogeneous(bounds, *_optics(medium), Bias.of(medium.extinction_per_m))
 
 
 def _optics(medium: Atmosphere) -> tuple[Any, Any, Any]:

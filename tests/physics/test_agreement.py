@@ -33,6 +33,31 @@ def looking(*numbers):
     return worlds.detector(PLACES[[*numbers]], AXES[[*numbers]], area_m2=2e-6, half_angle_deg=10)
 
 
+def test_in_clear_air_what_detectors_see_is_joined_to_walks_as_well():
+    """In a corner, where joined places may be arbitrarily close to each other."""
+    corner = worlds.plane(4.0, 0.8, 0.7, 4.0), worlds.plane(4.0, 0.6, -0.8, 4.0)
+    world, view = build_world(worlds.scene(*corner)), worlds.projector(shape=(8, 8))
+    assert world.plain
+    runs = {
+        strategy: np.array(
+            [
+                worlds.image(world, view, looking(0, 1), paths, s, strategy=strategy)
+                for s in worlds.seeds(24)
+            ]
+        )
+        for strategy, paths in ((Strategy.BOTH, 64), (Strategy.PROJECTOR, 256))
+    }
+    both, alone = (images.reshape(24, -1) for images in runs.values())
+    once = np.array(
+        [worlds.image(world, view, looking(0, 1), 256, s, max_vertices=1) for s in worlds.seeds(24)]
+    ).reshape(24, -1)
+    assert both.mean() > 1.1 * once.mean()  # there is light from one wall to the other
+    for pattern in (np.ones(64), np.tile([1, -1], 32), np.repeat([1, -1], 32)):
+        assert abs(worlds.z_score(both @ pattern, alone @ pattern)) < 4
+    # Of as many paths, those from the projector alone have twice the variance.
+    assert 4 * alone.var(axis=0).sum() > 1.6 * both.var(axis=0).sum()
+
+
 @cache
 def place(extinction):
     return worlds.scene(*worlds.room(), **fog(extinction))

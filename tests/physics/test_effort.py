@@ -12,6 +12,7 @@ import worlds
 from reconstruction.operators import decoder_for, expose
 from spisim.measurement.diagnostics import truth_warnings
 from spisim.transport import Transport, solve
+from spisim.transport.solve import FIRST_SPOT_PATHS
 
 PAPER = spisim.load_instrument("paper")
 SCENE = worlds.scene(*worlds.room(), extinction_per_m=0.3, g=0.8, albedo=0.98)
@@ -57,7 +58,7 @@ def test_a_small_share_takes_more_paths() -> None:
 
 def test_a_clear_scene_needs_the_fewest_paths_there_are() -> None:
     light = solve(worlds.scene(worlds.plane(4.0)), PAPER, transport_noise_share=0.3)
-    spots = 8 * 4 * 64 * 2
+    spots = 8 * 4 * FIRST_SPOT_PATHS * 2
     assert light.paths == 8 * PAPER.pattern_plan.pixels + spots
     assert light.noise_share < 0.3
 

@@ -14,7 +14,13 @@ from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths
 from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.engine.walk import lanes
+from spisim.transport.media import BIAS_DEPTH
 from spisim.transport.world import build_world
+
+# isort: split
+import drjit as dr
+import mitsuba as mi
 
 SEEDS = worlds.seeds(8)
 BASELINE = worlds.detector([0.05, 0.0, 0.0], area_m2=2e-6, half_angle_deg=14)
@@ -188,7 +194,7 @@ def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
 
 def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
     place = replace(worlds.scene(*worlds.room()), atmosphere=explicit(0.1, 0.98, HG))
-    frequency, bins = 15e6, PathLengthBins(4001, 0.02)
+    frequency, bins = 15e6, PathLengthBins(8001, 0.02)
     outputs = Outputs(frequencies_hz=(frequency,), bins=bins)
     view = worlds.projector(shape=(4, 4))
     mean = transport_image(
@@ -199,3 +205,39 @@ def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
     phasor = mean["phasors"][:, 0] @ [1, 1j]
     # Sharing light between bins damps a modulation of 1000 bins by 3e-6.
     np.testing.assert_allclose(spectrum, phasor, rtol=0, atol=1e-4 * np.abs(phasor).max())
+
+
+@pytest.mark.parametrize("left_m", [0.0, 1.5, np.inf])
+def test_flights_that_leave_an_end_collide_more_often_and_weigh_less(left_m):
+    """Collisions before any distance, with each of two media, at the rate of light."""
+    bank = volume(worlds.box_pose((4, 4, 2), (0, 0, 3)), extinction=0.2)
+    place = replace(
+        worlds.scene(worlds.plane(20.0), volumes=[bank]), atmosphere=explicit(0.1, 1, HG)
+    )
+    media, count, far = build_world(place).media, 2**17, 6.0
+    origin, towards = mi.Point3f(0, 0, 0), mi.Vector3f(0, 0, 1)
+    collision = media.flight(
+        mi.Ray3f(origin, towards),
+        mi.Float(far),
+        lanes(count, 7)[1],
+        mi.Bool(True),
+        mi.Float(left_m),
+    )
+    met = collision.distance < far
+    density = media.flight_density(
+        origin, towards, dr.minimum(collision.distance, far), collision.medium, met, left_m
+    )
+    distance, medium = np.minimum(collision.distance.numpy(), far), collision.medium.numpy()
+    weight = np.broadcast_to(1 / density.numpy(), count)
+    for edge in (1.0, 3.0, 5.0, 6.0):
+        fog, inside = 0.1 * edge, 0.2 * np.clip(edge - 2, 0, 2)
+        before = weight * ((distance < edge) & met.numpy())
+        assert abs(worlds.z_score_exact(before, 1 - np.exp(-fog - inside))) < 4
+    through = weight * ~met.numpy()
+    assert abs(worlds.z_score_exact(through, np.exp(-1.0))) < 4
+    # With the bank: 0.2 / m of 0.3 / m, from 2 m to 4 m
+    with_bank = np.exp(-0.2) * (1 - np.exp(-0.6)) * 2 / 3
+    assert abs(worlds.z_score_exact(weight * (medium == 1) * met.numpy(), with_bank)) < 4
+    collided = met.numpy().mean() / (1 - np.exp(-1.0))
+    assert (collided > 1.2) if np.isfinite(left_m) else (weight == 1).all()
+    assert weight.max() < np.exp(2 * BIAS_DEPTH)

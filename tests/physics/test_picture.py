@@ -15,7 +15,7 @@ from spisim.transport.engine.walk import Walk
 from spisim.transport.engine.weights import alone
 from spisim.transport.world import build_world
 
-RUNS = 16
+RUNS = 40
 VIEW = worlds.projector(shape=(8, 8))
 CAMERA = worlds.projector(shape=(8, 8), pose=worlds.pose_at((0.0, -0.05, 0.0)))
 PATTERN = np.indices(VIEW.shape).sum(axis=0) % 3 / 2.0  # dark, half and full

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import worlds
+from spisim.transport import media
 from spisim.transport.daylight import DAYLIGHT_ENDING
 from spisim.transport.engine import walk
 from spisim.transport.engine.ends import Detectors
@@ -45,7 +46,10 @@ def under_a_sky(world, seed, deposit=None):
     return tallies.read(1.0).values["image"][0, 0]
 
 
-def test_no_path_carries_more_than_at_its_start(fog):
+def test_no_path_carries_more_than_at_its_start(monkeypatch):
+    """But for what a first flight without a collision weighs more, where it is biased."""
+    monkeypatch.setattr(media, "BIAS", 1.0)
+    fog = build_world(FOG)
     most = dr.zeros(mi.Float, 1)
 
     def remember(light):

@@ -14,7 +14,7 @@ An end offers `launch`, which starts paths, and `density`, the number density wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import drjit as dr
@@ -91,6 +91,10 @@ class Projector:
             samples=samples,
             rate=dr.opaque(mi.Float, samples),
         )
+
+    def times(self, factor: int) -> Projector:
+        """The same with so many times the paths."""
+        return replace(self, samples=factor * self.samples, rate=factor * self.rate)
 
     @property
     def pixels(self) -> int:
@@ -271,6 +275,11 @@ class Detectors:
     @property
     def lanes(self) -> int:
         return self.count * self.samples
+
+    @property
+    def paths(self) -> Any:
+        """Paths of a launch."""
+        return self.count * self.rate
 
     def cell(self, lane: Any) -> Any:
         return lane % self.count

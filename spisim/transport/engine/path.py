@@ -103,6 +103,13 @@ class Densities:
         reach = quotient(self._over_segment(place), self.before_forward * gap * gap)
         return dr.select(in_fog, reach, 0)
 
+    def footprint(self, place: Any) -> Any:
+        """Density of a `place` that was picked, by its solid angle from the end, over the walk's.
+
+        Times the cosine towards the end over that of arrival.
+        """
+        return quotient(place * self.segment_m * self.segment_m, self.before_forward)
+
     def leave(self, turn: Turn, in_fog: Any, first: Any) -> None:
         """Turn at a vertex. The same delta is in both densities of a specular one, which cannot be
         connected to; in fog they are equal, where rounding may make 0 of both."""

@@ -43,12 +43,13 @@ class FogRays:
         clear = self.world.geometry.between(point, -ray.d, distance, inside & (phase > 0))
         through = media.transmittance(ray.o, ray.d, distance, sampler, clear > 0)
         known = media.known_transmittance(ray.o, ray.d, distance)
+        biased = media.flight_density(ray.o, ray.d, distance, medium, inside, mi.Float(0))
         place = angular.density(distance)
         strength = clear * through * media.albedo(medium) * extinction * phase / (place * gap * gap)
         end = Connection(
             point=point,
             importance=dr.select(inside, weight * strength, 0),
-            density=launched * known * extinction * phase / (place * gap * gap),
+            density=launched * known * biased * extinction * phase / (place * gap * gap),
             length_m=distance,
             scatterings=mi.UInt32(1),
             cell=cell,

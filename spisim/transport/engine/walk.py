@@ -24,6 +24,7 @@ import mitsuba as mi
 
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Connection, Detectors, Launch, Projector
+from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.path import Path, Ratio, quotient
 from spisim.transport.engine.rays import FogRays
@@ -76,6 +77,7 @@ class Walk:
     weight: Weight
     deposit: Deposit
     rays: FogRays | None = None
+    footprint: Footprint | None = None
     sky: Sky | None = None
     ending: float = 1.0  # roulette may end paths that carry less than this share of their start
     replicas: int = 1  # estimates side by side, which paths take turns to be part of
@@ -95,6 +97,8 @@ class Walk:
                 self._join_by_mirror(here, path, launch, lane, sampler)
             if dr.hint(self.rays is not None and not self.outward, mode="scalar"):
                 self._join_ray(here, path, launch, limit, sampler)
+            if dr.hint(self.footprint is not None, mode="scalar"):
+                self._join_footprint(here, path, launch, limit, sampler)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
             self._roulette(turn, path, scale, limit, sampler)
@@ -103,22 +107,26 @@ class Walk:
         """Follow the ray to a surface or a collision; paths that meet neither end here."""
         media, ray = self.world.media, path.ray
         si = self.world.geometry.scene.ray_intersect(ray, path.active)
-        collision = media.flight(ray, si.t, sampler, path.active)
+        left_m = dr.select(path.vertex == 1, path.densities.segment_m, dr.inf)
+        collision = media.flight(ray, si.t, sampler, path.active, left_m)
         in_fog = path.active & (collision.distance < si.t)
         on_surface = path.active & ~in_fog & si.is_valid()
+        distance = dr.select(in_fog, collision.distance, si.t)
+        biased = media.flight_density(ray.o, ray.d, distance, collision.medium, in_fog, left_m)
+        path.beta *= dr.rcp(biased)
         if self.sky is not None:
             escaped = path.active & ~in_fog & ~on_surface
             light = path.beta * self.sky(ray.d)
             found = Contribution(light, launch.cell, path.length_m, path.scatterings, escaped)
             self.deposit(found._replace(replica=launch.replica))
         path.active &= in_fog | on_surface
-        distance = dr.select(in_fog, collision.distance, si.t)
         distance = dr.select(path.active, distance, 0)
         point = mi.Point3f(ray(distance))
         path.length_m += distance
         path.scatterings += dr.select(in_fog, 1, 0)
         path.beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
-        path.densities.go(distance, media.known_transmittance(ray.o, ray.d, distance))
+        known = media.known_transmittance(ray.o, ray.d, distance)
+        path.densities.go(distance, known * dr.select(path.active, biased, 1))
         path.densities.arrive_first(path.vertex == 1, self.this.density(launch, point))
         mode = mi.TransportMode.Importance if self.outward else mi.TransportMode.Radiance
         return Vertex(
@@ -137,7 +145,7 @@ class Walk:
         self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
     ) -> None:
         """P or D: deposit what a vertex sends to the other end."""
-        end = self.other.connect(lane, here.point, sampler)
+        end = self._flown(self.other.connect(lane, here.point, sampler), here)
         has_part = path.active & self.weight.part(path.vertex, path.crossings > 0)
         join = self._join(here, end, path, has_part, sampler)
         others = join.ratio.value
@@ -148,7 +156,17 @@ class Walk:
             )
         elif self.rays is not None:
             others += path.densities.bridge_inward(self.rays, end.point, here.point, here.in_fog)
+        elif self.footprint is not None:
+            others = path.densities.footprint(self.footprint.density(end) * join.lobe.cosines)
         self._deposit(join, others, path.vertex, end, launch, path)
+
+    def _flown(self, end: Connection, here: Vertex) -> Connection:
+        """The other end, with the density of its paths' first flights as they are drawn."""
+        away, gap = direction_to(end.point, here.point)
+        biased = self.world.media.flight_density(
+            end.point, away, gap, here.medium, here.in_fog, mi.Float(0)
+        )
+        return end._replace(density=end.density * biased)
 
     def _join_ray(self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any) -> None:
         """The bridge: deposit what a vertex sends on to a point of a ray."""
@@ -157,6 +175,16 @@ class Walk:
         join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
         detectors = quotient(join.lobe.forward * join.known, place * join.gap_m * join.gap_m)
         self._deposit(join, join.ratio.value + detectors, path.vertex + 1, end, launch, path)
+
+    def _join_footprint(
+        self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any
+    ) -> None:
+        """Deposit what a vertex sends to a place that the other end sees."""
+        assert self.footprint is not None
+        end, place = self.footprint.connect(here.point, sampler, path.active)
+        join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
+        walk = quotient(join.lobe.forward, place)
+        self._deposit(join, walk, path.vertex + 1, end, launch, path)
 
     def _join_by_mirror(
         self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
@@ -219,6 +247,8 @@ class Walk:
         if self.rays is not None:
             allowed = here.in_fog if self.outward else ~turn.specular
             path.densities.settle_bridge(turn, here.point, path.vertex == 2, allowed)
+        elif self.footprint is not None:
+            path.densities.before_forward = turn.forward
         path.vertex += dr.select(turn.straight, 0, 1)
         path.crossings += dr.select(turn.straight, 1, 0)
         path.ray = turn.ray

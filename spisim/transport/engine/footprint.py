@@ -1,0 +1,56 @@
+"""In clear air: a projector's walk, connected to a surface that a detector sees.
+
+A walk rarely meets what a narrow field covers. Its vertices are therefore joined to the places
+that random rays of the detectors meet, too; only next to these places a walk gets there more often.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from spisim.transport.engine.ends import Connection, JointDetectors
+from spisim.transport.engine.lights import Lamp
+from spisim.transport.geometry import direction_to
+from spisim.transport.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """Surfaces that paths which leave an end at random meet first."""
+
+    world: World
+    end: JointDetectors | Lamp
+
+    def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
+        """A place, joined to a `vertex`; its density per area, over cosine / distance² of the way
+        between the two."""
+        number = dr.minimum(sampler.next_1d() * self.end.paths, self.end.paths - 1)
+        lane = mi.UInt32(number)
+        launch = self.end.launch(lane, sampler)
+        si = self.world.geometry.scene.ray_intersect(
+            mi.Ray3f(launch.origin, launch.direction), active
+        )
+        towards, gap = direction_to(si.p, vertex)
+        local = si.to_local(towards)
+        context = mi.BSDFContext(mi.TransportMode.Radiance)
+        met = active & si.is_valid()
+        reflected = si.bsdf().eval(context, si, local, met)
+        launched = self.end.density(launch, si.p) / self.end.paths
+        end = Connection(
+            point=si.p,
+            importance=launch.beta * self.end.paths * reflected.x / (gap * gap),
+            density=mi.Float(0),
+            length_m=si.t,
+            scatterings=mi.UInt32(0),
+            cell=launch.cell,
+        )
+        cosines = dr.abs(si.wi.z) / dr.maximum(dr.abs(local.z), 1e-7)
+        return end, launched * cosines * dr.square(gap / si.t)
+
+    def density(self, end: Connection) -> Any:
+        """Number density / distance² with which it picks the vertex that the end is seen from."""
+        return end.density / self.end.paths
