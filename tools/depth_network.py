@@ -1,7 +1,7 @@
 """Train the network of the depth method `learned`, on the frames of `tools/depth_frames.py`.
 
     pip install 'spisim[torch]'
-    python tools/depth_network.py FOLDER WEIGHTS.npz [--steps 12000] [--onnx FILE]
+    python tools/depth_network.py FOLDER WEIGHTS.npz [--steps 18000] [--onnx FILE]
 
 The loss is that of a Laplace distribution of log depth, whose deviation is told besides; the mean
 relative error, which counts most what is told too far; and the cross entropy of "nothing". Every
@@ -354,7 +354,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("weights", type=Path)
-    parser.add_argument("--steps", type=int, default=12000)
+    parser.add_argument("--steps", type=int, default=18000)
     parser.add_argument("--minutes", type=float, default=np.inf, help="if that is sooner")
     parser.add_argument("--start", type=Path, help="weights to begin with")
     parser.add_argument("--onnx", type=Path, help="file for the network as an ONNX graph")
