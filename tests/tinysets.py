@@ -19,7 +19,7 @@ SAMPLES = 6
 PLAN = {
     "name": "tiny",
     "samples": SAMPLES,
-    "scenes": [{"family": "targets", "parameters": {"target": "plane"}}],
+    "scenes": [{"family": "targets", "parameters": {"target": "plane", "setting": "alone"}}],
     "vary": {
         "instrument.projector.shape": [16, 16],
         "instrument.plan.patterns": 32,

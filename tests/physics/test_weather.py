@@ -166,7 +166,7 @@ def test_multiple_scattering_changes_the_bias():
     """Light scattered forward joins that of the wall, more than that of the nearer fog."""
     medium, distance = without_glory(fog(50, "heavy-advection")), 5
     target, echo, _ = phasor_parts(medium, distance, 1.0)
-    phasors, orders = spot_phasors(medium, distance, 1.0, 2**9)
+    phasors, orders = spot_phasors(medium, distance, 1.0, 2**11)
     assert np.all(orders[:, 2] > 0)
     z = worlds.z_score_exact(bias_m(phasors, distance), bias_m(target + echo, distance))
     assert z > 4

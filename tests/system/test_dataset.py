@@ -135,15 +135,18 @@ def test_ctrl_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
 
 
 def test_one_sample_that_cannot_be_made(tmp_path: Path) -> None:
-    # Looking back, the drone sees no target; so does sample 1 of this seed.
-    turns = {"choice": [[0, 0, 0], [0, 0, 180]], "weights": [2, 1]}
-    plan = write_plan(tmp_path, samples=3, seed=0, vary={"scene.drone.turn_deg": turns})
+    # In sample 1 of this seed the drone is inside a block.
+    block = {"name": "block", "shape": "box", "size_m": [1, 1, 1], "material": "brick"}
+    around = {"choice": [[], [{**block, "translate_m": [0, 0, 1.5]}]], "weights": [2, 1]}
+    drone = {"scene.drone.position_m": [0, 0, 1.5], "scene.drone.look_at_m": [9, 0, 1.5]}
+    vary = {"scene.objects": around, **drone}
+    plan = write_plan(tmp_path, samples=3, seed=5, vary=vary)
     done = run(plan, "-o", tmp_path / "set", "--workers", "1", "--json")
     assert done.exit_code == 1, done.stderr
     told = json.loads(done.stdout)
     assert (told["done"], told["failed"]) == (2, 1)
     reason = told["failures"]["1"]
-    assert "every spot must meet a surface" in reason
+    assert "is inside object 'block'" in reason
     assert "\n" not in reason
     assert "Traceback" in (tmp_path / "set/errors/000001.txt").read_text()
     again = run(plan, "-o", tmp_path / "set", "--workers", "1", "--retry-failed")

@@ -12,7 +12,8 @@ from spisim.cli import app
 from spisim.scene import draw_scene, load_scene
 from spisim.scene.families import FAMILIES, ranges
 
-STAR = ["targets", "--seed", "7", "--set", "target=siemens-star", "--set", "distance_m=3"]
+VALUES = ("target=siemens-star", "distance_m=3", "setting=alone")
+STAR = ["targets", "--seed", "7", *(part for value in VALUES for part in ("--set", value))]
 
 
 def run(*arguments: str | Path) -> Any:
@@ -25,7 +26,7 @@ def test_files_of_a_draw_say_what_the_family_draws(tmp_path: Path) -> None:
     report = json.loads(done.stdout)
     assert report["warnings"] == []
     assert [Path(file).name for file in report["written"]] == ["star.yaml", "star.ply"]
-    drawn = draw_scene("targets", 7, {"target": "siemens-star", "distance_m": 3})
+    drawn = draw_scene("targets", 7, {"target": "siemens-star", "distance_m": 3, "setting": "alone"})
     loaded = load_scene(tmp_path / "star.yaml")
     np.testing.assert_allclose(loaded.drone_pose, drawn.drone_pose, atol=1e-12)
     assert loaded.ambient == drawn.ambient
