@@ -26,7 +26,9 @@ def test_files_of_a_draw_say_what_the_family_draws(tmp_path: Path) -> None:
     report = json.loads(done.stdout)
     assert report["warnings"] == []
     assert [Path(file).name for file in report["written"]] == ["star.yaml", "star.ply"]
-    drawn = draw_scene("targets", 7, {"target": "siemens-star", "distance_m": 3, "setting": "alone"})
+    drawn = draw_scene(
+        "targets", 7, {"target": "siemens-star", "distance_m": 3, "setting": "alone"}
+    )
     loaded = load_scene(tmp_path / "star.yaml")
     np.testing.assert_allclose(loaded.drone_pose, drawn.drone_pose, atol=1e-12)
     assert loaded.ambient == drawn.ambient
