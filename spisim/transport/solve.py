@@ -14,11 +14,12 @@ from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.daylight import daylight_power, projector_power
+from spisim.transport.daylight import STEADY_ERROR, daylight_power, projector_power
 from spisim.transport.effort import image_gauge, spot_gauge
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
+from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.views import BeamView, InstrumentView
 from spisim.transport.world import World, build_world
@@ -103,7 +104,7 @@ def solve(
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
-    steady = _steady_light(scene, instrument, world, placed, streams[2:])
+    steady = steady_light(scene, instrument, world, placed, streams[2:])
     dropped = steady.pop("dropped")
     bins = spot_bins(met_m(world, placed.beams), instrument.tof.unambiguous_range_m)
     longest_m = 2 * instrument.tof.unambiguous_range_m
@@ -170,16 +171,20 @@ def met_m(world: World, beams: BeamView) -> Floats:
     return np.where(met.numpy(), si.t.numpy(), np.nan)
 
 
-def _steady_light(
+def steady_light(
     scene: Scene,
     instrument: Instrument,
     world: World,
     placed: InstrumentView,
     streams: Sequence[np.random.SeedSequence],
+    *,
+    target: float = STEADY_ERROR,
+    max_vertices: int = MAX_VERTICES,
 ) -> dict[str, Any]:
     """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots.
 
-    Errors that are small next to the dark current do not matter either.
+    `target` is their relative error; errors that are small next to the dark current do not matter
+    either. Of the pattern's light, that which is scattered `max_vertices` times at most.
     """
     bucket, spots = (
         daylight_power(
@@ -188,6 +193,7 @@ def _steady_light(
             world,
             view,
             floor_w=dark_power(instrument, detector, "daylight"),
+            target=target,
             seed=stream,
         )
         for view, detector, stream in (
@@ -201,7 +207,9 @@ def _steady_light(
         instrument.mean_powers_w,
         placed.tof,
         floor_w=dark_power(instrument, instrument.tof.detector, "projector"),
+        target=target,
         seed=streams[2],
+        max_vertices=max_vertices,
     )
     return {
         "dropped": bucket.dropped + spots.dropped + crosstalk.dropped,

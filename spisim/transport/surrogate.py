@@ -29,13 +29,12 @@ from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.daylight import daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, Paths
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.sequence import LightSequence, at_key_times
-from spisim.transport.solve import Transport, dark_power, met_m
+from spisim.transport.solve import Transport, met_m, steady_light
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import World, build_world
 
@@ -88,30 +87,8 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     spots = spot_histogram(
         world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=streams[1], max_vertices=1
     )
-    daylight, spot_daylight = (
-        daylight_power(
-            scene,
-            instrument,
-            world,
-            view,
-            floor_w=dark_power(instrument, detector, "daylight"),
-            target=STEADY_ERROR,
-            seed=stream,
-        )
-        for view, detector, stream in (
-            (placed.bucket, instrument.detector, streams[2]),
-            (placed.tof, instrument.tof.detector, streams[3]),
-        )
-    )
-    crosstalk = projector_power(
-        world,
-        placed.projector,
-        instrument.mean_powers_w,
-        placed.tof,
-        floor_w=dark_power(instrument, instrument.tof.detector, "projector"),
-        target=STEADY_ERROR,
-        seed=streams[4],
-        max_vertices=1,
+    steady = steady_light(
+        scene, instrument, world, placed, streams[2:], target=STEADY_ERROR, max_vertices=1
     )
     extinction = scene.atmosphere.extinction_per_m
     once, waves = by_order(image.mean, placed.projector.shape)
@@ -128,18 +105,13 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
         spot_histogram=surfaces + echo + spot_guessed,
         spot_histogram_error=np.hypot(spots.error["histogram"], spot_guessed),
         path_length_m=bins.centres_m,
-        daylight_w=float(daylight.power_w.sum()),
-        daylight_error_w=float(np.linalg.norm(daylight.error_w)),
-        spot_daylight_w=spot_daylight.power_w,
-        spot_daylight_error_w=spot_daylight.error_w,
-        spot_crosstalk_w=crosstalk.power_w,
-        spot_crosstalk_error_w=crosstalk.error_w,
         noise_share=np.nan,
         spot_noise_share=np.nan,
-        dropped=image.dropped + spots.dropped + daylight.dropped + crosstalk.dropped,
+        dropped=image.dropped + spots.dropped + steady.pop("dropped"),
         paths=image.paths + spots.paths,
         seconds=time.perf_counter() - began,
         extra={"phasors": np.array(phasors)} if phasors else {},
+        **steady,
     )
 
 
