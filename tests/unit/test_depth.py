@@ -12,8 +12,8 @@ from images import image_from
 from reconstruction.capture import Optics
 from reconstruction.depth import kriging, pixel_of, pixel_rays, point_cloud_ply
 from reconstruction.depth.anchored_prior import FITTED, fitted_prior
-from reconstruction.depth.methods.inverse_distance import weighted_range
-from reconstruction.depth.methods.nearest import nearest_range
+from reconstruction.depth.methods.inverse_distance import METHOD as INVERSE_DISTANCE
+from reconstruction.depth.methods.nearest import METHOD as NEAREST
 from reconstruction.depth.neighbours import around, between
 from reconstruction.operators import fwht, make_plan
 
@@ -98,7 +98,7 @@ def test_anchored_map_beats_the_nearest_anchor_on_average(kind, sampled):
         ranges = at_anchors(view.depth_m)
         maps = (
             anchored_depth(image, ANCHORS, ranges, np.full(4, 0.01)),
-            nearest_range((SIDE, SIDE), ANCHORS, ranges),
+            NEAREST.ranges((SIDE, SIDE), ANCHORS, ranges),
         )
         errors.append([np.abs(m - view.depth_m).mean() for m in maps])
         close.append([np.mean(np.abs(m / view.depth_m - 1) < 0.25) for m in maps])
@@ -157,7 +157,7 @@ def test_invalid_spots_are_ignored():
     keep = [0, 1, 3]
     expected = anchored_depth(view.image, ANCHORS[keep], ranges[keep], sigma[keep])
     assert np.array_equal(anchored_depth(view.image, ANCHORS, ranges, sigma), expected)
-    nearest = nearest_range((SIDE, SIDE), ANCHORS, ranges)
+    nearest = NEAREST.ranges((SIDE, SIDE), ANCHORS, ranges)
     assert set(np.unique(nearest)) == set(ranges[keep])
 
 
@@ -170,7 +170,7 @@ def test_one_valid_spot_is_enough():
 def test_nothing_to_go_by_gives_no_map():
     none = np.full(4, np.nan)
     assert anchored_depth(np.ones((8, 8)), ANCHORS, none, none) is None
-    assert nearest_range((8, 8), ANCHORS, none) is None
+    assert NEAREST.ranges((8, 8), ANCHORS, none) is None
     assert anchored_depth(np.zeros((8, 8)), ANCHORS, np.ones(4), np.ones(4)) is None
 
 
@@ -183,21 +183,21 @@ def test_a_noisy_image_stays_within_limits():
 
 
 def test_nearest_takes_the_closest_spot_in_pixels():
-    nearest = nearest_range((4, 4), np.array([[0, 0], [0, 3], [3, 0], [3, 3]]), np.arange(1.0, 5))
+    nearest = NEAREST.ranges((4, 4), np.array([[0, 0], [0, 3], [3, 0], [3, 3]]), np.arange(1.0, 5))
     assert nearest.tolist() == [[1, 1, 2, 2]] * 2 + [[3, 3, 4, 4]] * 2
 
 
 def test_inverse_distance_is_the_range_at_a_spot_and_their_mean_between():
     anchors = np.array([[0, 0], [0, 4], [4, 0], [4, 4]])
-    found = weighted_range((5, 5), anchors, np.arange(1.0, 5))
+    found = INVERSE_DISTANCE.ranges((5, 5), anchors, np.arange(1.0, 5))
     np.testing.assert_allclose(found[[0, 0, 4, 4], [0, 4, 0, 4]], [1, 2, 3, 4], rtol=1e-6)
     assert found[2, 2] == pytest.approx(2.5)
     # 1 / 1 and 1 / 9 of two at distances 1 and 3
-    pair = weighted_range((1, 5), anchors[:2], np.array([1.0, 2.0]))
+    pair = INVERSE_DISTANCE.ranges((1, 5), anchors[:2], np.array([1.0, 2.0]))
     assert pair[0, 1] == pytest.approx((1 + 2 / 9) / (1 + 1 / 9))
     lost = np.array([np.nan, 2.0, np.nan, np.nan])
-    assert (weighted_range((5, 5), anchors, lost) == 2).all()
-    assert weighted_range((5, 5), anchors, np.full(4, np.nan)) is None
+    assert (INVERSE_DISTANCE.ranges((5, 5), anchors, lost) == 2).all()
+    assert INVERSE_DISTANCE.ranges((5, 5), anchors, np.full(4, np.nan)) is None
 
 
 def test_a_map_is_the_surer_the_nearer_its_anchors_and_the_less_they_differ():

@@ -1,0 +1,46 @@
+"""Depth methods that know the valid spots alone, and nothing of the image."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Floats
+from .method import Context, DepthEstimate, DepthSolver, Need, View
+from .rays import pixel_of, range_over_depth, squared_distances
+
+
+@dataclass(frozen=True)
+class BetweenSpots:
+    """Ranges by how far each pixel is from the valid spots.
+
+    ``between`` makes ranges (H, W) of squared distances (H, W, K) in pixels and ranges (K,).
+    """
+
+    title: str
+    between: Callable[[Floats, Floats], Floats]
+    needs: tuple[Need, ...] = ("optics", "spots")
+
+    def compile(self, context: Context) -> DepthSolver:
+        """Solver of one recording's frames."""
+        setup = context.setup
+        assert setup.optics is not None
+        assert setup.spots is not None
+        shape = setup.plan.shape
+        anchors = pixel_of(setup.spots.directions, setup.optics, shape)
+        stretch = range_over_depth(setup.optics, shape)
+
+        def solve(view: View) -> DepthEstimate | None:
+            if view.ranges is None:
+                return None
+            range_m = self.ranges(shape, anchors, view.ranges.range_m)
+            return None if range_m is None else DepthEstimate(range_m / stretch)
+
+        return solve
+
+    def ranges(self, shape: tuple[int, int], anchors: Floats, range_m: Floats) -> Floats | None:
+        """Range in each pixel, (H, W), of the valid anchors (K, 2). None without one."""
+        usable = np.isfinite(range_m) & (range_m > 0)
+        if not usable.any():
+            return None
+        return self.between(squared_distances(shape, anchors[usable]), range_m[usable])
