@@ -14,7 +14,7 @@ from reconstruction.errors import InputError
 from spisim.config import Count, NonNegative, Positive, Section, dump_yaml, load_yaml
 from spisim.scene import Scene, Trajectory, at_moment
 from spisim.scene.assemble import OPTICAL_FROM_BODY
-from spisim.scene.layout import OFFERED, layout_problem
+from spisim.scene.layout import OFFERED, Needs, layout_problem
 from spisim.scene.pose import pose_matrix
 from spisim.scene.rays import first_hits
 
@@ -32,8 +32,8 @@ class Poses(Section):
 
     The first is the scene's own. Of the others, offset and turn are uniform within plus and minus
     `offset_m` (forward, left, up) and `turn_deg` (roll, pitch, yaw), in the drone's body frame; one
-    in which a drone cannot fly, behind something, or none of whose lasers meets anything near by,
-    is drawn again from a narrower range.
+    in which a drone cannot fly, behind something, or none of whose lasers meets anything near by
+    (where one does in the scene's own), is drawn again from a narrower range.
 
     With `flight_s` they are those of a flight of so many seconds, at equal steps of time, straight
     from the scene's own to one drawn like this; what moves in the scene moves on.
@@ -85,8 +85,9 @@ class View:
         if flight_s is not None:
             time_s = flight_s * self.number / (self.around.count - 1)
             return at_moment(scene, self._flight(scene, flight_s).moment(time_s))
+        needs = _needs(scene)
         for offset_m, turn_deg, seen in self._drawn(scene):
-            problem = _behind(scene, seen) or layout_problem(seen, OFFERED)
+            problem = _behind(scene, seen) or layout_problem(seen, needs)
             if problem is None:
                 drone = _told(fields.get("drone") or {}, offset_m, turn_deg)
                 return replace(seen, text=dump_yaml({**fields, "drone": drone}))
@@ -107,6 +108,7 @@ class View:
 
     def _flight(self, scene: Scene, flight_s: float) -> Trajectory:
         """From the scene's own pose to one to fly in, on a way on which all are."""
+        needs = _needs(scene)
         times = flight_s * np.arange(1, WAY_POINTS + 1) / WAY_POINTS
         for _, _, end in self._drawn(scene):
             both = np.stack([scene.drone_pose, end.drone_pose])
@@ -114,7 +116,7 @@ class View:
                 np.array([0.0, flight_s]), both[:, :3, 3], Rotation.from_matrix(both[:, :3, :3])
             )
             along = (at_moment(scene, flight.moment(float(time_s))) for time_s in times)
-            problems = (layout_problem(seen, OFFERED) for seen in along)
+            problems = (layout_problem(seen, needs) for seen in along)
             problem = _behind(scene, end) or next(filter(None, problems), None)
             if problem is None:
                 return flight
@@ -122,6 +124,12 @@ class View:
             f"scene {scene.name!r}: none of {ATTEMPTS} flights leads through poses to fly in; in "
             f"the last, {problem}"
         )
+
+
+def _needs(scene: Scene) -> Needs:
+    """Of its poses: a spot that returns, unless none does in the scene's own."""
+    own = layout_problem(scene, OFFERED) is None
+    return OFFERED if own else replace(OFFERED, least_spots=0)
 
 
 def _behind(scene: Scene, seen: Scene) -> str | None:
