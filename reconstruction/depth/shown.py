@@ -221,7 +221,7 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) 
         _mean_deviation(shown.plain),
         _mean_deviation(shown.fitted),
         np.log(np.clip(shown.noise, 1e-4, 10)) / 4,
-        np.log(shown.share) / 4,
+        of_share(shown.share),
         np.log(max(shown.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
         float(foggy),
         np.log(np.clip(shown.reach_m, 1, 100) / 10),
@@ -231,6 +231,11 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) 
         np.log1p(np.clip(np.percentile(shown.image, DARK) / bright, -0.5, 1)),
     ]
     return np.array(numbers, np.float32)
+
+
+def of_share(share: float) -> float:
+    """The number "share" of patterns over pixels."""
+    return float(np.log(share)) / 4
 
 
 def _mean_deviation(anchors: Anchors) -> float:

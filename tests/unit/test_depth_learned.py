@@ -242,7 +242,7 @@ def test_what_is_unlike_all_it_learned_from_gets_the_anchored_map(capture, weigh
     strict = DepthNetwork(weights | {"limits": np.zeros((2, len(FEATURES)))})
     monkeypatch.setattr(learned, "shipped", lambda: strict)
     found, plain = solved(capture)
-    assert "anchored on the spots, not learned: level = " in found.note
+    assert "anchored on the spots, not learned: share = " in found.note
     assert found.nothing is None
     np.testing.assert_array_equal(found.depth_m, plain.depth_m)
 
@@ -337,6 +337,18 @@ def test_features_are_as_many_as_their_names(weights):
     frame = seen(depth_m, image)
     assert features(frame, inputs_of(frame)).shape == (len(FEATURES),)
     assert weights["limits"].shape == (2, len(FEATURES))
+
+
+def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, monkeypatch):
+    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == [
+        "learned",
+        "anchored",
+        "nearest",
+    ]
+    monkeypatch.setattr(learned, "WEIGHTS", learned.WEIGHTS.with_name("missing.npz"))
+    learned.shipped.cache_clear()
+    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == ["anchored", "nearest"]
+    learned.shipped.cache_clear()
 
 
 def test_measured_depths_join_by_inverse_variance():
