@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from scipy.constants import elementary_charge
 
 from reconstruction.arrays import Floats
@@ -18,6 +18,8 @@ from spisim.instrument.sensors import AnySensor
 
 #: No lens is faster: the sine of its cone would exceed 1.
 MIN_F_NUMBER = 0.5
+#: From the projector; farther is no part of one instrument.
+MAX_DISTANCE_M = 100.0
 
 
 class Amplifier(Section):
@@ -53,7 +55,7 @@ class Adc(Section):
     """Analogue-to-digital converter, scaled to primary photo-electrons."""
 
     bits: Annotated[int, Field(ge=1, le=31)]
-    full_scale_electrons: Positive
+    full_scale_electrons: Annotated[Number, Field(gt=0, le=1e18)]
     offset_counts: Annotated[int, Field(ge=0)]
 
     @model_validator(mode="after")
@@ -158,6 +160,16 @@ class Detector(Section):
                 f"most {largest_mm:.4g} mm, with a lens of f/{MIN_F_NUMBER}"
             )
         return self
+
+    @field_validator("positions_m")
+    @classmethod
+    def _near_the_projector(cls, positions: tuple[Vector, ...]) -> tuple[Vector, ...]:
+        for position in positions:
+            if math.hypot(*position) > MAX_DISTANCE_M:
+                raise InputError(
+                    f"should be within {MAX_DISTANCE_M:g} m of the projector, the origin"
+                )
+        return positions
 
     @model_validator(mode="after")
     def _charge_is_amplified_and_converted(self) -> Detector:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -68,13 +69,13 @@ class Projector(Section):
     power_w: Positive  # radiant, with all pixels on
     in_band_fraction: PositiveFraction | None = None
     spectrum: Spectrum | None = None
-    pattern_rate_hz: Positive
+    pattern_rate_hz: Annotated[Number, Field(gt=0, le=1e8)]
     settling_time_s: NonNegative = 0.0  # time constant with which a pattern appears
     on_off_contrast: Annotated[Number, Field(gt=1)] | None = None  # None: dark pixels are black
     nonuniformity: Annotated[Number, Field(ge=0, le=0.5)] = 0.0  # rms spread of the pixels' power
     nonuniformity_seed: Annotated[int, Field(ge=0)] = 0  # another array for each
     falloff: NonNegative = 0.0  # exponent n of cosⁿθ across the field; 4 for a lens without aids
-    lens_radius_m: NonNegative = 0.0  # 0: a pinhole, sharp everywhere
+    lens_radius_m: Annotated[Number, Field(ge=0, le=1)] = 0.0  # 0: a pinhole, sharp everywhere
     focus_m: Positive = 1.0  # distance at which a lens is sharp
     modulation: Modulation | None = None  # of the array itself: taps per pattern
 
@@ -205,6 +206,8 @@ class Plan(Section):
 
     @model_validator(mode="after")
     def _rows_are_told_once(self) -> Plan:
+        if self.index is not None and 1 == len(set(self.index)) < len(self.index):
+            raise InputError(f"index shows row {self.index[0]} alone, which makes no image")
         if self.index is None:
             missing = [name for name in ("patterns", "order") if getattr(self, name) is None]
             if missing:
@@ -251,8 +254,10 @@ class Lasers(Section):
     """Four beams that leave from the projector's pinhole, Gaussian in angle and place."""
 
     power_w: Positive  # each; mean of continuous light, peak of a pulse
-    divergence_mrad: NonNegative = 0.0  # standard deviation per axis
-    waist_mm: NonNegative = 0.0  # standard deviation per axis of the place of exit
+    divergence_mrad: Annotated[Number, Field(ge=0, le=1000)] = 0.0  # standard deviation per axis
+    waist_mm: Annotated[Number, Field(ge=0, le=1000)] = (
+        0.0  # standard deviation per axis of the place of exit
+    )
     # azimuth to the right, then elevation up
     directions_deg: Annotated[tuple[tuple[Angle, Angle], ...], Field(min_length=4, max_length=4)]
 
@@ -268,3 +273,13 @@ class Lasers(Section):
             ],
             axis=-1,
         )
+
+    @model_validator(mode="after")
+    def _four_different_directions(self) -> Lasers:
+        for one, other in combinations(range(4), 2):
+            if self.directions_deg[one] == self.directions_deg[other]:
+                raise InputError(
+                    f"directions_deg: spots {one} and {other} point the same way, "
+                    f"{list(self.directions_deg[one])}"
+                )
+        return self
