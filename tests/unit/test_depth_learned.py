@@ -340,11 +340,8 @@ def test_features_are_as_many_as_their_names(weights):
 
 
 def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, monkeypatch):
-    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == [
-        "learned",
-        "anchored",
-        "nearest",
-    ]
+    usual = ["learned", "anchored", "nearest"]
+    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual
     monkeypatch.setattr(learned, "WEIGHTS", learned.WEIGHTS.with_name("missing.npz"))
     learned.shipped.cache_clear()
     assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual[1:]
