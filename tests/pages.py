@@ -21,6 +21,7 @@ from typing import Any
 
 import typer
 
+from reconstruction.cli import COMMANDS
 from reconstruction.cli import _parser as reconstruction_parser
 from spisim.cli import app
 from spisim.config import check_fields, load_yaml
@@ -107,16 +108,13 @@ def check_command(words: list[str], page: Path) -> None:
         case ["spisim", *arguments]:
             _parse_spisim(arguments)
         case ["python", "-m", "reconstruction", *arguments]:
-            called = arguments if arguments[0] in VERBS else ["reconstruct", *arguments]
+            called = arguments if arguments[0] in COMMANDS else ["reconstruct", *arguments]
             reconstruction_parser(called[:1]).parse_args(called)
         case ["python", file, *_] if file.endswith(".py"):
             named = {block.title for block in blocks(page)}
             assert file in named or (ROOT / file).is_file(), f"there is no {file}"
         case ["make", target, *_]:
             assert f"\n{target}:" in (ROOT / "Makefile").read_text(encoding="utf-8")
-
-
-VERBS = ("reconstruct", "import", "check", "live", "replay")
 
 
 @cache

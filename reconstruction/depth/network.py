@@ -27,7 +27,7 @@ from ..layers import (
 from .rays import pixel_of
 from .shown import NUMBERS, Inputs, Shown
 
-VERSION = 1
+VERSION = 2
 """Of weights, inputs and layers together: what `load` takes."""
 MULTIPLE = 8
 """Sides of what is evaluated; others are mirrored up to one."""

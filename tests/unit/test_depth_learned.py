@@ -348,4 +348,4 @@ def test_measured_depths_join_by_inverse_variance():
     mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / (1 / 0.04 + 1 / 0.01)
     np.testing.assert_allclose(found.depth_m, [[np.exp(mean), 5.0, 3.0]])
     np.testing.assert_allclose(found.deviation, [[(1 / 0.04 + 1 / 0.01) ** -0.5, 0.1, 0.2]])
-    np.testing.assert_allclose(found.nothing, [[0.1, 0.5, 0.1]])
+    np.testing.assert_allclose(found.nothing, [[0.1, learned.LIKELY, 0.1]])

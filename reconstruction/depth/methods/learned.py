@@ -23,7 +23,7 @@ from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
 
 WEIGHTS = Path(__file__).parents[1] / "learned.npz"
-LIKELY = 0.5
+LIKELY = 0.3
 """Probability of nothing from which on a pixel has no depth."""
 
 
@@ -100,7 +100,7 @@ def joined(found: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
         found,
         depth_m=np.where(either, np.exp(log / total), np.nan),
         deviation=np.where(either, total**-0.5, found.deviation),
-        nothing=None if nothing is None else np.where(known & ~seen, 1 - LIKELY, nothing),
+        nothing=None if nothing is None else np.where(known & ~seen, LIKELY, nothing),
     )
 
 
