@@ -24,7 +24,7 @@ from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
 
 WEIGHTS = Path(__file__).parents[1] / "learned.npz"
-LIKELY = 0.3
+LIKELY = 0.5
 """Probability of nothing from which on a pixel has no depth."""
 
 
