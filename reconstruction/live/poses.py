@@ -1,6 +1,7 @@
 """Where a drone is told to be: messages back to whoever sends the frames (docs/live.md)."""
 
 import struct
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,15 +37,16 @@ def pose_of(payload: bytes) -> Pose | None:
         return None
     if len(payload) != POSE.size:
         raise InputError(f"a pose of {len(payload)} bytes; it has {POSE.size}, or none")
-    values = POSE.unpack(payload)
-    position, quaternion = values[:3], values[3:]
+    x, y, z, *quaternion = POSE.unpack(payload)
+    position = (x, y, z)
     if not all(abs(value) <= MOST_M for value in position):  # nan is not
         raise InputError(f"position {_told(position)} m; should lie within ±{MOST_M:g}")
     length = float(np.linalg.norm(quaternion))
     if not abs(length - 1) <= UNIT_TOLERANCE:
         raise InputError(f"quaternion {_told(quaternion)}; should be of length 1")
-    return Pose(position, tuple(value / length for value in quaternion))  # type: ignore[arg-type]
+    qx, qy, qz, qw = (value / length for value in quaternion)
+    return Pose(position, (qx, qy, qz, qw))
 
 
-def _told(values: tuple[float, ...]) -> str:
+def _told(values: Sequence[float]) -> str:
     return f"({', '.join(f'{value:g}' for value in values)})"

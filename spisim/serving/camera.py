@@ -95,7 +95,7 @@ def solver(
     """How light is solved at a key: with the same random numbers at all of them."""
     if light == "surrogate":
         return lambda scene: surrogate(scene, instrument, seed=seed)
-    outputs = Outputs(frequencies_hz=instrument.tap_frequencies_hz)
+    outputs = Outputs(orders=True, frequencies_hz=instrument.tap_frequencies_hz)
     return lambda scene: solve(scene, instrument, spp=spp, seed=seed, outputs=outputs)
 
 

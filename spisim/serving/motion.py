@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from reconstruction.arrays import Floats
 from spisim.scene import Scene
-from spisim.scene.model import Vector3
+from spisim.scene.model import SceneObject, Vector3, Volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,8 @@ def scene_at(scene: Scene, time_s: float, pose: Floats) -> Scene:
 
 def things_move(scene: Scene) -> bool:
     """Whether anything but the drone does."""
-    return any(part.moves for part in (*scene.objects, *scene.volumes))
+    parts: tuple[SceneObject | Volume, ...] = (*scene.objects, *scene.volumes)
+    return any(part.moves for part in parts)
 
 
 def _vector(values: Floats) -> Vector3:

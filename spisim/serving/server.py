@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from reconstruction.capture import Provenance, Setup
 from reconstruction.errors import InputError
@@ -78,6 +78,7 @@ class Server:
         self._trouble: str | None = None
         self._last = b""
         self._state_s = clock()
+        self._seen = Tally()
 
     @property
     def time_s(self) -> float:
@@ -190,8 +191,9 @@ class Server:
             self._say(f"{self.time_s:.2f} s: a command is refused: {why}")
 
     def _state(self) -> None:
-        if self._clock() - self._state_s >= STATE_EVERY_S:
+        if self._clock() - self._state_s >= STATE_EVERY_S and self.tally != self._seen:
             self._state_s = self._clock()
+            self._seen = replace(self.tally)
             self._states(self)
 
     def end(self) -> None:
