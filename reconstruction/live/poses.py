@@ -1,10 +1,9 @@
 """Where a drone is told to be: messages back to whoever sends the frames (docs/live.md)."""
 
+import math
 import struct
 from collections.abc import Sequence
 from typing import NamedTuple
-
-import numpy as np
 
 from ..errors import InputError
 from .framing import Kind, Message, pack
@@ -41,7 +40,7 @@ def pose_of(payload: bytes) -> Pose | None:
     position = (x, y, z)
     if not all(abs(value) <= MOST_M for value in position):  # nan is not
         raise InputError(f"position {_told(position)} m; should lie within ±{MOST_M:g}")
-    length = float(np.linalg.norm(quaternion))
+    length = math.hypot(*quaternion)
     if not abs(length - 1) <= UNIT_TOLERANCE:
         raise InputError(f"quaternion {_told(quaternion)}; should be of length 1")
     qx, qy, qz, qw = (value / length for value in quaternion)

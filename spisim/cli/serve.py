@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing, suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -25,7 +25,7 @@ EXAMPLE = "spisim serve warehouse --light surrogate --visibility 50"
 #: Key poses that are kept; each takes a third of a megabyte at 64 x 64 pixels.
 KEPT = 512
 #: Key poses of a path, all of which are kept where it is flown in time.
-MOST_AHEAD = 2048
+MOST_AHEAD = 2000
 
 
 def command(
@@ -117,25 +117,27 @@ def command(
     read = list(files_read(scene, instrument, *([path] if path else [])))
     _check_record(record, read, overwrite=overwrite)
     line = _line(to, commands, read, steered=path is None, lockstep=lockstep, overwrite=overwrite)
-    carried = instrument_with(instrument)
-    place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
-    keys: Keys
-    pilot: Pilot
-    if path is not None:
-        trajectory = load_trajectory(path, frame).faster(speed)
-        check_clear_path(place, trajectory)
-        keys, pilot = PathKeys(place, trajectory, spacing), Follower(trajectory)
-        ahead = 1 if lockstep else keys.count
-    else:
-        place = place if pose is None else _placed(place, pose)
-        keys, pilot = PoseKeys(place, spacing), Drone(place, tuple(map(_gust, gust or ())))
-        ahead = 1
-    solve = solver(carried, light, spp=spp, seed=seed)
-    camera = Camera(place, carried, keys, solve, seed=seed, kept=max(KEPT, ahead))
-    flight = None if record is None else FlightRecord(record, place, carried, truths)
-    most = None if duration is None else max(1, round(duration / carried.frame_time_s))
-    told = {"light": {"source": light, "spacing_m": spacing}, "lockstep": lockstep, "spp": spp}
     with closing(line):
+        carried = instrument_with(instrument)
+        place, oddities = scene_with(
+            scene, carried.wavelength_nm, visibility, clear, fog, rain, drops
+        )
+        keys: Keys
+        pilot: Pilot
+        ahead = 1
+        if path is not None:
+            trajectory = load_trajectory(path, frame).faster(speed)
+            check_clear_path(place, trajectory)
+            keys, pilot = PathKeys(place, trajectory, spacing), Follower(trajectory)
+            ahead = 1 if lockstep else _checked(keys.count)
+        else:
+            place = place if pose is None else _placed(place, pose)
+            keys, pilot = PoseKeys(place, spacing), Drone(place, tuple(map(_gust, gust or ())))
+        solve = solver(carried, light, spp=spp, seed=seed)
+        camera = Camera(place, carried, keys, solve, seed=seed, kept=max(KEPT, ahead))
+        flight = None if record is None else FlightRecord(record, place, carried, truths)
+        told: dict[str, Any] = {"spp": spp} if light == "traced" else {}
+        told |= {"spacing_m": spacing, "lockstep": lockstep}
         _solve_ahead(camera, ahead, progress)
         setup = camera.setup(_at_rest(place, carried.frame_time_s))
         server = Server(
@@ -144,7 +146,7 @@ def command(
             line,
             setup,
             provenance(place, carried, light, seed=seed, settings=told),
-            most=most,
+            most=None if duration is None else max(1, round(duration / carried.frame_time_s)),
             kept=(lambda shot: None) if flight is None else flight.add,
             say=say,
             states=_tell,
@@ -215,13 +217,18 @@ def _line(
     return Line(outlet, source, lasting=lasting, say=say, wait=time.sleep)
 
 
-def _solve_ahead(camera: Camera, ahead: int, progress: bool | None) -> None:
-    """Light at the first keys, of which no frame is late then."""
+def _checked(ahead: int) -> int:
+    """Key poses of a path, all of which are kept."""
     if ahead > MOST_AHEAD:
         raise InputError(
             f"the path has {ahead} key poses, at most {MOST_AHEAD} where it is flown in time: "
             "tell a larger --spacing, a shorter path, or --lockstep"
         )
+    return ahead
+
+
+def _solve_ahead(camera: Camera, ahead: int, progress: bool | None) -> None:
+    """Light at the first keys, of which no frame is late then."""
     with progress_bar(f"Light at {ahead} key poses", progress) as advance:
         for number in range(ahead if ahead > 1 else 0):
             camera.lattice.at((number,))

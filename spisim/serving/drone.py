@@ -63,6 +63,7 @@ class Drone:
         self._reckoned_m = np.zeros(3)
         self._attitude = Rotation.identity()
         self._drift_m = np.zeros(3)
+        self._gap_m = np.inf
         if inside := enclosing_object(scene, self._origin_m):
             raise InputError(f"{_at(self._origin_m)}: the drone begins inside object {inside!r}")
         if problem := self._obstacles.problem(self._origin_m, 0.0):
@@ -79,7 +80,7 @@ class Drone:
         gusts_m = [gust.moved_m(stop_s) - gust.moved_m(time_s) for gust in self._gusts]
         blown_m = np.sum(gusts_m, axis=0) if gusts_m else np.zeros(3)
         start_m, start = self._position_m, self._optical
-        share = self._clear(self._body.apply(way_m + blown_m), time_s)
+        share = self._clear(self._body.apply(way_m + blown_m), time_s, duration_s)
         self._reckoned_m = self._reckoned_m + share * way_m
         self._drift_m = self._drift_m + share * blown_m
         self._attitude = self._attitude * Rotation.from_rotvec(turn)
@@ -93,17 +94,19 @@ class Drone:
     def _optical(self) -> Rotation:
         return self._body * self._attitude * FRAMES["body"]
 
-    def _clear(self, way_m: Floats, time_s: float) -> float:
+    def _clear(self, way_m: Floats, time_s: float, duration_s: float) -> float:
         """Share of a way (3,) that is free; `trouble` tells why it is not the whole."""
         steps = max(1, math.ceil(float(np.linalg.norm(way_m)) / STEP_M))
+        start_m = self._position_m
         self.trouble = None
         for step in range(1, steps + 1):
-            here = self._position_m
-            before, after = here + way_m * (step - 1) / steps, here + way_m * step / steps
-            problem = self._obstacles.problem(after, time_s, coming_from_m=before)
-            if problem:
-                self.trouble = f"{_at(before)}: the drone stays here: {problem}"
+            there_m, then_s = start_m + way_m * step / steps, time_s + duration_s * step / steps
+            if problem := self._obstacles.problem(there_m, then_s, self._gap_m):
+                here_m = start_m + way_m * (step - 1) / steps
+                self._gap_m, _ = self._obstacles.nearest(here_m, then_s)
+                self.trouble = f"{_at(here_m)}: the drone stays here: {problem}"
                 return (step - 1) / steps
+            self._gap_m, _ = self._obstacles.nearest(there_m, then_s)
         return 1.0
 
 

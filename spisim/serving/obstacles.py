@@ -26,17 +26,13 @@ class Obstacles:
         self._low_m = bounds[:, 0].min(axis=0) - MARGIN_M
         self._high_m = bounds[:, 1].max(axis=0) + MARGIN_M
 
-    def problem(
-        self, position_m: Floats, time_s: float, coming_from_m: Floats | None = None
-    ) -> str | None:
+    def problem(self, position_m: Floats, time_s: float, gap_m: float = np.inf) -> str | None:
         """Why a drone cannot be at a position (3,), None where it can.
 
-        It may go away from what it is too near to.
+        It was `gap_m` away from what is nearest before: it may go away from what it is too near to.
         """
-        gap_m, name = self.nearest(position_m, time_s)
-        if gap_m < CLEARANCE_M and not (
-            coming_from_m is not None and gap_m >= self.nearest(coming_from_m, time_s)[0]
-        ):
+        found_m, name = self.nearest(position_m, time_s)
+        if found_m < min(CLEARANCE_M, gap_m):
             return f"object {name!r} is less than {CLEARANCE_M:g} m away"
         if (position_m < self._low_m).any() or (position_m > self._high_m).any():
             return f"the scene ends {MARGIN_M:g} m beyond its surfaces"
