@@ -12,7 +12,7 @@ import typer
 from reconstruction.errors import InputError
 
 from . import options as opt
-from .console import print_json, progress_bar, say
+from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
 from .outputs import files_read
 
@@ -55,7 +55,7 @@ def command(
     ] = False,
     light: Annotated[
         Literal["traced", "surrogate"],
-        typer.Option(help="surrogate: a stand-in, ten times as fast."),
+        typer.Option(help="surrogate: a fast stand-in."),
     ] = "traced",
     spp: opt.Spp = 64,
     spacing: Annotated[
@@ -112,6 +112,7 @@ def command(
         provenance,
         solver,
     )
+    from spisim.serving.record import MOST_FRAMES
 
     _check_options(path, pose, gust, to, json=json)
     read = list(files_read(scene, instrument, *([path] if path else [])))
@@ -152,14 +153,20 @@ def command(
             states=_tell,
         )
         say(f"Sending {1 / carried.frame_time_s:.4g} frames a second to {to}.")
-        with suppress(KeyboardInterrupt):
-            _run(server, to, lockstep=lockstep)
-        with suppress(OSError):
-            server.end()
-    told |= {"tally": asdict(server.tally)}
-    written = []
-    if flight is not None:
-        written = flight.write(setup, provenance(place, carried, light, seed=seed, settings=told))
+        written: list[Path] = []
+        try:
+            with suppress(KeyboardInterrupt):
+                _run(server, to, lockstep=lockstep)
+            with suppress(OSError):
+                server.end()
+        finally:
+            if flight is not None:
+                told |= {"tally": asdict(server.tally)}
+                source = provenance(place, carried, light, seed=seed, settings=told)
+                written = flight.write(setup, source)
+    if flight is not None and flight.full:
+        oddities.append(f"the record is full: it has the first {MOST_FRAMES} frames")
+        warn(oddities[-1:])
     _report(server, written, oddities, json=json)
 
 
