@@ -78,9 +78,11 @@ def main() -> int:
         *("error of a range, median, mm", "99 %, mm", "sigma of the distance, median, mm"),
     )
     checks = [
-        Check("seconds after settling", seconds, 0.0 if options.quick else 60.0, at_least=True),
-        Check("most that it is off 2 m, m", flight.off_m.max(), WITHIN_M),
-        Check("frames without a distance", np.isnan(flight.seen_m).sum(), 0),
+        Check(
+            "seconds after settling", float(seconds), 0.0 if options.quick else 60.0, at_least=True
+        ),
+        Check("most that it is off 2 m, m", float(flight.off_m.max()), WITHIN_M),
+        Check("frames without a distance", int(np.isnan(flight.seen_m).sum()), 0),
     ]
     title = (
         f"In 50 m of visibility, from 3 m on, with a gust of 0.4 m ({SETTLING_S:g} s to settle):"
