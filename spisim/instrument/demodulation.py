@@ -114,10 +114,11 @@ class Modulation(Section):
     def correlation(self, phase_rad: Floats, frequency_hz: float, response: Any) -> Floats:
         """Share of the light's electrons in each tap (4, ...) by the phase φ (...) of its path."""
         orders, amplitudes = self.amplitudes(frequency_hz, response)
-        taps = self.taps.phases_rad.reshape(-1, *(1,) * np.ndim(phase_rad))
-        angle = phase_rad - taps
         waves = sum(
-            (amplitude * np.exp(1j * order * angle)).real
+            np.multiply.outer(
+                amplitude * np.exp(-1j * order * self.taps.phases_rad),
+                np.exp(1j * order * phase_rad),
+            ).real
             for order, amplitude in zip(orders, amplitudes, strict=True)
         )
         return np.asarray(self.taps.share * (1 + waves))

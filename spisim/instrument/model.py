@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -114,7 +115,7 @@ class Instrument(Section):
         """The patterns of the first frame."""
         return self.pattern_plans[0]
 
-    @property
+    @cached_property
     def pattern_plans(self) -> tuple[PatternPlan, ...]:
         """The patterns of successive frames, over and over: one plan where all show the same."""
         return self.plan.cycle(self.projector.shape)
