@@ -19,6 +19,7 @@ from spisim.scene.importing.meshes import READERS
 from spisim.scene.importing.model import Content, Reader
 from spisim.scene.importing.sdf import read_sdf
 from spisim.scene.importing.shapes import as_mesh
+from spisim.scene.importing.textures import Pictured, Use
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
 from spisim.scene.importing.urdf import read_urdf
 from spisim.scene.importing.usd import read_usd
@@ -37,6 +38,7 @@ FORMATS: dict[str, Reader] = {
     **dict.fromkeys((".usd", ".usda", ".usdc"), read_usd),
 }
 HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
+BEWARE = "what eyes see tells little of 1550 nm; give --materials where you know them"
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
 
@@ -45,7 +47,8 @@ class Options:
     """How to read a foreign file; the defaults believe the file.
 
     `units` is a name of `UNITS` or "auto"; `up` a letter of `TO_Z_UP`, or None for the file's own.
-    `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything.
+    `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything;
+    `textures` what becomes of pictures: the mean of them, the whole, or nothing.
     """
 
     units: str = "auto"
@@ -56,6 +59,7 @@ class Options:
     fuel: Path | None = None
     skip_missing: bool = False
     ground: str | None = None
+    textures: Use = "mean"
     position_m: Vector3 | None = None
     look_at_m: Vector3 | None = None
     overwrite: bool = False
@@ -107,7 +111,11 @@ def import_scene(
         content = to_metres(content, options.scale)
     if options.materials is not None:
         check_map(chosen, content.parts, options.materials)
-    matches = [match(part, chosen) for part in content.parts]
+    pictured = Pictured(options.textures)
+    matches = [match(part, chosen, pictured) for part in content.parts]
+    content.notes += pictured.notes
+    if pictured.rows:
+        content.note(f"{len(pictured.rows)} textures are reflectances by a rule of thumb: {BEWARE}")
     with _naming_once(file):
         placed = _placed(content)
     if options.ground is not None:
@@ -119,7 +127,9 @@ def import_scene(
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)
     fields, meshes = scene_fields(output.stem, content, matches, drone, file.name)
-    written = write_scene(output, fields, meshes, HEADER)
+    if pictured.rows:
+        fields["materials"] = pictured.rows
+    written = write_scene(output, fields, meshes, HEADER, pictured.files)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
     if not near <= drone.nearest_m <= far:

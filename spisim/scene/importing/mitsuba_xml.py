@@ -20,6 +20,7 @@ from spisim.scene.importing.mitsuba_file import Node, Parse, Source, read_source
 from spisim.scene.importing.mitsuba_light import take_emitter, take_medium
 from spisim.scene.importing.model import Content, Part, Shape, Surface, translation
 from spisim.scene.importing.serialized import read_serialized
+from spisim.scene.importing.textures import Texture
 from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
@@ -64,6 +65,7 @@ class _Shapes:
         self._folders = folders
         self._content = content
         self._files: dict[tuple[Path, int], list[Part]] = {}
+        self._textures: dict[int, Texture | None] = {}
 
     def add(self, node: Node, parent: Floats) -> None:
         """What a shape shows, where all that it is in stands at `parent`."""
@@ -153,10 +155,12 @@ class _Shapes:
         names = [bsdf.id for bsdf in bsdfs if bsdf.id]
         metals = [name for bsdf in bsdfs if (name := bsdf.value("material", ""))]
         types = [re.sub("^rough|^thin", "", bsdf.type) for bsdf in bsdfs]
-        beside, *more = self._source.places
-        for node in (each for bsdf in bsdfs for each in bsdf.children):
-            if node.kind == "texture" and (name := node.value("filename", "")):
-                self._content.note_texture(name, beside, self._folders, node.what, more)
+        textures = {
+            name: self._texture(node)
+            for bsdf in bsdfs
+            for name, node in bsdf.properties.items()
+            if isinstance(node, Node) and node.kind == "texture" and node.value("filename", "")
+        }
         colors = [
             (float(value[0]), float(value[1]), float(value[2]))
             for bsdf in bsdfs
@@ -164,7 +168,20 @@ class _Shapes:
             if name in BODY and np.shape(value) == (3,)
         ]
         words = (*(METALS.get(name, "metal") for name in metals), *types)
-        return Surface(names[0] if names else None, colors[0] if colors else None, words)
+        body = next((textures[name] for name in BODY if textures.get(name)), None)
+        return Surface(names[0] if names else None, colors[0] if colors else None, words, body)
+
+    def _texture(self, node: Node) -> Texture | None:
+        """The picture of a texture; Mitsuba lays it on its own way, so that only its mean fits."""
+        key = id(node)
+        if key not in self._textures:
+            beside, *more = self._source.places
+            name = node.value("filename", "")
+            found = self._content.texture(name, beside, self._folders, node.what, more)
+            if found is not None:
+                found = replace(found, fits=False, linear=node.value("raw", False))
+            self._textures[key] = found
+        return self._textures[key]
 
 
 def _as_box(part: Part, to_world: Floats) -> Floats | None:

@@ -15,6 +15,7 @@ from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim.scene.importing.files import Folders
+from spisim.scene.importing.textures import Texture
 
 Axis = Literal["x", "y", "z"]
 Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
@@ -27,12 +28,14 @@ MAX_PARTS = 100_000
 class Surface:
     """What a file says about a material: its name, a colour (RGB from 0 to 1), and other words.
 
-    `words` are names of bsdfs and textures, which may tell what it is where the name does not.
+    `words` are names of bsdfs and textures, which may tell what it is where the name does not;
+    `texture` is the picture of its colours.
     """
 
     name: str | None = None
     color: tuple[float, float, float] | None = None
     words: tuple[str, ...] = ()
+    texture: Texture | None = None
 
     @property
     def label(self) -> str:
@@ -120,19 +123,21 @@ class Content:
         if text not in self.notes:
             self.notes.append(text)
 
-    def note_texture(
+    def texture(
         self,
         name: str,
         beside: Path,
         folders: Folders,
         referrer: str,
         more: Sequence[Path] = (),
-    ) -> None:
-        """Tell of a texture that is missing, or may not be read."""
+    ) -> Texture | None:
+        """The texture that a file refers to; a note where it is missing, or may not be read."""
         try:
-            folders.find(name, beside, referrer, more)
+            path = folders.find(name.replace("\\", "/"), beside, referrer, more)
         except InputError as error:
-            self.note(f"{error}; textures are not used")
+            self.note(f"{error}; this texture is not used")
+            return None
+        return Texture(name, path)
 
 
 #: Parts of a file, which may refer to others in the folders.
