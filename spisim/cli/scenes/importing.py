@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from spisim.scene.importing.model import Content
 
 Textures = Literal["mean", "picture", "off"]
+Lamps = Literal["off", "watts"]
 EXAMPLE = "spisim scenes import hangar.glb -o hangar.yaml"
 
 #: Where Gazebo looks for models; read for convenience, --model-path does the same.
@@ -71,6 +72,13 @@ def command(
             "(glTF, OBJ, COLLADA), or not at all."
         ),
     ] = "mean",
+    lamps: Annotated[
+        Lamps,
+        typer.Option(
+            help="Lamps, other than sun and sky: left out, or their numbers, which have no unit, "
+            "as watts within the instrument's band."
+        ),
+    ] = "off",
     drone: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="Where the drone is, metres, z up.")
     ] = None,
@@ -93,6 +101,7 @@ def command(
         skip_missing,
         ground,
         textures,
+        lamps,
         None if drone is None else _point("--drone", drone),
         None if look_at is None else _point("--look-at", look_at),
         overwrite,

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import trimesh
@@ -39,6 +40,14 @@ FORMATS: dict[str, Reader] = {
 }
 HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
 BEWARE = "what eyes see tells little of 1550 nm; give --materials where you know them"
+OFF = (
+    "all left out: what the file says of them is light for the eye, of which lamps have next to "
+    "nothing at 1550 nm; --lamps watts takes the numbers for watts within the instrument's band"
+)
+WATTS = (
+    "their numbers taken for watts within the instrument's band (W/sr, W/m², W/(m² sr)), which is "
+    "much: most lamps for the eye have next to nothing there; see `lamps` in the scene file"
+)
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
 
@@ -48,7 +57,8 @@ class Options:
 
     `units` is a name of `UNITS` or "auto"; `up` a letter of `TO_Z_UP`, or None for the file's own.
     `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything;
-    `textures` what becomes of pictures: the mean of them, the whole, or nothing.
+    `textures` what becomes of pictures: the mean of them, the whole, or nothing; `lamps` what of
+    lamps, which have no unit.
     """
 
     units: str = "auto"
@@ -60,6 +70,7 @@ class Options:
     skip_missing: bool = False
     ground: str | None = None
     textures: Use = "mean"
+    lamps: Literal["off", "watts"] = "off"
     position_m: Vector3 | None = None
     look_at_m: Vector3 | None = None
     overwrite: bool = False
@@ -107,6 +118,7 @@ def import_scene(
     content = choose_up(choose_unit(content, options.units), options.up)
     if not content.parts:
         raise InputError(f"{file}: holds no triangles")
+    content = _lit(content, options.lamps)
     with _naming_once(file):
         content = to_metres(content, options.scale)
     if options.materials is not None:
@@ -126,10 +138,10 @@ def import_scene(
     around = Surroundings.of(placed)
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)
-    fields, meshes = scene_fields(output.stem, content, matches, drone, file.name)
+    fields, meshes, arrays = scene_fields(output.stem, content, matches, drone, file.name)
     if pictured.rows:
         fields["materials"] = pictured.rows
-    written = write_scene(output, fields, meshes, HEADER, pictured.files)
+    written = write_scene(output, fields, meshes, HEADER, arrays | pictured.files)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
     if not near <= drone.nearest_m <= far:
@@ -206,6 +218,19 @@ def _drone(around: Surroundings, content: Content, options: Options) -> DronePos
     if content.cameras:
         content.note("the file's sensors are inside objects or look straight up or down")
     return drones.propose(around)
+
+
+def _lit(content: Content, lamps: Literal["off", "watts"]) -> Content:
+    """The content with its lamps, or without; a note tells what was assumed."""
+    count = len(content.glows) + sum(part.radiance > 0 for part in content.parts)
+    if count == 0:
+        return content
+    if lamps == "watts":
+        content.note(f"lamps: {count}, {WATTS}")
+        return content
+    content.note(f"lamps: {count}, {OFF}")
+    dark = [replace(part, radiance=0.0) if part.radiance else part for part in content.parts]
+    return replace(content, parts=dark, glows=[])
 
 
 def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:

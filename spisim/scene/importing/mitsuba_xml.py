@@ -51,7 +51,7 @@ def read_scene(path: Path, folders: Folders, parse: Parse) -> Content:
         elif node.kind == "sensor":
             _take_sensor(node, content)
         elif node.kind == "emitter":
-            take_emitter(node, content)
+            take_emitter(node, content, reader.file)
     if not content.parts:
         raise InputError(f"{path}: has no shapes that can be read")
     return content
@@ -97,11 +97,11 @@ class _Shapes:
         surface, radiance = self._surface(node), 0.0
         for each in node.children:
             if each.kind == "emitter":
-                radiance += take_emitter(each, self._content, name)
+                radiance += take_emitter(each, self._content, self.file, name)
             elif each.kind == "medium" and node.properties.get("interior") is each:
                 placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
                 boxes = [_as_box(part, to_world) for part in parts]
-                take_medium(each, placed, boxes, name, self._content)
+                take_medium(each, placed, boxes, name, self._content, self.file)
         if surface is None:
             self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
             return
@@ -122,10 +122,13 @@ class _Shapes:
         known = nearest(kind, (*MESHES, "serialized", *SIMPLE, "instance", "merge"))
         raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {known}")
 
-    def _mesh(self, node: Node, kind: str) -> list[Part]:
-        what = node.what
+    def file(self, node: Node) -> Path:
+        """The file that a node names; InputError where it is missing or may not be read."""
         beside, *more = self._source.places
-        path = self._folders.find(node.value("filename", ""), beside, what, more)
+        return self._folders.find(node.value("filename", ""), beside, node.what, more)
+
+    def _mesh(self, node: Node, kind: str) -> list[Part]:
+        what, path = node.what, self.file(node)
         key = (path, int(node.value("shape_index", 0.0)))
         if key not in self._files:
             with naming(what):

@@ -9,12 +9,13 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim.scene.importing.files import Folders
+from spisim.scene.importing.lattice import Lattice
 from spisim.scene.importing.textures import Texture
 
 Axis = Literal["x", "y", "z"]
@@ -61,7 +62,8 @@ class Part:
 class Haze:
     """A body of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
 
-    Or a closed `mesh`. `extinction` is per unit of the file.
+    Or a closed `mesh`. `extinction` is per unit of the file, times `density` where that is given;
+    then `albedo` is times `brightness` where that is given.
     """
 
     name: str
@@ -70,19 +72,24 @@ class Haze:
     albedo: float
     g: float
     mesh: trimesh.Trimesh | None = None
+    density: Lattice | None = None
+    brightness: Lattice | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Glow:
     """A lamp that is no surface: the `fields` of a scene file that tell its type and strength.
 
-    And where it is and shines to, as far as it has a place and a direction.
+    And where it is and shines to, as far as it has a place and a direction; or a `picture` (h, w)
+    of all around in `axes` (3, 3).
     """
 
     name: str
     fields: Mapping[str, Any]
     position: Floats | None = None
     direction: Floats | None = None
+    picture: NDArray[np.float32] | None = None
+    axes: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
