@@ -499,5 +499,5 @@ def test_the_first_sensor_in_the_open_is_the_drone(tmp_path: Path) -> None:
         for x in (0.2, 6)
     )
     drone = taken(scene(tmp_path / "a.xml", sensors + shape("cube"))).drone
-    assert drone.why == "sensor 2 of the file"
+    assert drone.why == "camera 2 of the file"
     np.testing.assert_allclose(drone.position_m, [6, 0, 0])

@@ -97,7 +97,7 @@ class _Walk:
 
     def add(self, node: Any, parent: Floats, name: str, depth: int) -> None:
         """A node and all below it; InputError for too many, which instances in turn soon make."""
-        from collada.scene import ControllerNode, GeometryNode, Node, NodeNode
+        from collada.scene import ControllerNode, GeometryNode, LightNode, Node, NodeNode
 
         self._nodes += 1
         if self._nodes > MAX_NODES:
@@ -114,6 +114,8 @@ class _Walk:
             self._add_geometry(node, parent, name)
         elif isinstance(node, ControllerNode):
             self._content.note(f"node {shown(name)}: skinned meshes are left out")
+        elif isinstance(node, LightNode):
+            self._content.note("lamps are left out; give `lamps` in the scene file")
 
     def _add_geometry(self, node: Any, to_world: Floats, name: str) -> None:
         geometry = node.geometry

@@ -45,8 +45,9 @@ OFF = (
     "nothing at 1550 nm; --lamps watts takes the numbers for watts within the instrument's band"
 )
 WATTS = (
-    "their numbers taken for watts within the instrument's band (W/sr, W/m², W/(m² sr)), which is "
-    "much: most lamps for the eye have next to nothing there; see `lamps` in the scene file"
+    "their numbers taken for watts within the instrument's band (W/sr, W/m², W/(m² sr)) unless "
+    "they have a unit, which is much: most lamps for the eye have next to nothing there; see "
+    "`lamps` in the scene file"
 )
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
@@ -213,10 +214,10 @@ def _drone(around: Surroundings, content: Content, options: Options) -> DronePos
         position, forward = camera[:3, 3], camera[:3, 2]
         forward = forward / np.linalg.norm(forward)
         if np.linalg.norm(forward[:2]) > 1e-3 and around.is_open(position):
-            why = "the file's sensor" if number == 1 else f"sensor {number} of the file"
+            why = "the file's camera" if number == 1 else f"camera {number} of the file"
             return drones.pose_at(around, position, position + forward, why)
     if content.cameras:
-        content.note("the file's sensors are inside objects or look straight up or down")
+        content.note("the file's cameras are inside objects or look straight up or down")
     return drones.propose(around)
 
 

@@ -18,6 +18,7 @@ from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import Folders, read_bytes
 from spisim.scene.importing.gltf_buffers import MESHOPT, Buffers, at, check_sizes
+from spisim.scene.importing.gltf_lamps import node_lamps
 from spisim.scene.importing.gltf_materials import read_surfaces
 from spisim.scene.importing.gltf_meshes import DRACO, Primitive, check_triangle_count, read_meshes
 from spisim.scene.importing.model import (
@@ -35,6 +36,8 @@ JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 #: What a header lists, each of it an object.
 LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "materials", "images",
          "textures", "cameras")  # fmt: skip
+#: glTF's cameras look along their -z, x to the right.
+LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
 INSTANCING = "EXT_mesh_gpu_instancing"
 #: Extensions that are read, and those that change how surfaces look, not where they are.
 KNOWN = (
@@ -131,6 +134,9 @@ def _content(header: Any, chunk: bytes, path: Path, folders: Folders) -> Content
             shown_there = at(meshes, node["mesh"], "mesh")
             for copy in _copies(node, buffers):
                 _add(content, node, shown_there, to_world @ copy, surfaces)
+        if "camera" in node:
+            content.cameras.append(to_world @ LOOKING)
+        content.glows += node_lamps(node, header, to_world, content)
         children = reversed(node.get("children", []))
         waiting += [(at(nodes, child, "node"), child, to_world) for child in children]
     return content

@@ -40,6 +40,10 @@ def read_obj(path: Path, folders: Folders) -> Content:
     text = _text(path)
     _refuse_relative_indices(text, path)
     content = Content()
+    if re.search(r"^[lp]\s", text, re.M):
+        content.note(f"{path.name}: points and lines are left out")
+        if not re.search(r"^f\s", text, re.M):
+            return content
     colors, textures = _material_library(text, path, folders, content)
     names = dict.fromkeys(name.strip() for name in re.findall(r"^usemtl (.+)$", text, re.M))
     # trimesh keeps the name of a material only where a library describes it.
