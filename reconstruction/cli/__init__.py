@@ -1,4 +1,4 @@
-"""The command line: reconstruct a capture or a stream, import a recording, check a calibration."""
+"""The command line: reconstruct a capture or a stream, import, export, check a calibration."""
 
 import argparse
 import sys
@@ -12,15 +12,20 @@ from ..text import printable, write_anything
 COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
     "import": ("importing", "array of bucket readings -> capture"),
+    "export": ("export", "captures -> depth images, point clouds, NeRF's and ROS 2's files"),
     "check": ("check", "captures in fog -> whether the spots' paths are calibrated alike"),
     "live": ("live", "frames as they come -> results as they go"),
     "replay": ("replay", "capture -> its frames as a stream"),
 }
 """Module of each, imported when it is called, and what it does."""
+INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written."""
+    """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written.
+
+    An interrupt gives 130.
+    """
     write_anything()
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
@@ -32,6 +37,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(str(error))
     except OSError as error:
         return _fail(explain(error))
+    except KeyboardInterrupt:
+        _fail("interrupted; no file is left half-written")
+        return INTERRUPTED
     return 0
 
 
