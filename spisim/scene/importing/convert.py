@@ -128,7 +128,9 @@ def import_scene(
     matches = [match(part, chosen, pictured) for part in content.parts]
     content.notes += pictured.notes
     if pictured.rows:
-        content.note(f"{len(pictured.rows)} textures are reflectances by a rule of thumb: {BEWARE}")
+        content.note(
+            f"textures taken as reflectances, by a rule of thumb: {len(pictured.rows)}; {BEWARE}"
+        )
     with _naming_once(file):
         placed = _placed(content)
     if options.ground is not None:

@@ -13,7 +13,7 @@ from spisim.scene.importing.model import Content, Surface
 from spisim.scene.importing.textures import Texture
 
 #: Extensions that name another picture of the same, in a format that may be read where its is not.
-OTHER_PICTURES = ("EXT_texture_webp", "MSFT_texture_dds")
+OTHER_PICTURES = ("EXT_texture_webp", "MSFT_texture_dds", "KHR_texture_basisu")
 SPECULAR = "KHR_materials_pbrSpecularGlossiness"
 
 

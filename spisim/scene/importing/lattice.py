@@ -28,7 +28,7 @@ class Lattice:
 
     def at(self, points: Floats) -> Floats:
         """Values (n,) at world points (n, 3)."""
-        places, count = self._cells(points), np.array(self.values.shape[::-1])
+        places, count = self.cells(points), np.array(self.values.shape[::-1])
         places = np.clip(places, 0, count - 1)
         low = np.minimum(np.floor(places).astype(int), np.maximum(count - 2, 0))
         shares = places - low
@@ -39,7 +39,7 @@ class Lattice:
             total += weight * self.values[z, y, x]
         return total
 
-    def _cells(self, points: Floats) -> Floats:
+    def cells(self, points: Floats) -> Floats:
         """Where points are, in cells from the middle of the first."""
         local = points @ np.linalg.inv(self.to_world)[:3, :3].T
         local += np.linalg.inv(self.to_world)[:3, 3]
@@ -51,36 +51,45 @@ class Lattice:
         return np.asarray(np.abs(edges * np.array(self.values.shape[::-1])[:, None]).max(axis=0))
 
 
-def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[Floats], bool]:
+def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.float32]], bool]:
     """Values of several lattices on one grid (nz, ny, nx) that fills a box, and whether exactly.
 
     The box is the unit cube, as `box` (4, 4) places it. Cells are as fine as the lattices'; where
     they do not meet, half as wide.
     """
-    count = np.max([each.cells_along(box) for each in lattices], axis=0)
-    count = np.maximum(1, np.ceil(count - ALIGNED)).astype(int)
-    points = _middles(box, count)
-    exact = all(_meets(each, points) for each in lattices)
+    crossed = np.max([each.cells_along(box) for each in lattices], axis=0)
+    count = np.maximum(1, np.ceil(crossed - ALIGNED)).astype(int)
+    exact = all(_meets(each, box, count) for each in lattices)
     if not exact:
         count = 2 * count
     while count.prod() > MAX_CELLS:
-        count = np.maximum(1, count // 2)
-        exact = False
-    points = _middles(box, count)
-    return [each.at(points).reshape(count[::-1]) for each in lattices], exact
+        count, exact = np.maximum(1, count // 2), False
+    x, y, z = (np.arange(each) for each in count)
+    found = [np.empty(count[::-1], np.float32) for _ in lattices]
+    for layer in z:
+        points = _middles(box, count, x, y, layer[None])
+        for values, lattice in zip(found, lattices, strict=True):
+            values[layer] = lattice.at(points).reshape(len(y), len(x))
+    return found, exact
 
 
-def _meets(lattice: Lattice, points: Floats) -> bool:
-    """Whether points are middles of its cells."""
+def _meets(lattice: Lattice, box: Floats, count: NDArray[np.int_]) -> bool:
+    """Whether a box has cells of a lattice: all of them, if its first and last ones are such."""
     if lattice.values.size == 1:
         return True
-    places = lattice._cells(points)
+    ends = (np.unique([0, min(1, each - 1), each - 1]) for each in count)
+    places = lattice.cells(_middles(box, count, *ends))
     return bool(np.abs(places - np.round(places)).max() <= ALIGNED)
 
 
-def _middles(box: Floats, count: NDArray[np.int_]) -> Floats:
-    """Middles (n, 3) of so many cells of a box, x first."""
-    axes = [(np.arange(each) + 0.5) / each for each in count]
-    z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
-    local = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    return np.asarray(local @ box[:3, :3].T + box[:3, 3])
+def _middles(
+    box: Floats,
+    count: NDArray[np.int_],
+    x: NDArray[np.int_],
+    y: NDArray[np.int_],
+    z: NDArray[np.int_],
+) -> Floats:
+    """Middles (n, 3) of some of so many cells of a box, x first."""
+    above, across, along = np.meshgrid(z, y, x, indexing="ij")
+    cells = np.column_stack([along.ravel(), across.ravel(), above.ravel()])
+    return np.asarray((cells + 0.5) / count @ box[:3, :3].T + box[:3, 3])

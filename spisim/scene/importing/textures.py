@@ -8,6 +8,7 @@ of the surfaces are within 0.12 of it. Red is nearest to 1550 nm and does better
 from __future__ import annotations
 
 import io
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -109,15 +110,18 @@ def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]
         return red * factor, np.ones_like(red)
     data = texture.source if isinstance(texture.source, bytes) else read_bytes(texture.source)
     try:
-        with Image.open(io.BytesIO(data), formats=FORMATS) as picture:
+        with (
+            warnings.catch_warnings(action="ignore"),  # of large pictures, before their limit here
+            Image.open(io.BytesIO(data), formats=FORMATS) as picture,
+        ):
             if picture.width * picture.height > MAX_PIXELS:
                 raise InputError(f"more than {MAX_PIXELS:,} pixels are not read")
             if picture.mode.startswith("I"):  # grey, 16 bits, which conversion would clip
                 red = np.asarray(picture).astype(np.float32) / 65535
                 share = np.ones_like(red)
             else:
-                channels = np.asarray(picture.convert("RGBA")).astype(np.float32) / 255
-                red, share = channels[..., 0], channels[..., 3]
+                channels = np.asarray(picture.convert("RGBA"))
+                red, share = (channels[..., k].astype(np.float32) / 255 for k in (0, 3))
     except InputError:
         raise
     except Exception:  # whatever decoders run into
