@@ -186,7 +186,7 @@ def test_a_sensor_inside_an_object_is_no_place_for_the_drone(tmp_path: Path) -> 
     sensor = '<sensor type="perspective"/>'
     report = taken(scene(tmp_path / "a.xml", sensor + shape("cube")))
     assert report.drone.why == "proposed"
-    assert any("sensor" in note for note in report.notes)
+    assert any("camera" in note for note in report.notes)
 
 
 @pytest.mark.parametrize(
