@@ -101,7 +101,15 @@ def test_lamps_of_gltf(tmp_path: Path, light: dict, quantity: str, expected: flo
         assert solid_angle(lamp.cutoff_rad, lamp.beam_rad) < 2
 
 
-@pytest.mark.parametrize("light", [{}, {"type": "area"}, {"type": "point", "intensity": 0}])
+@pytest.mark.parametrize(
+    "light",
+    [
+        {},
+        {"type": "area"},
+        {"type": "point", "intensity": 0},
+        {"type": "spot", "spot": {"outerConeAngle": 0}},
+    ],
+)
 def test_lamps_that_are_none(tmp_path: Path, light: dict) -> None:
     report = taken(gltf(tmp_path, [light], extensions=SHINING), lamps="watts")
     assert not report.written.scene.lamps
@@ -113,6 +121,13 @@ def test_a_camera_of_gltf_is_the_drone(tmp_path: Path) -> None:
     assert drone.why == "the file's camera"
     np.testing.assert_allclose(drone.position_m, [0, -4, 1], atol=1e-6)
     np.testing.assert_allclose(drone.look_at_m, [0, -3, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("matrix", [np.diag([1.0, 1, 0, 1]), np.diag([1.0, np.inf, 1, 1])])
+def test_a_damaged_camera_is_no_drone(tmp_path: Path, matrix: np.ndarray) -> None:
+    """Flat, or not finite."""
+    file = gltf(tmp_path, [], camera=0, translation=[0, 0, 0], matrix=matrix.T.ravel().tolist())
+    assert taken(file).drone.why != "the file's camera"
 
 
 def test_lines_of_obj_are_left_out(tmp_path: Path) -> None:

@@ -214,6 +214,8 @@ def _drone(around: Surroundings, content: Content, options: Options) -> DronePos
         raise InputError("--look-at goes with --drone")
     for number, camera in enumerate(content.cameras, 1):
         position, forward = camera[:3, 3], camera[:3, 2]
+        if not (np.isfinite(camera).all() and forward.any()):
+            continue
         forward = forward / np.linalg.norm(forward)
         if np.linalg.norm(forward[:2]) > 1e-3 and around.is_open(position):
             why = "the file's camera" if number == 1 else f"camera {number} of the file"

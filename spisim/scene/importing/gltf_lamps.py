@@ -32,7 +32,10 @@ def node_lamps(
     strength = float(row.get("intensity", 1.0)) * float(np.mean(row.get("color", [1, 1, 1])))
     direction = -to_world[:3, 2]
     length = float(np.linalg.norm(direction))
-    if not (0 < strength < np.inf and 0 < length < np.inf):
+    cone = row.get("spot", {})
+    cutoff = min(np.pi / 2, float(cone.get("outerConeAngle", np.pi / 4)))
+    beam = min(cutoff, max(0.0, float(cone.get("innerConeAngle", 0.0))))
+    if not (0 < strength < np.inf and 0 < length < np.inf and cutoff > 0):
         content.note(f"lamp {shown(name)} is left out: it gives no light")
         return []
     direction = direction / length
@@ -44,9 +47,6 @@ def node_lamps(
     if kind == "point":
         fields = {"type": kind, "luminous_flux_lm": 4 * np.pi * strength}
         return [Glow(name, fields, to_world[:3, 3])]
-    cone = row.get("spot", {})
-    cutoff = min(float(cone.get("outerConeAngle", np.pi / 4)), np.pi / 2)
-    beam = min(float(cone.get("innerConeAngle", 0.0)), cutoff)
     fields = {
         "type": kind,
         "luminous_flux_lm": strength * solid_angle(cutoff, beam),
