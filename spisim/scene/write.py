@@ -1,15 +1,20 @@
 """Scene files and their meshes, all there or none of it."""
 
+import io
 import secrets
 import shutil
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import trimesh
 import yaml
+from numpy.typing import NDArray
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from reconstruction.errors import InputError
 from reconstruction.files import Output, is_marked, mark, require_outputs
@@ -20,6 +25,8 @@ from spisim.scene.warning import SceneWarning
 
 #: Of the files of meshes, as their marks tell it.
 MESH = "mesh"
+#: Fields that name files.
+FILES = ("mesh", "density", "picture", "texture")
 
 
 @dataclass(frozen=True)
@@ -76,15 +83,20 @@ def mesh_folder(output: Path) -> Path:
 
 
 def write_scene(
-    output: Path, fields: Mapping[str, Any], meshes: Mapping[str, trimesh.Trimesh], header: str
+    output: Path,
+    fields: Mapping[str, Any],
+    meshes: Mapping[str, trimesh.Trimesh],
+    header: str,
+    arrays: Mapping[str, NDArray[Any]] | None = None,
 ) -> Written:
     """Write a scene file, load it to see that it is one, then give it its name.
 
-    `fields` name the files of `meshes`, which are written into a folder beside the scene file;
-    `header` is a comment. Raises InputError for a scene that does not load; then, and when
-    interrupted, nothing is left behind and older files stay.
+    `fields` name the files of `meshes` and `arrays`, which are written into a folder beside the
+    scene file; `.png` of arrays are grey pictures of bytes. `header` is a comment. Raises
+    InputError for a scene that does not load; then, and when interrupted, nothing is left behind
+    and older files stay.
     """
-    folder = mesh_folder(output)
+    folder, arrays = mesh_folder(output), arrays or {}
     new_folders = [parent for parent in output.parents if not parent.exists()]
     output.parent.mkdir(parents=True, exist_ok=True)
     stage = output.with_name(f".{output.stem}.{secrets.token_hex(4)}.tmp")
@@ -92,8 +104,12 @@ def write_scene(
         (stage / folder.name).mkdir(parents=True)
         for name, mesh in meshes.items():
             (stage / folder.name / name).write_bytes(_ply(mesh))
+        for name, array in arrays.items():
+            packed = _png(array) if name.endswith(".png") else _npy(array)
+            (stage / folder.name / name).write_bytes(packed)
         staged = stage / output.name
-        staged.write_text(_text(fields, meshes, folder.name, header), encoding="utf-8")
+        text = _text(fields, {*meshes, *arrays}, folder.name, header)
+        staged.write_text(text, encoding="utf-8")
         scene, odd = _loaded(staged, output)
         _put_in_place(stage, output, folder)
     except BaseException:
@@ -103,7 +119,7 @@ def write_scene(
                 parent.rmdir()
         raise
     shutil.rmtree(stage, ignore_errors=True)
-    return Written(output, tuple(folder / name for name in meshes), scene, odd)
+    return Written(output, tuple(folder / name for name in (*meshes, *arrays)), scene, odd)
 
 
 def _ply(mesh: trimesh.Trimesh) -> bytes:
@@ -114,19 +130,35 @@ def _ply(mesh: trimesh.Trimesh) -> bytes:
     return b"\n".join([first, form, f"comment {mark(MESH)}".encode(), rest])
 
 
-def _text(
-    fields: Mapping[str, Any],
-    meshes: Mapping[str, trimesh.Trimesh],
-    folder: str,
-    header: str,
-) -> str:
+def _png(grey: NDArray[np.uint8]) -> bytes:
+    """A picture (h, w) with its mark."""
+    marked = PngInfo()
+    marked.add_text("Software", mark(MESH))
+    data = io.BytesIO()
+    Image.fromarray(grey).save(data, "png", pnginfo=marked)
+    return data.getvalue()
+
+
+def _npy(array: NDArray[Any]) -> bytes:
+    """An array with its mark behind its end, where readers do not look."""
+    data = io.BytesIO()
+    np.save(data, array)
+    return data.getvalue() + mark(MESH).encode()
+
+
+def _text(fields: Mapping[str, Any], files: Collection[str], folder: str, header: str) -> str:
+    def placed(row: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            key: f"{folder}/{value}" if key in FILES and value in files else value
+            for key, value in row.items()
+        }
+
     content = dict(fields)
-    for section in ("objects", "volumes"):
+    for section in ("objects", "volumes", "lamps"):
         if section in fields:
-            content[section] = [
-                row | {"mesh": f"{folder}/{row['mesh']}"} if row.get("mesh") in meshes else row
-                for row in fields[section]
-            ]
+            content[section] = [placed(row) for row in fields[section]]
+    if "materials" in fields:
+        content["materials"] = {name: placed(row) for name, row in fields["materials"].items()}
     return header + yaml.dump(
         content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100
     )

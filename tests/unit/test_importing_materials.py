@@ -11,6 +11,7 @@ from foreign import TRIANGLE, glb, taken, tetrahedron, triangle_header
 from reconstruction.errors import InputError
 from spisim.scene.importing.materials import match
 from spisim.scene.importing.model import Part, Surface
+from spisim.scene.importing.textures import Pictured
 from spisim.scene.materials import material_table
 
 KEYWORDS = yaml.safe_load(
@@ -65,13 +66,13 @@ def test_every_entry_names_a_material_that_there_is() -> None:
     ],
 )
 def test_matches(surface: Part, expected: str, how: str) -> None:
-    found = match(surface, {})
+    found = match(surface, {}, Pictured("mean"))
     assert (found.material, found.how) == (expected, how)
     assert found.why
 
 
 def test_the_users_choice_comes_first() -> None:
-    found = match(part("concrete"), {"concrete": "snow"})
+    found = match(part("concrete"), {"concrete": "snow"}, Pictured("off"))
     assert (found.material, found.how) == ("snow", "map")
 
 

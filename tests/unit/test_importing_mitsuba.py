@@ -186,7 +186,7 @@ def test_a_sensor_inside_an_object_is_no_place_for_the_drone(tmp_path: Path) -> 
     sensor = '<sensor type="perspective"/>'
     report = taken(scene(tmp_path / "a.xml", sensor + shape("cube")))
     assert report.drone.why == "proposed"
-    assert any("sensor" in note for note in report.notes)
+    assert any("camera" in note for note in report.notes)
 
 
 @pytest.mark.parametrize(
@@ -424,10 +424,10 @@ def test_media_in_boxes(tmp_path: Path) -> None:
         (shape("sphere", MEDIUM), "0.8 per unit, albedo 0.9, g 0.7 .* is a volume"),
         (shape("rectangle", MEDIUM), "left out, mesh 'rectangle' is not closed"),
         (shape("cube", MEDIUM.replace("0.4 8 9", "0 8 9")), "has no extinction"),
-        (shape("cube", '<medium type="heterogeneous" name="interior"/>'), "grids are left out"),
         (shape("cube", '<emitter type="area"><rgb name="radiance" value="3 2 1"/></emitter>'),
-         "area emitter on 'cube': radiance 3, 2, 1 has no unit: taken for 3 "),
-        (shape("cube") + '<emitter type="spot"/>', "spot emitter: .* taken for 1 W/sr"),
+         "area emitter on 'cube': radiance 3, 2, 1 has no unit; as watts 3 "),
+        (shape("cube") + '<emitter type="spot"/>', "spot emitter: .* as watts 1 W/sr"),
+        (shape("cube") + '<emitter type="spot"/>', "lamps: 1, all left out: .* --lamps watts"),
         (shape("cube") + '<emitter type="constant"/>', r"constant emitter: .* W/\(m² sr\)"),
         (shape("cube") + '<emitter type="projector"/>', "projector emitter: .* left out"),
     ],
@@ -454,7 +454,11 @@ def test_lamps_and_media_in_meshes(tmp_path: Path) -> None:
         '<emitter type="directional"><vector name="direction" x="0" y="-2" z="0"/></emitter>'
         '<emitter type="constant"><float name="radiance" value="0.5"/></emitter>'
     )
-    found = taken(scene(tmp_path / "a.xml", sensor + body), scale=10.0).written.scene
+    file = scene(tmp_path / "a.xml", sensor + body)
+    assert not taken(file).written.scene.lamps
+    report = taken(file, scale=10.0, lamps="watts", overwrite=True)
+    assert any("lamps: 5, their numbers taken for watts" in note for note in report.notes)
+    found = report.written.scene
     (volume,) = found.volumes
     assert isinstance(volume.shape, trimesh.Trimesh)
     np.testing.assert_allclose(
@@ -495,5 +499,5 @@ def test_the_first_sensor_in_the_open_is_the_drone(tmp_path: Path) -> None:
         for x in (0.2, 6)
     )
     drone = taken(scene(tmp_path / "a.xml", sensors + shape("cube"))).drone
-    assert drone.why == "sensor 2 of the file"
+    assert drone.why == "camera 2 of the file"
     np.testing.assert_allclose(drone.position_m, [6, 0, 0])

@@ -6,7 +6,7 @@ import math
 import os
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from spisim.scene.importing.files import Folders
     from spisim.scene.importing.model import Content
 
+Textures = Literal["mean", "picture", "off"]
+Lamps = Literal["off", "watts"]
 EXAMPLE = "spisim scenes import hangar.glb -o hangar.yaml"
 
 #: Where Gazebo looks for models; read for convenience, --model-path does the same.
 SEARCH_PATHS = ("GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
-TEXTURES = "Texture images are not used: colours mean nothing at 1550 nm."
 
 
 def command(
@@ -64,6 +65,20 @@ def command(
         str | None,
         typer.Option(metavar="MATERIAL", help="Put a floor of this material under everything."),
     ] = None,
+    textures: Annotated[
+        Textures,
+        typer.Option(
+            help="Pictures as reflectances, by a rule of thumb: their mean, the whole picture "
+            "(glTF, OBJ, COLLADA), or not at all."
+        ),
+    ] = "mean",
+    lamps: Annotated[
+        Lamps,
+        typer.Option(
+            help="Lamps, other than sun and sky: left out, or their numbers, which have no unit, "
+            "as watts within the instrument's band."
+        ),
+    ] = "off",
     drone: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="Where the drone is, metres, z up.")
     ] = None,
@@ -85,6 +100,8 @@ def command(
         _fuel_cache(),
         skip_missing,
         ground,
+        textures,
+        lamps,
         None if drone is None else _point("--drone", drone),
         None if look_at is None else _point("--look-at", look_at),
         overwrite,
@@ -143,7 +160,7 @@ def _summary(report: Import) -> dict[str, Any]:
             "position_m": drone.position_m.tolist(),
             "look_at_m": drone.look_at_m.tolist(),
         },
-        "notes": [*report.notes, TEXTURES],
+        "notes": report.notes,
         "warnings": report.warnings,
     }
 
@@ -171,11 +188,11 @@ def _print(report: Import) -> None:
     results.print()
     results.print(table)
     results.print()
-    for note in (*report.notes, TEXTURES):
+    for note in report.notes:
         results.print(f"note: {note}", soft_wrap=True)
     written = report.written
     say(
-        f"Wrote {written.scene_file} and {len(written.mesh_files)} meshes. "
+        f"Wrote {written.scene_file} and {len(written.mesh_files)} files beside it. "
         f"Look at it: spisim scenes show {shlex.quote(str(written.scene_file))}"
     )
 

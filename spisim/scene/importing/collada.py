@@ -16,7 +16,15 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import Folders, read_bytes, shown
-from spisim.scene.importing.model import Axis, Content, Part, Surface, readable
+from spisim.scene.importing.model import (
+    Axis,
+    Content,
+    Part,
+    Surface,
+    readable,
+    with_texture_coordinates,
+)
+from spisim.scene.importing.textures import Texture
 from spisim.scene.importing.xml import parse_xml
 from spisim.scene.shapes import check_mesh
 
@@ -42,8 +50,7 @@ def read_collada(path: Path, folders: Folders) -> Content:
         content = _empty(document.assetInfo)
         for lack in document.errors:
             content.note(f"{path.name}: {_told(lack)}")
-        _note_textures(document, path, folders, content)
-        walk = _Walk(content)
+        walk = _Walk(content, _pictures(document, path, folders, content))
         for node in document.scene.nodes:
             walk.add(node, np.eye(4), path.stem, 0)
         if not content.parts and document.errors:
@@ -82,14 +89,15 @@ def _empty(asset: Any) -> Content:
 class _Walk:
     """Adds what nodes show to a content."""
 
-    def __init__(self, content: Content) -> None:
+    def __init__(self, content: Content, pictures: dict[str, Texture | None]) -> None:
         self._content = content
+        self._pictures = pictures
         self._meshes: dict[int, list[tuple[trimesh.Trimesh, str | None]]] = {}
         self._nodes = 0
 
     def add(self, node: Any, parent: Floats, name: str, depth: int) -> None:
         """A node and all below it; InputError for too many, which instances in turn soon make."""
-        from collada.scene import ControllerNode, GeometryNode, Node, NodeNode
+        from collada.scene import ControllerNode, GeometryNode, LightNode, Node, NodeNode
 
         self._nodes += 1
         if self._nodes > MAX_NODES:
@@ -106,12 +114,16 @@ class _Walk:
             self._add_geometry(node, parent, name)
         elif isinstance(node, ControllerNode):
             self._content.note(f"node {shown(name)}: skinned meshes are left out")
+        elif isinstance(node, LightNode):
+            self._content.note("lamps are left out; give `lamps` in the scene file")
 
     def _add_geometry(self, node: Any, to_world: Floats, name: str) -> None:
         geometry = node.geometry
         if id(geometry) not in self._meshes:
             self._meshes[id(geometry)] = _meshes(geometry, self._content)
-        surfaces = {bound.symbol: _surface(bound.target) for bound in node.materials}
+        surfaces = {
+            bound.symbol: _surface(bound.target, self._pictures) for bound in node.materials
+        }
         for mesh, symbol in self._meshes[id(geometry)]:
             surface = surfaces.get(symbol, Surface(symbol))
             self._content.add(Part(name or geometry.name, mesh, to_world, surface))
@@ -132,19 +144,43 @@ def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str 
         mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
         check_mesh(mesh, name)
         mesh.remove_unreferenced_vertices()
-        found.append((mesh, primitive.material))
+        found.append((_textured(triangles, mesh), primitive.material))
     return found
 
 
-def _surface(material: Any) -> Surface:
+def _textured(triangles: Any, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with its first texture coordinates, vertices repeated where they differ."""
+    if not len(triangles.texcoordset):
+        return mesh
+    uv, numbers = np.asarray(triangles.texcoordset[0]), np.asarray(triangles.texcoord_indexset[0])
+    if numbers.shape != triangles.vertex_index.shape or not numbers.max(initial=0) < len(uv):
+        return mesh
+    pairs = np.column_stack([np.ravel(triangles.vertex_index), np.ravel(numbers)])
+    each, corners = np.unique(pairs, axis=0, return_inverse=True)
+    whole = trimesh.Trimesh(
+        np.asarray(triangles.vertex)[each[:, 0]], corners.reshape(-1, 3), process=False
+    )
+    return with_texture_coordinates(whole, uv[each[:, 1], :2])
+
+
+def _surface(material: Any, pictures: dict[str, Texture | None]) -> Surface:
     name = material.name or material.id
     diffuse = getattr(material.effect, "diffuse", None)
-    if not isinstance(diffuse, tuple | list) or len(diffuse) < 3:  # a texture, or nothing
+    sampler = getattr(diffuse, "sampler", None)
+    if sampler is not None:
+        return Surface(name, texture=pictures.get(sampler.surface.image.id))
+    if not isinstance(diffuse, tuple | list) or len(diffuse) < 3:  # nothing
         return Surface(name)
     red, green, blue = (float(value) for value in diffuse[:3])
     return Surface(name, (red, green, blue))
 
 
-def _note_textures(document: Any, path: Path, folders: Folders, content: Content) -> None:
-    for image in document.images:
-        content.note_texture(image.path or "", path.parent, folders, f"{path.name}: texture")
+def _pictures(
+    document: Any, path: Path, folders: Folders, content: Content
+) -> dict[str, Texture | None]:
+    """Pictures of a file by their ids; notes those that are missing."""
+    what = f"{path.name}: texture"
+    return {
+        image.id: content.texture(image.path or "", path.parent, folders, what)
+        for image in document.images
+    }

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import trimesh
@@ -19,6 +20,7 @@ from spisim.scene.importing.meshes import READERS
 from spisim.scene.importing.model import Content, Reader
 from spisim.scene.importing.sdf import read_sdf
 from spisim.scene.importing.shapes import as_mesh
+from spisim.scene.importing.textures import Pictured, Use
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
 from spisim.scene.importing.urdf import read_urdf
 from spisim.scene.importing.usd import read_usd
@@ -37,6 +39,16 @@ FORMATS: dict[str, Reader] = {
     **dict.fromkeys((".usd", ".usda", ".usdc"), read_usd),
 }
 HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
+BEWARE = "what eyes see tells little of 1550 nm; give --materials where you know them"
+OFF = (
+    "all left out: what the file says of them is light for the eye, of which lamps have next to "
+    "nothing at 1550 nm; --lamps watts takes the numbers for watts within the instrument's band"
+)
+WATTS = (
+    "their numbers taken for watts within the instrument's band (W/sr, W/m², W/(m² sr)) unless "
+    "they have a unit, which is much: most lamps for the eye have next to nothing there; see "
+    "`lamps` in the scene file"
+)
 ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
 
@@ -45,7 +57,9 @@ class Options:
     """How to read a foreign file; the defaults believe the file.
 
     `units` is a name of `UNITS` or "auto"; `up` a letter of `TO_Z_UP`, or None for the file's own.
-    `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything.
+    `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything;
+    `textures` what becomes of pictures: the mean of them, the whole, or nothing; `lamps` what of
+    lamps, which have no unit.
     """
 
     units: str = "auto"
@@ -56,6 +70,8 @@ class Options:
     fuel: Path | None = None
     skip_missing: bool = False
     ground: str | None = None
+    textures: Use = "mean"
+    lamps: Literal["off", "watts"] = "off"
     position_m: Vector3 | None = None
     look_at_m: Vector3 | None = None
     overwrite: bool = False
@@ -103,11 +119,18 @@ def import_scene(
     content = choose_up(choose_unit(content, options.units), options.up)
     if not content.parts:
         raise InputError(f"{file}: holds no triangles")
+    content = _lit(content, options.lamps)
     with _naming_once(file):
         content = to_metres(content, options.scale)
     if options.materials is not None:
         check_map(chosen, content.parts, options.materials)
-    matches = [match(part, chosen) for part in content.parts]
+    pictured = Pictured(options.textures)
+    matches = [match(part, chosen, pictured) for part in content.parts]
+    content.notes += pictured.notes
+    if pictured.rows:
+        content.note(
+            f"textures taken as reflectances, by a rule of thumb: {len(pictured.rows)}; {BEWARE}"
+        )
     with _naming_once(file):
         placed = _placed(content)
     if options.ground is not None:
@@ -118,8 +141,10 @@ def import_scene(
     around = Surroundings.of(placed)
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)
-    fields, meshes = scene_fields(output.stem, content, matches, drone, file.name)
-    written = write_scene(output, fields, meshes, HEADER)
+    fields, meshes, arrays = scene_fields(output.stem, content, matches, drone, file.name)
+    if pictured.rows:
+        fields["materials"] = pictured.rows
+    written = write_scene(output, fields, meshes, HEADER, arrays | pictured.files)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
     if not near <= drone.nearest_m <= far:
@@ -189,13 +214,28 @@ def _drone(around: Surroundings, content: Content, options: Options) -> DronePos
         raise InputError("--look-at goes with --drone")
     for number, camera in enumerate(content.cameras, 1):
         position, forward = camera[:3, 3], camera[:3, 2]
+        if not (np.isfinite(camera).all() and forward.any()):
+            continue
         forward = forward / np.linalg.norm(forward)
         if np.linalg.norm(forward[:2]) > 1e-3 and around.is_open(position):
-            why = "the file's sensor" if number == 1 else f"sensor {number} of the file"
+            why = "the file's camera" if number == 1 else f"camera {number} of the file"
             return drones.pose_at(around, position, position + forward, why)
     if content.cameras:
-        content.note("the file's sensors are inside objects or look straight up or down")
+        content.note("the file's cameras are inside objects or look straight up or down")
     return drones.propose(around)
+
+
+def _lit(content: Content, lamps: Literal["off", "watts"]) -> Content:
+    """The content with its lamps, or without; a note tells what was assumed."""
+    count = len(content.glows) + sum(part.radiance > 0 for part in content.parts)
+    if count == 0:
+        return content
+    if lamps == "watts":
+        content.note(f"lamps: {count}, {WATTS}")
+        return content
+    content.note(f"lamps: {count}, {OFF}")
+    dark = [replace(part, radiance=0.0) if part.radiance else part for part in content.parts]
+    return replace(content, parts=dark, glows=[])
 
 
 def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:

@@ -17,7 +17,9 @@ from scipy.spatial.transform import Rotation
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import Folders, read_bytes
-from spisim.scene.importing.gltf_buffers import MESHOPT, Buffers, at, check_sizes, unquoted
+from spisim.scene.importing.gltf_buffers import MESHOPT, Buffers, at, check_sizes
+from spisim.scene.importing.gltf_lamps import node_lamps
+from spisim.scene.importing.gltf_materials import read_surfaces
 from spisim.scene.importing.gltf_meshes import DRACO, Primitive, check_triangle_count, read_meshes
 from spisim.scene.importing.model import (
     MAX_PARTS,
@@ -32,7 +34,10 @@ from spisim.scene.importing.model import (
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 #: What a header lists, each of it an object.
-LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "materials", "images")
+LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "materials", "images",
+         "textures", "cameras")  # fmt: skip
+#: glTF's cameras look along their -z, x to the right.
+LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
 INSTANCING = "EXT_mesh_gpu_instancing"
 #: Extensions that are read, and those that change how surfaces look, not where they are.
 KNOWN = (
@@ -114,8 +119,7 @@ def _content(header: Any, chunk: bytes, path: Path, folders: Folders) -> Content
     content = Content(
         unit_why="glTF is in metres", up="y", up_why="glTF has y up", notes=_notes(header)
     )
-    _note_textures(header, path, folders, content)
-    surfaces = [_surface(row, header) for row in header.get("materials", [])]
+    surfaces = read_surfaces(header, buffers, path, folders, content)
     meshes = read_meshes(header, buffers, content)
     nodes = header.get("nodes", [])
     waiting = [(at(nodes, i, "node"), i, np.eye(4)) for i in reversed(roots)]
@@ -130,6 +134,9 @@ def _content(header: Any, chunk: bytes, path: Path, folders: Folders) -> Content
             shown_there = at(meshes, node["mesh"], "mesh")
             for copy in _copies(node, buffers):
                 _add(content, node, shown_there, to_world @ copy, surfaces)
+        if "camera" in node:
+            content.cameras.append(to_world @ LOOKING)
+        content.glows += node_lamps(node, header, to_world, content)
         children = reversed(node.get("children", []))
         waiting += [(at(nodes, child, "node"), child, to_world) for child in children]
     return content
@@ -173,20 +180,6 @@ def _roots(header: dict[str, Any]) -> list[int]:
     return [i for i in range(len(nodes)) if i not in below]
 
 
-def _surface(row: dict[str, Any], header: dict[str, Any]) -> Surface:
-    pbr = row.get("pbrMetallicRoughness", {})
-    color = pbr.get("baseColorFactor")
-    words: tuple[str, ...] = ()
-    if "KHR_materials_transmission" in row.get("extensions", {}):
-        words = ("dielectric",)
-    elif pbr.get("metallicFactor", 1 if color else 0) >= 0.5 and "baseColorTexture" not in pbr:
-        words = ("metal",)
-    if color is None or "baseColorTexture" in pbr:
-        return Surface(row.get("name"), None, words)
-    red, green, blue = (float(value) for value in color[:3])
-    return Surface(row.get("name"), (red, green, blue), words)
-
-
 def _notes(header: dict[str, Any]) -> list[str]:
     notes = []
     if header.get("animations"):
@@ -194,14 +187,6 @@ def _notes(header: dict[str, Any]) -> list[str]:
     if header.get("skins"):
         notes.append("skins are left out: skinned meshes are in their bind pose")
     return notes
-
-
-def _note_textures(header: dict[str, Any], path: Path, folders: Folders, content: Content) -> None:
-    for image in header.get("images", []):
-        uri = image.get("uri")
-        if uri is None or uri.startswith("data:"):
-            continue
-        content.note_texture(unquoted(uri), path.parent, folders, "texture")
 
 
 def _matrix(node: dict[str, Any], number: int) -> Floats:

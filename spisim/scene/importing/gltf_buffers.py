@@ -104,8 +104,7 @@ class Buffers:
         if uri is None:
             return chunk
         if uri.startswith("data:"):
-            kind, _, text = uri.partition(",")
-            return base64.b64decode(text) if kind.endswith(";base64") else unquote_to_bytes(text)
+            return within(uri)
         if uri not in self._data:
             self._data[uri] = read_bytes(folders.find(unquoted(uri), path.parent, "buffer"))
             if sum(map(len, self._data.values())) > MAX_FILE_BYTES:
@@ -173,6 +172,12 @@ def whole(row: dict[str, Any], name: str, default: int | None = None) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise InputError(f"{name} should be a whole number of at least 0; found {_shown(value)}")
     return value
+
+
+def within(uri: str) -> bytes:
+    """What a URI of scheme `data` holds itself; ValueError where it is damaged."""
+    kind, _, text = uri.partition(",")
+    return base64.b64decode(text) if kind.endswith(";base64") else unquote_to_bytes(text)
 
 
 def unquoted(uri: str) -> str:

@@ -1,4 +1,4 @@
-"""Which material of spisim a surface of a foreign file is, by name, by a word, or by colour."""
+"""Which material a surface of a foreign file is: by name, word, texture or colour."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,6 +13,7 @@ from pydantic import RootModel, ValidationError
 from reconstruction.errors import InputError, nearest
 from spisim.config import load_yaml, read_text
 from spisim.scene.importing.model import Part, Surface
+from spisim.scene.importing.textures import Pictured
 from spisim.scene.materials import material_table
 
 WHITE, BLACK = 0.8, 0.04
@@ -24,7 +25,7 @@ class Match:
 
     source: str
     material: str
-    how: str  # "map", "name", "guess" or "default"
+    how: str  # "map", "name", "guess", "texture" or "default"
     why: str
 
 
@@ -60,8 +61,11 @@ def check_map(chosen: Mapping[str, str], parts: list[Part], path: Path) -> None:
             )
 
 
-def match(part: Part, chosen: Mapping[str, str]) -> Match:
-    """Material of a part: the user's choice, else by name, by a word, by colour, or the default."""
+def match(part: Part, chosen: Mapping[str, str], pictured: Pictured) -> Match:
+    """Material of a part: the user's choice, else by name, word, texture or colour, or the default.
+
+    `pictured` makes materials of textures, and keeps them.
+    """
     surface = part.surface
     label = surface.label
     if label in chosen:
@@ -72,12 +76,17 @@ def match(part: Part, chosen: Mapping[str, str]) -> Match:
         if found := _by_words(text):
             words, material = found
             return Match(label, material, "guess", f"{words!r} in {what} {text!r}")
+    texture = surface.texture
+    if texture is not None and (made := pictured.material(texture, part.geometry)):
+        return Match(label, made[0], "texture", made[1])
     return _by_color(surface)
 
 
 def _clues(part: Part) -> list[tuple[str, str]]:
     clues = [("its name", part.surface.name)] if part.surface.name else []
     clues += [("its description", word) for word in part.surface.words]
+    if part.surface.texture is not None:
+        clues.append(("its texture", part.surface.texture.stem))
     return [*clues, ("the object's name", part.name)]
 
 

@@ -4,7 +4,9 @@ import io
 import re
 import struct
 import warnings
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import trimesh
@@ -22,10 +24,15 @@ from spisim.scene.importing.model import (
     with_texture_coordinates,
 )
 from spisim.scene.importing.shapes import as_mesh
+from spisim.scene.importing.textures import Texture
 from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, check_obj_indices, texture_coordinates
 
 #: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
 CUT_SHORT = "string or file could not be read to its end"
+#: What may stand between `map_Kd` and the name of a picture: words, or up to three numbers.
+MAP_OPTIONS = re.compile(r"-(?:[a-z]+)(?:\s+(?:on|off|[rgbmlz]|[-+.\d]+(?:e[-+]?\d+)?(?=\s)))*\s+")
+
+Color: TypeAlias = tuple[float, float, float]
 
 
 def read_obj(path: Path, folders: Folders) -> Content:
@@ -34,7 +41,11 @@ def read_obj(path: Path, folders: Folders) -> Content:
     check_obj_indices(text.encode(), str(path))
     _refuse_relative_indices(text, path)
     content = Content()
-    colors = _material_library(text, path, folders, content)
+    if re.search(r"^[lp]\s", text, re.M):
+        content.note(f"{path.name}: points and lines are left out")
+        if not re.search(r"^f\s", text, re.M):
+            return content
+    colors, textures = _material_library(text, path, folders, content)
     names = dict.fromkeys(name.strip() for name in re.findall(r"^usemtl (.+)$", text, re.M))
     # trimesh keeps the name of a material only where a library describes it.
     library = "".join(f"newmtl {name}\nKd 0 0 0\n" for name in names).encode()
@@ -50,7 +61,8 @@ def read_obj(path: Path, folders: Folders) -> Content:
         if surface.name not in names:
             surface = Surface()
         else:
-            surface = Surface(surface.name, colors.get(surface.name or ""))
+            known = surface.name or ""
+            surface = Surface(surface.name, colors.get(known), texture=textures.get(known))
         _add(content, path, name, mesh, surface)
     return content
 
@@ -145,9 +157,10 @@ def _refuse_relative_indices(text: str, path: Path) -> None:
 
 def _material_library(
     text: str, path: Path, folders: Folders, content: Content
-) -> dict[str, tuple[float, float, float]]:
-    """Colours of the materials in the libraries of an OBJ file; notes what is missing."""
-    colors: dict[str, tuple[float, float, float]] = {}
+) -> tuple[dict[str, Color], dict[str, Texture]]:
+    """Colours and textures of the materials of an OBJ file's libraries; notes what is missing."""
+    colors: dict[str, Color] = {}
+    textures: dict[str, Texture] = {}
     for name in re.findall(r"^mtllib\s+(.+)$", text, re.M):
         try:
             library = folders.find(name, path.parent, f"{path.name}: mtllib")
@@ -155,7 +168,7 @@ def _material_library(
         except InputError as error:
             content.note(f"{error}; materials go by their names alone")
             continue
-        current = ""
+        current, pictured = "", set()
         for words in (line.split(maxsplit=1) for line in lines):
             if len(words) < 2:
                 continue
@@ -164,13 +177,17 @@ def _material_library(
             elif words[0] == "Kd" and (color := _color(words[1])):
                 colors[current] = color
             elif words[0].lower() == "map_kd":
-                colors.pop(current, None)
-                name = words[1].split()[-1]
-                content.note_texture(name, library.parent, folders, f"{library.name}: texture")
-    return colors
+                pictured.add(current)
+                name = MAP_OPTIONS.sub("", words[1]).strip()
+                what = f"{library.name}: texture"
+                if found := content.texture(name, library.parent, folders, what):
+                    textures[current] = replace(found, fits=name == words[1].strip())
+        for material in pictured:  # exporters leave Kd black or white beside a picture
+            colors.pop(material, None)
+    return colors, textures
 
 
-def _color(text: str) -> tuple[float, float, float] | None:
+def _color(text: str) -> Color | None:
     try:
         red, green, blue = (float(word) for word in text.split()[:3])
     except ValueError:

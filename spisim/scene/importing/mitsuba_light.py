@@ -2,7 +2,7 @@
 
 Mitsuba knows neither 1550 nm nor, in scenes of colours, a unit of light. Of a spectrum the value
 of its longest wavelength is taken, of a colour its red, which is nearest. Lamps
-keep their numbers, as watts within the instrument's band.
+keep their numbers.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ import numpy as np
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.mitsuba_file import Node
+from spisim.scene.importing.mitsuba_grid import Find, is_grid, read_lattice, read_surround
 from spisim.scene.importing.model import Content, Daylight, Glow, Haze, Part
 from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.volumes import closed
@@ -33,24 +34,33 @@ SAY = {"constant": "environment", "directional": "directional", "point": "point"
 
 
 def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None], name: str,
-                content: Content) -> None:  # fmt: skip
+                content: Content, find: Find) -> None:  # fmt: skip
     """Add a medium that fills parts of a shape, in the world; note what cannot be told.
 
-    `boxes` (4, 4) of cubes of edge 1 are those of parts that are one.
+    `boxes` (4, 4) of cubes of edge 1 are those of parts that are one. InputError for grids that are
+    missing or damaged.
     """
     what = f"{node.what} in {name!r:.80}"
-    if node.type != "homogeneous":
-        content.note(f"{what}: grids are left out; give `density` of a volume in the scene file")
+    grids = {key: read_lattice(each, find) for key, each in node.properties.items()
+             if isinstance(each, Node) and is_grid(each)}  # fmt: skip
+    for key in sorted(set(grids) - {"sigma_t", "albedo"}):
+        content.note(f"{what}: a grid of {key} is left out, and the medium")
         return
+    density, brightness = grids.get("sigma_t"), grids.get("albedo")
+    if brightness is not None and not brightness.values.max() <= 1:
+        raise InputError(f"{node.what}: its albedo is over 1")
     extinction, albedo, g = _coefficients(node)
-    if not extinction > 0:
+    if not extinction > 0 or (density is not None and not density.values.any()):
         content.note(f"{what}: has no extinction and is left out")
         return
-    told = (
-        f"extinction {extinction:.4g} per unit, albedo {albedo:.4g}, g {g:.3g} (red, as at 1550 nm)"
-    )
+    most = extinction * (1 if density is None else float(density.values.max()))
+    told = f"extinction {most:.4g} per unit"
+    told += " at most, a grid" if density is not None else ""
+    told += f", albedo {albedo:.4g}" if brightness is None else ", albedo of a grid"
+    told += f", g {g:.3g} (red, as at 1550 nm)"
     for part, box in zip(parts, boxes, strict=True):
-        haze = Haze(node.id or name, part.to_world, extinction, albedo, g)
+        haze = Haze(node.id or name, part.to_world, extinction, albedo, g, None,
+                    density, brightness)  # fmt: skip
         if box is not None:
             content.hazes.append(replace(haze, to_world=box))
         else:
@@ -71,7 +81,10 @@ def _coefficients(node: Node) -> tuple[float, float, float]:
         extinction = scattering + _infrared(node, "sigma_a", 0.0)
         albedo = scattering / extinction if extinction > 0 else 0.0
     else:
-        extinction, albedo = _infrared(node, "sigma_t", 1.0), _infrared(node, "albedo", 0.75)
+        extinction, albedo = (
+            1.0 if is_grid(node.properties.get(name)) else _infrared(node, name, default)
+            for name, default in (("sigma_t", 1.0), ("albedo", 0.75))
+        )
     phase = next((each for each in node.children if each.kind == "phasefunction"), None)
     g = phase.value("g", 0.8) if phase is not None and phase.type == "hg" else 0.0
     extinction *= scale
@@ -82,10 +95,10 @@ def _coefficients(node: Node) -> tuple[float, float, float]:
     return float(extinction), float(albedo), float(g)
 
 
-def take_emitter(node: Node, content: Content, shape: str | None = None) -> float:
+def take_emitter(node: Node, content: Content, find: Find, shape: str | None = None) -> float:
     """Take a lamp or the sun, and tell of it; return the radiance of one that is a surface.
 
-    Numbers without a unit are taken for watts within the instrument's band.
+    Numbers have no unit; they are kept as they are.
     """
     if node.type in ("sunsky", "sun") and content.daylight is None:
         to_sun = node.value("sun_direction", np.array([0.0, 0.0, 1.0]))
@@ -97,6 +110,9 @@ def take_emitter(node: Node, content: Content, shape: str | None = None) -> floa
         return 0.0
     where = "" if shape is None else f" on {shape!r:.80}"
     what = f"{node.what}{where}: {_amount(node)}"
+    if node.type == "envmap":
+        _take_surround(node, content, find)
+        return 0.0
     if node.type not in LAMPS:
         content.note(f"{what} is left out: give `lamps` in the scene file")
         return 0.0
@@ -109,14 +125,29 @@ def take_emitter(node: Node, content: Content, shape: str | None = None) -> floa
     if not 0 < amount < np.inf:
         content.note(f"{what} is left out: it gives no light")
         return 0.0
-    content.note(
-        f"{what} has no unit: taken for {amount:.4g} {unit} within the instrument's band, of which "
-        "most lamps for the eye have next to nothing; see `lamps` in the scene file"
-    )
+    content.note(f"{what} has no unit; as watts {amount:.4g} {unit}")
     if node.type == "area":
         return amount
     content.glows.append(_glow(node, {"type": SAY[node.type], field: amount}))
     return 0.0
+
+
+def _take_surround(node: Node, content: Content, find: Find) -> None:
+    """A picture of all around."""
+    scale = node.value("scale", 1.0)
+    what = f"{node.what}: picture {node.value('filename', '')!r:.80}"
+    try:
+        picture, axes = read_surround(node, find)
+    except InputError as error:
+        content.note(f"{what} is left out: {error}")
+        return
+    if not 0 < scale < np.inf:
+        content.note(f"{what} is left out: it gives no light")
+        return
+    brightest = scale * float(picture.max())
+    content.note(f"{what} has no unit; as watts up to {brightest:.4g} W/(m² sr)")
+    fields = {"type": "environment", "radiance_w_per_m2_sr": scale}
+    content.glows.append(Glow(node.id or node.name or "envmap", fields, None, None, picture, axes))
 
 
 def _glow(node: Node, fields: dict[str, Any]) -> Glow:

@@ -20,6 +20,7 @@ from spisim.scene.importing.mitsuba_file import Node, Parse, Source, read_source
 from spisim.scene.importing.mitsuba_light import take_emitter, take_medium
 from spisim.scene.importing.model import Content, Part, Shape, Surface, translation
 from spisim.scene.importing.serialized import read_serialized
+from spisim.scene.importing.textures import Texture
 from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
@@ -50,7 +51,7 @@ def read_scene(path: Path, folders: Folders, parse: Parse) -> Content:
         elif node.kind == "sensor":
             _take_sensor(node, content)
         elif node.kind == "emitter":
-            take_emitter(node, content)
+            take_emitter(node, content, reader.file)
     if not content.parts:
         raise InputError(f"{path}: has no shapes that can be read")
     return content
@@ -64,6 +65,7 @@ class _Shapes:
         self._folders = folders
         self._content = content
         self._files: dict[tuple[Path, int], list[Part]] = {}
+        self._textures: dict[int, Texture | None] = {}
 
     def add(self, node: Node, parent: Floats) -> None:
         """What a shape shows, where all that it is in stands at `parent`."""
@@ -95,11 +97,11 @@ class _Shapes:
         surface, radiance = self._surface(node), 0.0
         for each in node.children:
             if each.kind == "emitter":
-                radiance += take_emitter(each, self._content, name)
+                radiance += take_emitter(each, self._content, self.file, name)
             elif each.kind == "medium" and node.properties.get("interior") is each:
                 placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
                 boxes = [_as_box(part, to_world) for part in parts]
-                take_medium(each, placed, boxes, name, self._content)
+                take_medium(each, placed, boxes, name, self._content, self.file)
         if surface is None:
             self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
             return
@@ -120,10 +122,13 @@ class _Shapes:
         known = nearest(kind, (*MESHES, "serialized", *SIMPLE, "instance", "merge"))
         raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {known}")
 
-    def _mesh(self, node: Node, kind: str) -> list[Part]:
-        what = node.what
+    def file(self, node: Node) -> Path:
+        """The file that a node names; InputError where it is missing or may not be read."""
         beside, *more = self._source.places
-        path = self._folders.find(node.value("filename", ""), beside, what, more)
+        return self._folders.find(node.value("filename", ""), beside, node.what, more)
+
+    def _mesh(self, node: Node, kind: str) -> list[Part]:
+        what, path = node.what, self.file(node)
         key = (path, int(node.value("shape_index", 0.0)))
         if key not in self._files:
             with naming(what):
@@ -153,10 +158,12 @@ class _Shapes:
         names = [bsdf.id for bsdf in bsdfs if bsdf.id]
         metals = [name for bsdf in bsdfs if (name := bsdf.value("material", ""))]
         types = [re.sub("^rough|^thin", "", bsdf.type) for bsdf in bsdfs]
-        beside, *more = self._source.places
-        for node in (each for bsdf in bsdfs for each in bsdf.children):
-            if node.kind == "texture" and (name := node.value("filename", "")):
-                self._content.note_texture(name, beside, self._folders, node.what, more)
+        textures = {
+            name: self._texture(node)
+            for bsdf in bsdfs
+            for name, node in bsdf.properties.items()
+            if isinstance(node, Node) and node.kind == "texture" and node.value("filename", "")
+        }
         colors = [
             (float(value[0]), float(value[1]), float(value[2]))
             for bsdf in bsdfs
@@ -164,7 +171,20 @@ class _Shapes:
             if name in BODY and np.shape(value) == (3,)
         ]
         words = (*(METALS.get(name, "metal") for name in metals), *types)
-        return Surface(names[0] if names else None, colors[0] if colors else None, words)
+        body = next((textures[name] for name in BODY if textures.get(name)), None)
+        return Surface(names[0] if names else None, colors[0] if colors else None, words, body)
+
+    def _texture(self, node: Node) -> Texture | None:
+        """The picture of a texture; Mitsuba lays it on its own way, so that only its mean fits."""
+        key = id(node)
+        if key not in self._textures:
+            beside, *more = self._source.places
+            name = node.value("filename", "")
+            found = self._content.texture(name, beside, self._folders, node.what, more)
+            if found is not None:
+                found = replace(found, fits=False, linear=node.value("raw", False))
+            self._textures[key] = found
+        return self._textures[key]
 
 
 def _as_box(part: Part, to_world: Floats) -> Floats | None:

@@ -9,12 +9,14 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim.scene.importing.files import Folders
+from spisim.scene.importing.lattice import Lattice
+from spisim.scene.importing.textures import Texture
 
 Axis = Literal["x", "y", "z"]
 Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
@@ -27,12 +29,14 @@ MAX_PARTS = 100_000
 class Surface:
     """What a file says about a material: its name, a colour (RGB from 0 to 1), and other words.
 
-    `words` are names of bsdfs and textures, which may tell what it is where the name does not.
+    `words` are names of bsdfs and textures, which may tell what it is where the name does not;
+    `texture` is the picture of its colours.
     """
 
     name: str | None = None
     color: tuple[float, float, float] | None = None
     words: tuple[str, ...] = ()
+    texture: Texture | None = None
 
     @property
     def label(self) -> str:
@@ -58,7 +62,8 @@ class Part:
 class Haze:
     """A body of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
 
-    Or a closed `mesh`. `extinction` is per unit of the file.
+    Or a closed `mesh`. `extinction` is per unit of the file, times `density` where that is given;
+    then `albedo` is times `brightness` where that is given.
     """
 
     name: str
@@ -67,19 +72,24 @@ class Haze:
     albedo: float
     g: float
     mesh: trimesh.Trimesh | None = None
+    density: Lattice | None = None
+    brightness: Lattice | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Glow:
     """A lamp that is no surface: the `fields` of a scene file that tell its type and strength.
 
-    And where it is and shines to, as far as it has a place and a direction.
+    And where it is and shines to, as far as it has a place and a direction; or a `picture` (h, w)
+    of all around in `axes` (3, 3).
     """
 
     name: str
     fields: Mapping[str, Any]
     position: Floats | None = None
     direction: Floats | None = None
+    picture: NDArray[np.float32] | None = None
+    axes: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,19 +130,21 @@ class Content:
         if text not in self.notes:
             self.notes.append(text)
 
-    def note_texture(
+    def texture(
         self,
         name: str,
         beside: Path,
         folders: Folders,
         referrer: str,
         more: Sequence[Path] = (),
-    ) -> None:
-        """Tell of a texture that is missing, or may not be read."""
+    ) -> Texture | None:
+        """The texture that a file refers to; a note where it is missing, or may not be read."""
         try:
-            folders.find(name, beside, referrer, more)
+            path = folders.find(name.replace("\\", "/"), beside, referrer, more)
         except InputError as error:
-            self.note(f"{error}; textures are not used")
+            self.note(f"{error}; this texture is not used")
+            return None
+        return Texture(name, path)
 
 
 #: Parts of a file, which may refer to others in the folders.

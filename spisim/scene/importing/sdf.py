@@ -16,8 +16,8 @@ from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import Folders, MissingFile, read_bytes, shown
 from spisim.scene.importing.frames import Frames, read_pose
-from spisim.scene.importing.model import Content, Part
-from spisim.scene.importing.sdf_light import daylight
+from spisim.scene.importing.model import Content, Glow, Part
+from spisim.scene.importing.sdf_light import Light, lamp, moved, take_lights
 from spisim.scene.importing.sdf_visual import Visuals
 from spisim.scene.importing.xml import parse_lenient_xml
 
@@ -46,9 +46,11 @@ def read_sdf(path: Path, folders: Folders) -> Content:
     top = worlds[0] if worlds else root
     what = f"world {shown(top.get('name', ''))}" if worlds else path.name
     scope = _Scope(path, (path.resolve(),), what)
-    for model, pose in reader.models(top, Frames("world", what), scope):
+    frames = Frames("world", what)
+    for model, pose in reader.models(top, frames, scope):
         model.show(pose, content)
-    content.daylight = daylight(top, content, what)
+    lights = [*reader.lights(top, frames, scope), *reader.included_lights]
+    take_lights(lights, top.find("scene"), content, what)
     if not content.parts:
         left_out = [note for note in content.notes if note.startswith("left out: ")]
         why = left_out[0] if left_out else "collision shapes are not read"
@@ -75,9 +77,11 @@ class _Model:
     name: str
     frames: Frames
     parts: list[Part] = field(default_factory=list)
+    glows: list[Glow] = field(default_factory=list)
 
     def show(self, pose: Floats, content: Content) -> None:
-        """Add all parts to the content, the model being at a pose."""
+        """Add all parts and lamps to the content, the model being at a pose."""
+        content.glows += [moved(glow, pose) for glow in self.glows]
         for part in self.parts:
             content.add(Part(part.name, part.geometry, pose @ part.to_world, part.surface))
 
@@ -86,6 +90,7 @@ class _Reader:
     def __init__(self, folders: Folders, visuals: Visuals) -> None:
         self._folders = folders
         self._visuals = visuals
+        self.included_lights: list[Light] = []
         self._includes = 0
         self._roots: dict[Path, Element] = {}
 
@@ -148,7 +153,19 @@ class _Reader:
                 name = f"{model.name} {part.name}"
                 to_world = pose @ part.to_world
                 model.parts.append(Part(name, part.geometry, to_world, part.surface))
+            model.glows += [moved(glow, pose) for glow in nested.glows]
         return model
+
+    def lights(
+        self, parent: Element, frames: Frames, scope: _Scope, within: str = ""
+    ) -> list[Light]:
+        """Lights of a world or link, which is frame `within`, with their poses."""
+        found = []
+        for element in parent.findall("light"):
+            what = scope.within("light", element.get("name", "")).what
+            pose, relative_to = read_pose(element.find("pose"), what)
+            found.append(Light(element, frames.pose(relative_to or within) @ pose, what))
+        return found
 
     def _link(self, link: Element, model: _Model, scope: _Scope) -> None:
         self._note_left_out(link)
@@ -160,6 +177,8 @@ class _Reader:
             for part in self._visuals.read(visual, scope.path, inside.what):
                 to_model = frame @ part.to_world
                 model.parts.append(Part(name, part.geometry, to_model, part.surface))
+        for light in self.lights(link, model.frames, scope, link.get("name", "")):
+            model.glows += lamp(light, self._visuals.content)
 
     def _add_frames(self, parent: Element, frames: Frames, scope: _Scope) -> None:
         for frame in parent.findall("frame"):
@@ -204,9 +223,15 @@ class _Reader:
         root = self.parse(path)
         included = root.find("model")
         if included is None:
-            if root.find("actor") is None and root.find("light") is None:
+            light = root.find("light")
+            if root.find("actor") is None and light is None:
                 raise InputError(f"{what}: {path} holds no model")
-            self._visuals.content.note("actors and lights that are included are left out")
+            if light is None:
+                self._visuals.content.note("actors that are included are left out")
+                return None
+            placed = light if element.find("pose") is None else element
+            pose, _ = read_pose(placed.find("pose"), what)
+            self.included_lights.append(Light(light, pose, what))
             return None
         name = (element.findtext("name") or included.get("name") or "").strip()
         model = self._model(included, _Scope(path, (*scope.chain, path), f"{path.name}"))

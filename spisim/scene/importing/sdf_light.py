@@ -1,50 +1,123 @@
-"""Sun and sky of a Gazebo world as daylight.
+"""Lights of a Gazebo world: the first directional one is the sun, all others are lamps.
 
 Gazebo's light has no unit. A sun of intensity and colour 1 is taken for the sun of a clear day at
-noon, and `ambient` light of 1 for all of a clear sky; a `sky` alone is a clear one.
+noon, and `ambient` light of 1 for all of a clear sky; a `sky` alone is a clear one. Lamps keep
+their numbers.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.importing.frames import read_pose
-from spisim.scene.importing.model import Content, Daylight
+from spisim.scene.importing.model import Content, Daylight, Glow
 from spisim.scene.importing.xml import numbers
 
 SUN_KLX, SKY_KLX = 100.0, 20.0
+#: Fields of a lamp and units, by the type of a light.
+LAMPS = {
+    "point": ("intensity_w_per_sr", "W/sr"),
+    "spot": ("intensity_w_per_sr", "W/sr"),
+    "directional": ("irradiance_w_per_m2", "W/m²"),
+}
 
 
-def daylight(world: Element, content: Content, what: str) -> Daylight | None:
-    """Daylight of a world, from its first directional light; other lights are noted."""
-    suns = [light for light in world.findall("light") if light.get("type") == "directional"]
-    lamps = len(list(world.iter("light"))) - len(suns)
-    if lamps:
-        content.note(f"{lamps} lamps are left out; daylight alone is in scene files")
-    sky_klx = _sky_klx(world.find("scene"), what)
-    if not suns:
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light as it stands in the file, its pose (4, 4) in what holds it, and what to call it."""
+
+    element: Element
+    pose: Floats
+    what: str
+
+    @property
+    def kind(self) -> str:
+        """Its type."""
+        return self.element.get("type", "point")
+
+
+def take_lights(
+    lights: Sequence[Light], scene: Element | None, content: Content, what: str
+) -> None:
+    """Daylight and lamps of a world, from its lights and its `<scene>`."""
+    suns = [light for light in lights if light.kind == "directional"]
+    content.daylight = _daylight(suns[0] if suns else None, scene, content, what)
+    for light in lights:
+        if light is not (suns[0] if suns else None):
+            content.glows += lamp(light, content)
+
+
+def lamp(light: Light, content: Content) -> list[Glow]:
+    """The lamp that a light is, told in a note, or none."""
+    element, what = light.element, light.what
+    if light.kind not in LAMPS:
+        content.note(f"{what}: lights of type {light.kind!r:.80} are left out")
+        return []
+    field, unit = LAMPS[light.kind]
+    strength = _strength(element, what)
+    cone: dict[str, Any] = {}
+    if light.kind == "spot":
+        spot = element.find("spot")
+        outer, inner = (
+            numbers((spot.findtext(tag) if spot is not None else None) or "0", 1, what)[0]
+            for tag in ("outer_angle", "inner_angle")
+        )
+        cutoff = min(90.0, float(np.degrees(outer)) / 2)  # told from side to side
+        cone = {"cutoff_deg": cutoff,
+                "beam_deg": min(max(0.0, float(np.degrees(inner)) / 2), cutoff)}  # fmt: skip
+    if not strength > 0 or not cone.get("cutoff_deg", 1) > 0:
+        content.note(f"{what} is left out: it gives no light")
+        return []
+    content.note(f"{what} has no unit; as watts {strength:.4g} {unit}")
+    name = element.get("name") or light.kind
+    fields = {"type": light.kind, field: strength, **cone}
+    position = None if light.kind == "directional" else light.pose[:3, 3]
+    direction = None if light.kind == "point" else _direction(light)
+    return [Glow(name, fields, position, direction)]
+
+
+def moved(glow: Glow, pose: Floats) -> Glow:
+    """A lamp of something that stands at a pose (4, 4)."""
+    position, direction = glow.position, glow.direction
+    if position is not None:
+        position = pose[:3, :3] @ position + pose[:3, 3]
+    if direction is not None:
+        direction = pose[:3, :3] @ direction
+    return replace(glow, position=position, direction=direction)
+
+
+def _daylight(
+    sun: Light | None, scene: Element | None, content: Content, what: str
+) -> Daylight | None:
+    sky_klx = _sky_klx(scene, what)
+    if sun is None:
         return None if sky_klx == 0 else Daylight(0.0, np.array([0.0, 0.0, -1.0]), sky_klx)
-    sun = suns[0]
-    name = f"{what}: light {sun.get('name', '')!r:.80}"
-    strength = numbers(sun.findtext("intensity") or "1", 1, f"{name}: intensity")[0]
-    sun_klx = SUN_KLX * max(0.0, strength) * _brightness(sun.findtext("diffuse"), 1.0, name)
+    sun_klx = SUN_KLX * _strength(sun.element, sun.what)
     content.note(
-        f"{name} is taken for a sun of {sun_klx:.3g} klx, with {sky_klx:.3g} klx of sky: see "
+        f"{sun.what} is taken for a sun of {sun_klx:.3g} klx, with {sky_klx:.3g} klx of sky: see "
         "`ambient` in the scene file"
     )
-    return Daylight(sun_klx, _direction(sun, name), sky_klx)
+    return Daylight(sun_klx, _direction(sun), sky_klx)
 
 
-def _direction(sun: Element, what: str) -> Floats:
-    """Of a light that is turned by its pose, in the world."""
-    given = numbers(sun.findtext("direction") or "0 0 -1", 3, f"{what}: direction")
-    pose, _ = read_pose(sun.find("pose"), what)
-    direction = pose[:3, :3] @ np.array(given)
+def _strength(element: Element, what: str) -> float:
+    """Intensity times the mean of its colour."""
+    text = element.findtext("intensity") or "1"
+    intensity = max(0.0, numbers(text, 1, f"{what}: intensity")[0])
+    return intensity * _brightness(element.findtext("diffuse"), 1.0, what)
+
+
+def _direction(light: Light) -> Floats:
+    """Of a light that is turned by its pose."""
+    text = light.element.findtext("direction") or "0 0 -1"
+    direction = light.pose[:3, :3] @ np.array(numbers(text, 3, f"{light.what}: direction"))
     length = float(np.linalg.norm(direction))
     if not length > 0:
-        raise InputError(f"{what}: its direction is zero")
+        raise InputError(f"{light.what}: its direction is zero")
     return np.asarray(direction / length)
 
 

@@ -121,19 +121,21 @@ class Visuals:
         if material is None:
             return None
         script = (material.findtext("script/name") or "").strip()
-        textures = [
-            element.text.strip()
+        named = [
+            (element.tag, element.text.strip())
             for element in material.iter()
             if element.tag.endswith("_map") and element.text and element.text.strip()
         ]
-        for texture in textures:
-            self.content.note_texture(texture, path.parent, self._folders, f"{what}: texture")
+        found = {
+            tag: self.content.texture(name, path.parent, self._folders, f"{what}: texture")
+            for tag, name in named
+        }
         color = _color(material, what)
-        words = tuple(Path(name).stem for name in textures)
+        words = tuple(Path(name).stem for _, name in named)
         if float(_number(material, "pbr/metal/metalness", 0.0, what)) >= 0.5 and not words:
             words = ("metal",)
         name = script.rpartition("/")[2] or None
-        return Surface(name, None if textures else color, words)
+        return Surface(name, None if named else color, words, found.get("albedo_map"))
 
 
 def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:

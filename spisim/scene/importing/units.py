@@ -9,6 +9,7 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
+from spisim.scene.importing.lattice import Lattice
 from spisim.scene.importing.model import Axis, Content, Glow, Shape, check_poses, scaling
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -72,7 +73,13 @@ def to_metres(content: Content, scale: float) -> Content:
         for part, pose in zip(content.parts, poses, strict=True)
     ]
     hazes = [
-        replace(haze, to_world=turn @ grow @ haze.to_world, extinction=haze.extinction / factor)
+        replace(
+            haze,
+            to_world=turn @ grow @ haze.to_world,
+            extinction=haze.extinction / factor,
+            density=_moved_grid(haze.density, turn @ grow),
+            brightness=_moved_grid(haze.brightness, turn @ grow),
+        )
         for haze in content.hazes
     ]
     daylight = content.daylight
@@ -85,17 +92,24 @@ def to_metres(content: Content, scale: float) -> Content:
     )
 
 
+def _moved_grid(grid: Lattice | None, move: Floats) -> Lattice | None:
+    return None if grid is None else replace(grid, to_world=move @ grid.to_world)
+
+
 def _moved(glow: Glow, move: Floats, factor: float) -> Glow:
     """A lamp that lights things `factor` times as large just as brightly."""
     fields = dict(glow.fields)
-    if "intensity_w_per_sr" in fields:
-        fields["intensity_w_per_sr"] *= factor**2
-    position, direction = glow.position, glow.direction
+    for name in ("intensity_w_per_sr", "luminous_flux_lm"):
+        if name in fields:
+            fields[name] *= factor**2
+    position, direction, axes = glow.position, glow.direction, glow.axes
     if position is not None:
         position = move[:3, :3] @ position + move[:3, 3]
     if direction is not None:
         direction = move[:3, :3] @ direction / factor
-    return replace(glow, fields=fields, position=position, direction=direction)
+    if axes is not None:
+        axes = move[:3, :3] @ axes / factor
+    return replace(glow, fields=fields, position=position, direction=direction, axes=axes)
 
 
 def odd_sizes(bounds_m: Floats) -> list[str]:

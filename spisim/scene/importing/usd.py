@@ -119,6 +119,8 @@ class _Stage:
         if kind not in READERS:
             if kind in ("BasisCurves", "NurbsCurves", "NurbsPatch", "Points", "TetMesh", "Volume"):
                 self._content.note(f"{shown(str(prim.GetPath()))}: {kind} is left out")
+            elif kind.endswith("Light"):
+                self._content.note("lamps are left out; give `lamps` in the scene file")
             return
         original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         key = str(original.GetPath())

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
 from reconstruction.arrays import Floats
 from spisim.scene.importing.drone import DronePose
+from spisim.scene.importing.lattice import Lattice, fill
 from spisim.scene.importing.materials import Match
 from spisim.scene.importing.model import Content, Glow, Haze, Part, Shape
 from spisim.scene.importing.shapes import as_mesh, stretched
@@ -21,17 +23,21 @@ from spisim.scene.pose import pose_matrix
 RIGID = 3e-7
 EXACT = 1e-9
 MAX_NAME = 80
+#: Of a medium's density, what is rounding.
+NOTHING = 1e-6
 
 Meshes = dict[str, trimesh.Trimesh]
+Arrays = dict[str, NDArray[Any]]
 
 
 def scene_fields(
     name: str, content: Content, matches: Sequence[Match], drone: DronePose, source: str
-) -> tuple[dict[str, Any], Meshes]:
-    """Fields of a scene file, and the meshes that it refers to by their file names.
+) -> tuple[dict[str, Any], Meshes, Arrays]:
+    """Fields of a scene file, and the meshes and arrays that it refers to by their file names.
 
     `matches` are the materials of the content's parts.
     """
+    arrays: Arrays = {}
     objects, meshes, lamps = _objects(content.parts, matches)
     fields: dict[str, Any] = {
         "name": name,
@@ -44,9 +50,11 @@ def scene_fields(
     }
     if content.hazes:
         taken: set[str] = set()
-        fields["volumes"] = [_haze_row(haze, taken, meshes) for haze in content.hazes]
+        fields["volumes"] = [
+            row for haze in content.hazes for row in _haze_rows(haze, taken, meshes, arrays)
+        ]
     named = {lamp["name"] for lamp in lamps}
-    lamps += [_glow_row(glow, named) for glow in content.glows]
+    lamps += [_glow_row(glow, named, arrays) for glow in content.glows]
     if lamps:
         fields["lamps"] = lamps
     if content.daylight is not None:
@@ -55,40 +63,77 @@ def scene_fields(
             "sun_direction": _rounded(content.daylight.sun_direction, 6),
             "sky_klx": round(content.daylight.sky_klx, 3),
         }
-    return fields, meshes
+    return fields, meshes, arrays
 
 
-def _glow_row(glow: Glow, taken: set[str]) -> dict[str, Any]:
+def _glow_row(glow: Glow, taken: set[str], arrays: Arrays) -> dict[str, Any]:
     row = {"name": _unique_name(glow.name, 1, taken), **glow.fields}
     if glow.position is not None:
         row["position_m"] = _rounded(glow.position, 6)
     if glow.direction is not None:
         row["direction"] = _rounded(glow.direction, 9)
+    if glow.picture is not None:
+        row["picture"] = _unique_file(glow.name, arrays, "npy")
+        arrays[row["picture"]] = glow.picture
+    if glow.axes is not None:
+        pose = np.eye(4)
+        pose[:3, :3] = glow.axes
+        row |= _pose_row(pose)
     return row
 
 
-def _haze_row(haze: Haze, taken: set[str], meshes: Meshes) -> dict[str, Any]:
-    name = _unique_name(haze.name, 1, taken)
-    medium = {
-        "extinction_per_m": float(f"{haze.extinction:.9g}"),
-        "albedo": haze.albedo,
+def _haze_rows(haze: Haze, taken: set[str], meshes: Meshes, arrays: Arrays) -> list[dict[str, Any]]:
+    """A volume; of an albedo that varies two: one that scatters, and one that absorbs the rest."""
+    shape, box = _haze_shape(haze, meshes)
+    if haze.density is None and haze.brightness is None:
+        return [_volume(haze.name, shape, haze, haze.extinction, haze.albedo, taken)]
+    even = Lattice(np.ones((1, 1, 1), np.float32), box)
+    (density, brightness), _ = fill(box, (haze.density or even, haze.brightness or even))
+    albedo = haze.albedo * float(brightness.max())
+    scattering = density * brightness / (float(brightness.max()) or 1.0)
+    absorbing = density - scattering
+    rows = []
+    for what, values, own in (("", scattering, albedo), ("absorbing", absorbing, 0.0)):
+        peak = float(values.max())
+        if peak <= NOTHING * float(density.max()):
+            continue
+        name = f"{haze.name} {what}".strip()
+        row = _volume(name, shape, haze, haze.extinction * peak, own, taken)
+        row["density"] = _unique_file(f"{name} density", arrays, "npy")
+        arrays[row["density"]] = np.clip(values / peak, 0, 1).astype(np.float32)
+        rows.append(row)
+    return rows
+
+
+def _volume(
+    name: str, shape: dict[str, Any], haze: Haze, extinction: float, albedo: float, taken: set[str]
+) -> dict[str, Any]:
+    return {
+        "name": _unique_name(name, 1, taken),
+        **shape,
+        "extinction_per_m": float(f"{extinction:.9g}"),
+        "albedo": float(f"{albedo:.9g}"),
         "g": haze.g,
     }
+
+
+def _haze_shape(haze: Haze, meshes: Meshes) -> tuple[dict[str, Any], Floats]:
+    """What a scene file says of where a volume is, and the box of its density (4, 4)."""
+    box = np.eye(4)
     if haze.mesh is not None:
         file = _unique_file(f"{haze.name} bounds", meshes)
         meshes[file] = haze.mesh.copy().apply_transform(haze.to_world)
-        return {"name": name, "mesh": file, **medium}
+        low, high = meshes[file].bounds
+        box[:3, :3], box[:3, 3] = np.diag(high - low), low
+        return {"mesh": file}, box
     pose = haze.to_world.copy()
     size_m = np.linalg.norm(pose[:3, :3], axis=0)
     pose[:3, :3] /= size_m
     if np.linalg.det(pose[:3, :3]) < 0:  # a box is symmetric
         pose[:3, 0] *= -1
-    return {
-        "name": name,
-        "size_m": _rounded(size_m, 9),
-        **medium,
-        **_pose_row(pose),
-    }
+    box[:3, :3] = pose[:3, :3] * size_m
+    box[:3, 3] = pose[:3, 3] - box[:3, :3].sum(axis=1) / 2
+    return {"size_m": _rounded(size_m, 9), **_pose_row(pose)}, box
 
 
 def _objects(
@@ -205,9 +250,9 @@ def _unique_name(name: str, copies: int, taken: set[str]) -> str:
         number += 1
 
 
-def _unique_file(name: str, taken: Iterable[str]) -> str:
+def _unique_file(name: str, taken: Iterable[str], suffix: str = "ply") -> str:
     plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:40] or "mesh"
     number, used = 1, set(taken)
-    while (file := f"{plain}.ply" if number == 1 else f"{plain}_{number}.ply") in used:
+    while (file := f"{plain}.{suffix}" if number == 1 else f"{plain}_{number}.{suffix}") in used:
         number += 1
     return file

@@ -1,0 +1,95 @@
+"""Numbers on a grid in space, and on another grid that fills a box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.arrays import Floats
+
+#: Of a grid that is written.
+MAX_CELLS = 2**24
+#: Of a cell, by which two grids may be off and still be taken for one.
+ALIGNED = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Values (nz, ny, nx) at the middles of cells that fill the unit cube, which `to_world` places.
+
+    Linear in between, and beyond the outermost middles as they are there.
+    """
+
+    values: NDArray[np.float32]
+    to_world: Floats
+
+    def at(self, points: Floats) -> Floats:
+        """Values (n,) at world points (n, 3)."""
+        places, count = self.cells(points), np.array(self.values.shape[::-1])
+        places = np.clip(places, 0, count - 1)
+        low = np.minimum(np.floor(places).astype(int), np.maximum(count - 2, 0))
+        shares = places - low
+        total = np.zeros(len(points))
+        for step in product((0, 1), repeat=3):
+            x, y, z = np.minimum(low + step, count - 1).T
+            weight = np.where(step, shares, 1 - shares).prod(axis=1)
+            total += weight * self.values[z, y, x]
+        return total
+
+    def cells(self, points: Floats) -> Floats:
+        """Where points are, in cells from the middle of the first."""
+        local = points @ np.linalg.inv(self.to_world)[:3, :3].T
+        local += np.linalg.inv(self.to_world)[:3, 3]
+        return np.asarray(local * self.values.shape[::-1] - 0.5)
+
+    def cells_along(self, box: Floats) -> Floats:
+        """How many of its cells the edges (3,) of a box cross at most, along one of its own."""
+        edges = np.linalg.inv(self.to_world)[:3, :3] @ box[:3, :3]
+        return np.asarray(np.abs(edges * np.array(self.values.shape[::-1])[:, None]).max(axis=0))
+
+
+def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.float32]], bool]:
+    """Values of several lattices on one grid (nz, ny, nx) that fills a box, and whether exactly.
+
+    The box is the unit cube, as `box` (4, 4) places it. Cells are as fine as the lattices'; where
+    they do not meet, half as wide.
+    """
+    crossed = np.max([each.cells_along(box) for each in lattices], axis=0)
+    count = np.maximum(1, np.ceil(crossed - ALIGNED)).astype(int)
+    exact = all(_meets(each, box, count) for each in lattices)
+    if not exact:
+        count = 2 * count
+    while count.prod() > MAX_CELLS:
+        count, exact = np.maximum(1, count // 2), False
+    x, y, z = (np.arange(each) for each in count)
+    found = [np.empty(count[::-1], np.float32) for _ in lattices]
+    for layer in z:
+        points = _middles(box, count, x, y, layer[None])
+        for values, lattice in zip(found, lattices, strict=True):
+            values[layer] = lattice.at(points).reshape(len(y), len(x))
+    return found, exact
+
+
+def _meets(lattice: Lattice, box: Floats, count: NDArray[np.int_]) -> bool:
+    """Whether a box has cells of a lattice: all of them, if its first and last ones are such."""
+    if lattice.values.size == 1:
+        return True
+    ends = (np.unique([0, min(1, each - 1), each - 1]) for each in count)
+    places = lattice.cells(_middles(box, count, *ends))
+    return bool(np.abs(places - np.round(places)).max() <= ALIGNED)
+
+
+def _middles(
+    box: Floats,
+    count: NDArray[np.int_],
+    x: NDArray[np.int_],
+    y: NDArray[np.int_],
+    z: NDArray[np.int_],
+) -> Floats:
+    """Middles (n, 3) of some of so many cells of a box, x first."""
+    above, across, along = np.meshgrid(z, y, x, indexing="ij")
+    cells = np.column_stack([along.ravel(), across.ravel(), above.ravel()])
+    return np.asarray((cells + 0.5) / count @ box[:3, :3].T + box[:3, 3])
