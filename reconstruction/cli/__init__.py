@@ -24,7 +24,10 @@ COMPLETING = "_ARGCOMPLETE"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written."""
+    """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written.
+
+    Raises SystemExit for wrong arguments.
+    """
     write_anything()
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
@@ -34,6 +37,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _complete(parser)
     try:
         options = parser.parse_args(arguments)
+    except InputError as error:
+        sys.exit(_fail(str(error), "--json" in arguments))
+    try:
         options.run(options)
     except InputError as error:
         return _fail(str(error), "--json" in arguments)

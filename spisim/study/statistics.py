@@ -74,7 +74,7 @@ def _interval(deviations: Floats, sizes: NDArray[np.intp]) -> tuple[float, float
         return -student * float(error), student * float(error)
     means, errors = _means(_resamples(units), deviations, sizes)
     # Rounding leaves some 1e-17 of equal values' size.
-    with np.errstate(invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         studentized = np.nan_to_num(means / np.maximum(errors, 1e-9 * error))
     low, high = np.quantile(studentized, [TAIL, 1 - TAIL])
     widest = WIDEST * student

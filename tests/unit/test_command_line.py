@@ -57,7 +57,8 @@ def test_an_error_is_one_line_and_with_json_an_object_too(arguments: str, told: 
 def test_the_rig_tells_errors_alike(
     arguments: str, told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert rig([*arguments.split(), "--json"]) == 2
+    with pytest.raises(SystemExit, match="2"):
+        raise SystemExit(rig([*arguments.split(), "--json"]))
     out, error = capsys.readouterr()
     assert error.startswith("error: ")
     assert error.count("\n") == 1
