@@ -1,4 +1,4 @@
-"""PNG files (ISO/IEC 15948) of colours, without a library of pictures."""
+"""PNG files (ISO/IEC 15948) of colours and of 16-bit grey, without a library of pictures."""
 
 import struct
 import zlib
@@ -10,15 +10,19 @@ UP = 2
 """Filter of a row: what it differs by from the one above, which is nothing in enlarged pixels."""
 
 
-def png(colours: NDArray[np.uint8], software: str) -> bytes:
-    """The file of a picture (H, W, 3); ``software`` tells in it who made it."""
-    height, width, _ = colours.shape
-    rows = colours.reshape(height, -1)
-    filtered = np.empty((height, 1 + 3 * width), np.uint8)
+def png(values: NDArray[np.uint8] | NDArray[np.uint16], software: str) -> bytes:
+    """The file of a picture: colours (H, W, 3) of 8 bits, or grey levels (H, W) of 16 bits.
+
+    ``software`` tells in it who made it.
+    """
+    height, width = values.shape[:2]
+    depth, colour_type = (8, 2) if values.ndim == 3 else (16, 0)
+    rows = values.astype(values.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
+    filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
     filtered[:, 0] = UP
     filtered[0, 1:] = rows[0]
     filtered[1:, 1:] = rows[1:] - rows[:-1]  # modulo 256
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    header = struct.pack(">IIBBBBB", width, height, depth, colour_type, 0, 0, 0)
     chunks = (
         (b"IHDR", header),
         (b"tEXt", b"Software\0" + software.encode("latin-1")),

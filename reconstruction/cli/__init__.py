@@ -1,4 +1,4 @@
-"""The command line: reconstruct a capture or a stream, import a recording, check a calibration."""
+"""The command line: reconstruct a capture or a stream, import, export, check a calibration."""
 
 import argparse
 import os
@@ -14,6 +14,7 @@ from ..text import json_line, printable, write_anything
 COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
     "import": ("importing", "array of bucket readings -> capture"),
+    "export": ("export", "captures -> depth images, point clouds, NeRF's and ROS 2's files"),
     "check": ("check", "captures in fog -> whether the spots' paths are calibrated alike"),
     "live": ("live", "frames as they come -> results as they go"),
     "replay": ("replay", "capture -> its frames as a stream"),
@@ -21,12 +22,13 @@ COMMANDS = {
 """Module of each, imported when it is called, and what it does."""
 COMPLETING = "_ARGCOMPLETE"
 """What a shell's completion sets, by argcomplete."""
+INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written.
 
-    Raises SystemExit for wrong arguments.
+    Raises SystemExit for wrong arguments; an interrupt gives 130.
     """
     write_anything()
     arguments = list(sys.argv[1:] if argv is None else argv)
@@ -45,16 +47,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(str(error), "--json" in arguments)
     except OSError as error:
         return _fail(explain(error), "--json" in arguments)
+    except KeyboardInterrupt:
+        told = "interrupted; no file is left half-written"
+        return _fail(told, "--json" in arguments, INTERRUPTED)
     return 0
 
 
-def _fail(message: str, as_json: bool) -> int:
+def _fail(message: str, as_json: bool, status: int = 2) -> int:
     """Tell an error in one line on stderr, and with --json as an object on stdout too."""
     line = printable(" ".join(message.split("\n")))
     print(f"error: {line}", file=sys.stderr)
     if as_json:
-        print(json_line({"error": line, "status": 2}))
-    return 2
+        print(json_line({"error": line, "status": status}))
+    return status
 
 
 def _complete(parser: argparse.ArgumentParser) -> None:

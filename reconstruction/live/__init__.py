@@ -3,6 +3,7 @@
 from .counts import Counts
 from .framing import Kind, Message, Parser, pack
 from .loop import Loop
+from .poses import Pose, command, pose_of
 from .reception import Arrival, Reception
 from .results import Outcome, State
 from .sending import CaptureSource, Sender, frame_period_s
@@ -18,14 +19,17 @@ __all__ = [
     "Message",
     "Outcome",
     "Parser",
+    "Pose",
     "Reception",
     "Sender",
     "State",
     "StreamSetup",
+    "command",
     "frame_payload",
     "frame_period_s",
     "pack",
     "packed",
+    "pose_of",
     "setup_payload",
     "unpacked",
 ]

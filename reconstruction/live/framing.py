@@ -25,6 +25,7 @@ class Kind(IntEnum):
     END = 3
     RESULT = 4
     STATUS = 5
+    COMMAND = 6
 
 
 class Message(NamedTuple):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
 
@@ -69,6 +71,17 @@ def scene_with(
     warnings = [str(warning.message) for warning in odd]
     warn(warnings)
     return scene, warnings
+
+
+def captures_in(names: Iterable[Path]) -> list[Path]:
+    """Captures by their names, those of folders in the order of theirs; InputError for none."""
+    found: list[Path] = []
+    for name in names:
+        inside = sorted(name.glob("*.h5")) if name.is_dir() else [name]
+        if not inside:
+            raise InputError(f"{name}: there is no capture (.h5) in this folder")
+        found += inside
+    return found
 
 
 def _fog(

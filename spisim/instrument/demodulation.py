@@ -41,8 +41,11 @@ class Taps(Section):
     """
 
     shape: Literal["rectangular", "sine"] = "rectangular"
+    """Sensitivity of a tap over the period."""
     width: PositiveFraction = 0.25
+    """Part of the period for which a rectangular one is open."""
     arrangement: Literal["parallel", "in-turn"] = "parallel"
+    """All taps at once, or one after the other on one amplifier."""
 
     @property
     def share(self) -> float:
@@ -73,9 +76,13 @@ class Modulation(Section):
     """
 
     frequencies_hz: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=8)]
+    """Modulation frequencies, used one after the other."""
     light: Literal["sine", "square"] = "sine"
-    contrast: PositiveFraction = 1.0  # half the swing of the power over its mean
+    """Wave form of the light."""
+    contrast: PositiveFraction = 1.0
+    """Half the swing of the power over its mean."""
     taps: Taps = Taps()
+    """The demodulating windows."""
 
     @model_validator(mode="after")
     def _frequencies_differ(self) -> Modulation:
@@ -107,10 +114,11 @@ class Modulation(Section):
     def correlation(self, phase_rad: Floats, frequency_hz: float, response: Any) -> Floats:
         """Share of the light's electrons in each tap (4, ...) by the phase φ (...) of its path."""
         orders, amplitudes = self.amplitudes(frequency_hz, response)
-        taps = self.taps.phases_rad.reshape(-1, *(1,) * np.ndim(phase_rad))
-        angle = phase_rad - taps
         waves = sum(
-            (amplitude * np.exp(1j * order * angle)).real
+            np.multiply.outer(
+                amplitude * np.exp(-1j * order * self.taps.phases_rad),
+                np.exp(1j * order * phase_rad),
+            ).real
             for order, amplitude in zip(orders, amplitudes, strict=True)
         )
         return np.asarray(self.taps.share * (1 + waves))

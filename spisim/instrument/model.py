@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -32,8 +33,10 @@ SETTLING_TIMES = 5
 class EyeSafety(Section):
     """The classes that the maker declares; `spisim budget` computes and compares them."""
 
-    laser_class: Literal["1", "3R", "3B", "4"] | None = None  # IEC 60825-1
-    risk_group: Literal["exempt", "1", "2", "3"] | None = None  # IEC 62471, of the projector
+    laser_class: Literal["1", "3R", "3B", "4"] | None = None
+    """By IEC 60825-1."""
+    risk_group: Literal["exempt", "1", "2", "3"] | None = None
+    """Of the projector, by IEC 62471."""
 
 
 def _pattern_period(fields: dict[str, Any]) -> float:
@@ -49,14 +52,23 @@ class Instrument(Section):
     """
 
     wavelength_nm: Annotated[Number, Field(ge=800, le=1600)]
+    """Of lasers and patterns; within the filter's band."""
     projector: Projector
+    """The LED array."""
     plan: Plan
+    """The patterns that it shows."""
     filter: Filter
+    """The band-pass in front of all detectors."""
     detector: BucketDetector
+    """The single-pixel detector of the patterns."""
     lasers: Lasers
+    """The four beams."""
     tof: AnyTof
+    """How the four spots are ranged."""
     eye_safety: EyeSafety = EyeSafety()
+    """What the maker declares; it is compared, and changes nothing else."""
     exposure_time_s: Positive = Field(default_factory=_pattern_period)
+    """The end of a pattern's period, in which the detector collects; all of it without."""
 
     def _repr_html_(self) -> str:
         projector, plan = self.projector, self.pattern_plan
@@ -131,7 +143,7 @@ class Instrument(Section):
         """The patterns of the first frame."""
         return self.pattern_plans[0]
 
-    @property
+    @cached_property
     def pattern_plans(self) -> tuple[PatternPlan, ...]:
         """The patterns of successive frames, over and over: one plan where all show the same."""
         return self.plan.cycle(self.projector.shape)

@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.capture import Capture, FrameTruth, Optics, Provenance, Truth
+from reconstruction.arrays import Floats
+from reconstruction.capture import Capture, Frames, FrameTruth, Optics, Provenance, Truth
 from spisim.config import dump_yaml
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
-from spisim.measurement.light import bucket_light
+from spisim.measurement.light import BucketLight, bucket_light
 from spisim.measurement.spots import spot_light
 from spisim.scene import Scene
-from spisim.transport import GroundTruth, LightSequence
+from spisim.transport import GroundTruth, Light
 from spisim.transport.drops import falling_drops
 from spisim.version import __version__
 
@@ -21,7 +22,7 @@ from spisim.version import __version__
 def record(
     scene: Scene,
     instrument: Instrument,
-    light: LightSequence,
+    light: Light,
     truths: Sequence[GroundTruth],
     *,
     seed: int,
@@ -37,26 +38,18 @@ def record(
     """
     told = {"noise": noise, "frames": frames, "media": scene.media_summary()}
     settings = {**(settings or {}), **told}
-    streams = np.random.SeedSequence(seed).spawn(3)
-    for_buckets, for_spots, for_drops = (np.random.default_rng(stream) for stream in streams)
-    drops = falling_drops(scene, instrument, truths, frames, for_drops)
-    mean = bucket_light(instrument, light, frames, drops)
-    buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
+    streams = np.random.SeedSequence(seed)
+    readings, mean = record_frames(
+        scene, instrument, light, truths, streams, noise=noise, frames=frames
+    )
     plan, *later_plans = instrument.pattern_plans[:frames]
     return Capture(
         plan=plan,
         later_plans=tuple(later_plans),
-        buckets=buckets,
-        spots=instrument.tof.record(
-            spot_light(instrument, light, frames, drops),
-            instrument.spot_optics,
-            for_spots if noise else None,
-        ),
-        pattern_taps=pattern_taps,
-        optics=Optics(
-            tan_half_width=instrument.projector.tan_half_width,
-            tan_half_height=instrument.projector.tan_half_height,
-        ),
+        buckets=readings.buckets,
+        spots=readings.spots,
+        pattern_taps=readings.pattern_taps,
+        optics=told_optics(instrument),
         provenance=Provenance(
             source="simulation",
             software=f"spisim {__version__}",
@@ -68,16 +61,58 @@ def record(
         ),
         truth=Truth.of(
             [
-                FrameTruth(
-                    image=image.astype(np.float32),
-                    image_error=error.astype(np.float32),
-                    range_m=truth.range_m,
-                    depth_m=truth.depth_m,
-                    reflectance=truth.reflectance,
-                    spot_range_m=truth.spot_range_m,
-                )
+                frame_truth(image, error, truth)
                 for image, error, truth in zip(mean.image, mean.image_error, truths, strict=True)
             ],
             still=not scene.moves,
         ),
+    )
+
+
+def record_frames(
+    scene: Scene,
+    instrument: Instrument,
+    light: Light,
+    truths: Sequence[GroundTruth],
+    streams: np.random.SeedSequence,
+    *,
+    noise: bool = True,
+    frames: int = 1,
+    first: int = 0,
+) -> tuple[Frames, BucketLight]:
+    """Readings of frames that follow each other, and the bucket's light that they were made from.
+
+    `first` is the number of the first of them; `truths` as in `record`.
+    """
+    for_buckets, for_spots, for_drops = (
+        np.random.default_rng(stream) for stream in streams.spawn(3)
+    )
+    drops = falling_drops(scene, instrument, truths, frames, for_drops)
+    mean = bucket_light(instrument, light, frames, drops, first=first)
+    buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
+    spots = instrument.tof.record(
+        spot_light(instrument, light, frames, drops),
+        instrument.spot_optics,
+        for_spots if noise else None,
+    )
+    return Frames(first, buckets, spots, pattern_taps), mean
+
+
+def told_optics(instrument: Instrument) -> Optics:
+    """What captures tell of the projector's pinhole."""
+    return Optics(
+        tan_half_width=instrument.projector.tan_half_width,
+        tan_half_height=instrument.projector.tan_half_height,
+    )
+
+
+def frame_truth(image: Floats, image_error: Floats, truth: GroundTruth) -> FrameTruth:
+    """What is true of a frame, with its image (H, W) in electrons an exposure."""
+    return FrameTruth(
+        image=image.astype(np.float32),
+        image_error=image_error.astype(np.float32),
+        range_m=truth.range_m,
+        depth_m=truth.depth_m,
+        reflectance=truth.reflectance,
+        spot_range_m=truth.spot_range_m,
     )

@@ -13,7 +13,7 @@ from spisim.instrument import Instrument, Modulation
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.model import Source
 from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
-from spisim.transport import LightSequence, Transport
+from spisim.transport import Light, Transport
 from spisim.transport.drops import FallingDrops, on_buckets
 from spisim.transport.sequence import Interpolation
 
@@ -39,13 +39,16 @@ class BucketLight:
 
 def bucket_light(
     instrument: Instrument,
-    light: LightSequence,
+    light: Light,
     frames: int,
     drops: Sequence[FallingDrops] = (),
+    *,
+    first: int = 0,
 ) -> BucketLight:
     """Electrons from the fractions of emitted power that the light transport found.
 
-    Falling drops change the readings; the image is that without them.
+    Falling drops change the readings; the image is that without them. `first` is the number of the
+    first frame, which tells the patterns that it shows.
     """
     between = light.between(instrument.exposure_times_s(frames))
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
@@ -67,7 +70,7 @@ def bucket_light(
     pictures = pictures * electrons
     changes = on_buckets(drops, pictures, between, electrons, _response(instrument))
     buckets, *taps = (
-        _readings(instrument, between, *window)
+        _readings(instrument, between, first, *window)
         for window in zip(pictures, steadies, changes, strict=True)
     )
     taken_off = np.zeros_like(buckets)
@@ -125,14 +128,20 @@ def _response(instrument: Instrument) -> Callable[[Floats], Floats]:
 
 
 def _readings(
-    instrument: Instrument, between: Interpolation, images: Floats, steady: Floats, change: Floats
+    instrument: Instrument,
+    between: Interpolation,
+    first: int,
+    images: Floats,
+    steady: Floats,
+    change: Floats,
 ) -> Floats:
     """Exposures (frames, M) of images (keys, H, W), steady light (keys,) and a change of them."""
     dark = instrument.projector.dark_level
     total = images.sum(axis=(1, 2))[:, None]
     readings = change.copy()
     plans = instrument.pattern_plans
-    for turn, plan in enumerate(plans[: len(readings)]):
+    for turn in range(min(len(plans), len(readings))):
+        plan = plans[(first + turn) % len(plans)]
         light = (1 - dark) * expose(plan, images) + dark * total + steady[:, None]  # (keys, M)
         frames = slice(turn, None, len(plans))
         nearby = light[between.keys[frames], np.arange(plan.exposures)[:, None]]

@@ -7,13 +7,13 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, SpotLight
-from spisim.transport import LightSequence, Transport
+from spisim.transport import Light, Transport
 from spisim.transport.drops import FallingDrops, on_spots
 
 
 def spot_light(
     instrument: Instrument,
-    light: LightSequence,
+    light: Light,
     frames: int,
     drops: Sequence[FallingDrops] = (),
 ) -> SpotLight:
@@ -48,6 +48,9 @@ def spot_light(
 
 def _over_the_same_lengths(keys: Sequence[Transport]) -> tuple[Floats, list[Floats]]:
     """The path lengths (bins,) of all key times, and over them the light (4, bins) of each."""
+    first = keys[0].path_length_m
+    if all(np.array_equal(key.path_length_m, first) for key in keys):
+        return first, [key.spot_histogram for key in keys]
     lengths = np.unique(np.concatenate([key.path_length_m for key in keys]))
     histograms = [np.zeros((4, lengths.size)) for _ in keys]
     for histogram, key in zip(histograms, keys, strict=True):

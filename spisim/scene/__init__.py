@@ -1,6 +1,7 @@
 """What is out there: geometry, materials, media, daylight, the drone, and how it all moves."""
 
 from spisim.scene.catalogue import catalogue
+from spisim.scene.drone import Drone
 from spisim.scene.load import draw_scene, list_scenes, load_scene, make_scene, scenes_folder
 from spisim.scene.materials import Material, find_material, material_table
 from spisim.scene.model import Ambient, Scene, SceneObject, Volume
@@ -15,6 +16,7 @@ from spisim.scene.warning import SceneWarning
 
 __all__ = [
     "Ambient",
+    "Drone",
     "Material",
     "Scene",
     "SceneObject",

@@ -55,7 +55,7 @@ def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_
     with setting.problems_at("ambient"):
         ambient = _ambient(described.ambient)
     with setting.problems_at("drone"):
-        pose = _drone_pose(described.drone)
+        pose = drone_pose(described.drone)
     objects = setting.stock.objects(described, setting, meshes)
     volumes: list[Volume] = []
     for i, filled in enumerate(described.volumes):
@@ -106,7 +106,8 @@ def warn_of_oddities(scene: Scene) -> None:
             warnings.warn(doubt, SceneWarning, stacklevel=2)
 
 
-def _drone_pose(described: DroneDescription) -> Floats:
+def drone_pose(described: DroneDescription) -> Floats:
+    """(4, 4), world from optical frame; InputError for a line of sight that is none."""
     looking = look_at(described.position_m, described.look_at_m, described.up)
     offset = pose_matrix(described.turn_deg, described.offset_m)
     return np.asarray(looking @ OPTICAL_FROM_BODY @ offset @ OPTICAL_FROM_BODY.T)

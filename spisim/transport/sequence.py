@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
 from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
@@ -21,7 +20,7 @@ KEYS_PER_FRAME = 2
 
 
 class Interpolation(NamedTuple):
-    """Light at times (frames, M): that of two key times each, (frames, M, 2), by their shares."""
+    """Light at times (frames, M): that of some keys each, (frames, M, keys), by their shares."""
 
     keys: NDArray[np.intp]
     shares: Floats
@@ -32,12 +31,24 @@ class Interpolation(NamedTuple):
 
     def means(self, values: Floats) -> Floats:
         """Mean over each frame's times, (frames, ...), of what is `values` (K, ...) at the keys."""
-        frames, times = self.keys.shape[:2]
-        rows = np.repeat(np.arange(frames), 2 * times)
-        shape = (frames, len(values))
-        sums = coo_array((self.shares.ravel(), (rows, self.keys.ravel())), shape).tocsr()
-        flat = sums / times @ values.reshape(len(values), -1)
-        return np.asarray(flat).reshape(frames, *values.shape[1:])
+        flat = values.reshape(len(values), -1)
+        times = self.keys.shape[1]
+        means = np.empty((len(self.keys), flat.shape[1]))
+        for frame, (keys, shares) in enumerate(zip(self.keys, self.shares, strict=True)):
+            found, places = np.unique(keys, return_inverse=True)
+            means[frame] = np.bincount(places.ravel(), shares.ravel()) / times @ flat[found]
+        return means.reshape(-1, *values.shape[1:])
+
+
+class Light(Protocol):
+    """Light of a recording, solved at some keys (K,) and interpolated between them."""
+
+    @property
+    def transports(self) -> tuple[Transport, ...]:
+        """That at the keys."""
+
+    def between(self, times_s: Floats) -> Interpolation:
+        """The light at times (frames, M), in seconds from the first exposure's start."""
 
 
 @dataclass(frozen=True, eq=False)

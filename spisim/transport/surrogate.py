@@ -110,7 +110,8 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
         dropped=image.dropped + spots.dropped + steady.pop("dropped"),
         paths=image.paths + spots.paths,
         seconds=time.perf_counter() - began,
-        extra={"phasors": np.array(phasors)} if phasors else {},
+        extra={"spot_orders": np.stack([surfaces, echo, spot_guessed])}
+        | ({"phasors": np.array(phasors)} if phasors else {}),
         **steady,
     )
 

@@ -26,6 +26,7 @@ COMMANDS = [
     "reconstruct",
     "evaluate",
     "fly",
+    "serve",
     "budget",
     "paper",
     "weather",

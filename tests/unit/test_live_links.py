@@ -237,7 +237,12 @@ def test_what_is_in_the_way_of_a_serial_port_is_told(device, monkeypatch):
         link.check()
     monkeypatch.setitem(sys.modules, "serial", SimpleNamespace(Serial=Port))
     monkeypatch.setattr(serial_module.os, "access", lambda *_: False)
+    device.chmod(0o660)
+    monkeypatch.setattr(serial_module, "_group", lambda device: "dialout")
     with pytest.raises(InputError, match=f"no permission for {device}: join its group, by sudo"):
+        link.check()
+    device.chmod(0o600)
+    with pytest.raises(InputError, match=r"its group dialout is no way to it: sudo chmod a\+rw"):
         link.check()
     device.unlink()
     monkeypatch.setattr(serial_module, "_ports", lambda: [Path("/dev/ttyACM3")])

@@ -1,6 +1,7 @@
 """Serial ports, by pySerial."""
 
 import os
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,7 @@ class SerialPort(Source, Outlet):
             ports = ", ".join(map(str, _ports())) or "none"
             raise InputError(f"{self.address}: there is no {device}; ports that are there: {ports}")
         if not os.access(device, os.R_OK | os.W_OK):
-            raise InputError(
-                f"{self.address}: no permission for {device}: join its group, by sudo usermod -aG "
-                f"{_group(device)} $USER, and log in again"
-            )
+            raise InputError(f"{self.address}: no permission for {device}: {_remedy(device)}")
 
     def open(self) -> None:
         self.close()
@@ -66,6 +64,14 @@ def _library() -> Any:
 def _ports() -> list[Path]:
     names = ("ttyUSB*", "ttyACM*", "ttyAMA*", "tty.usb*", "cu.usb*")
     return sorted(port for name in names for port in Path("/dev").glob(name))
+
+
+def _remedy(device: Path) -> str:
+    """How to be let in: by the group, unless it may not either, or is that of the administrator."""
+    group, allowed = _group(device), stat.S_IRGRP | stat.S_IWGRP
+    if group == "root" or device.stat().st_mode & allowed != allowed:
+        return f"its group {group} is no way to it: sudo chmod a+rw {device}, or a rule of udev"
+    return f"join its group, by sudo usermod -aG {group} $USER, and log in again"
 
 
 def _group(device: Path) -> str:

@@ -1,5 +1,6 @@
 """TCP, to an address or from whoever calls, and UDP."""
 
+import select
 import socket
 from contextlib import suppress
 
@@ -32,15 +33,14 @@ class Tcp(Source, Outlet):
         return content or b""
 
     def send(self, content: bytes) -> None:
-        connected = _required(self._socket)
-        connected.settimeout(None)
-        connected.sendall(content)
+        _required(self._socket).sendall(content)
 
     def close(self) -> None:
         _close(self._socket)
         self._socket = None
 
     def _take(self, connected: socket.socket) -> None:
+        connected.settimeout(None)
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket = connected
 
@@ -132,12 +132,15 @@ class Udp(Outlet):
 
 
 def _received(connected: socket.socket, timeout_s: float) -> bytes | None:
-    """What has come, None if nothing has for so long."""
-    connected.settimeout(max(timeout_s, 1e-3))
+    """What has come, None if nothing has for so long.
+
+    Another thread may send meanwhile: a timeout of the socket would be that of both.
+    """
     try:
-        return connected.recv(PIECE_BYTES)
-    except TimeoutError:
-        return None
+        ready = select.select([connected], [], [], timeout_s)[0]
+    except ValueError:
+        raise ConnectionResetError("the connection is closed") from None
+    return connected.recv(PIECE_BYTES) if ready else None
 
 
 def _required(opened: socket.socket | None) -> socket.socket:

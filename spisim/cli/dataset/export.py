@@ -27,18 +27,24 @@ def command(
     ],
     form: Annotated[
         str,
-        typer.Option("--format", help="webdataset: TAR files with captures and parameters."),
+        typer.Option(
+            "--format",
+            help="webdataset: TAR files with captures and parameters; rgbd, nerf, pcd: images, "
+            "true depth and poses of each scene; coco: all images and an index.",
+        ),
     ] = "webdataset",
     formats: Annotated[
         bool,
         typer.Option("--formats", callback=_list, is_eager=True, help="List all formats."),
     ] = False,
-    shard_size: Annotated[int, number_option(1, 10**6, "Samples in each shard.")] = 1000,
+    shard_size: Annotated[
+        int, number_option(1, 10**6, "Samples in each shard, where there are any.")
+    ] = 1000,
     json: Json = False,
 ) -> None:
     """Write the finished samples in another format; as shards they are read as one stream.
 
-    Equal data sets give byte-equal shards.
+    Equal data sets give byte-equal files.
     """
     from spisim.dataset import EXPORTS
     from spisim.dataset import open as open_data_set

@@ -1,0 +1,84 @@
+"""Captures -> files of other programs."""
+
+import argparse
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from ..capture import CaptureFile
+from ..errors import InputError
+from ..exports import (
+    EXPORTS,
+    USUAL,
+    Place,
+    Placed,
+    Shot,
+    check_export,
+    export_format,
+    frames_in,
+    read_poses,
+    shots_of,
+    write_export,
+)
+from ..text import printable
+from .reconstruct import OVERWRITE, STATIONS, names
+
+EXAMPLE = "python -m reconstruction export flight.h5 -o flight.mcap"
+TELL_EVERY_S = 5.0
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of this command."""
+    parser.add_argument("captures", metavar="CAPTURE", type=Path, nargs="+", help="capture file")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT", type=Path, required=True, help="folder, or FILE.mcap"
+    )
+    parser.add_argument(
+        "--format",
+        help=f"{', '.join(EXPORTS)}; without it {USUAL}, or what the ending of OUT tells",
+    )
+    parser.add_argument(
+        "--poses",
+        metavar="FILE",
+        type=Path,
+        help="times and poses of all frames: timestamp tx ty tz qx qy qz qw (TUM), of the optical "
+        "frame",
+    )
+    for station, methods in STATIONS.items():
+        parser.add_argument(f"--{station}", metavar="METHOD", help=f"method: {', '.join(methods)}")
+    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Export captures, with the poses of a file or without any."""
+    form = export_format(options.format, options.output)
+    inputs = [*options.captures, *([] if options.poses is None else [options.poses])]
+    check_export(form, options.output, inputs, overwrite=options.overwrite)
+    frames = frames_in(options.captures)
+    place = _nowhere if options.poses is None else _in_turn(options.poses, frames)
+    methods = {name: names(getattr(options, name)) for name in STATIONS}
+    shots = shots_of(options.captures, place, methods)
+    write_export(form, _told(shots, frames), options.output)
+    print(printable(f"wrote {frames} frame(s) to {options.output}"))
+
+
+def _nowhere(capture: CaptureFile, frame: int) -> None:
+    """No pose is known."""
+
+
+def _in_turn(file: Path, frames: int) -> Place:
+    placed = read_poses(file)
+    if len(placed) != frames:
+        raise InputError(f"{file}: {len(placed)} poses of {frames} frames; one for each is needed")
+    rows: Iterator[Placed] = iter(placed)
+    return lambda capture, frame: next(rows)
+
+
+def _told(shots: Iterable[Shot], frames: int) -> Iterator[Shot]:
+    told_s = time.monotonic()
+    for number, shot in enumerate(shots):
+        if number and time.monotonic() - told_s > TELL_EVERY_S:
+            told_s = time.monotonic()
+            print(f"{number} of {frames} frames", file=sys.stderr)
+        yield shot

@@ -1,0 +1,119 @@
+"""Formats of other programs by name, and files and folders of them that are whole or not there."""
+
+import secrets
+import shutil
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import InputError, nearest
+from ..files import Output, is_marked, require_folder, require_outputs
+from ..registry import Registry
+from .shot import Shot
+
+USUAL = "rgbd"
+"""Where the name of the output tells no other."""
+KIND = "export"
+"""Of all files, as their marks tell it."""
+MOST_FILES = 1_000_000
+"""In a folder that is looked through."""
+
+
+def _nothing() -> None:
+    """There is nothing to check."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """A format. ``write`` takes shots and writes them into an empty folder or, with a ``suffix``,
+    a new file; InputError where they lack what the format needs. ``check`` raises InputError where
+    a library is missing.
+    """
+
+    title: str
+    write: Callable[[Iterable[Shot], Path], None]
+    suffix: str = ""
+    check: Callable[[], None] = _nothing
+
+
+EXPORTS: Registry[Export] = Registry(
+    "export format",
+    package=f"{__package__}.formats",
+    attribute="EXPORT",
+    group="reconstruction.exports",
+)
+
+
+def export_format(name: str | None, output: Path) -> Export:
+    """The format of this name, or else of the output's ending; InputError where there is none."""
+    if name is not None:
+        return EXPORTS[name]
+    by_suffix = {form.suffix: form for _, form in EXPORTS.loadable() if form.suffix}
+    if output.suffix.lower() in by_suffix:
+        return by_suffix[output.suffix.lower()]
+    if output.suffix and not output.is_dir():
+        known = nearest(output.suffix, [*by_suffix, "none (a folder)"])
+        raise InputError(f"{output}: unknown ending {output.suffix!r} of an export: {known}")
+    return EXPORTS[USUAL]
+
+
+def check_export(
+    form: Export, output: Path, inputs: Iterable[Path] = (), *, overwrite: bool = False
+) -> None:
+    """Raise InputError unless an export can be written, harming neither inputs nor files of others.
+
+    An earlier export may be replaced; a folder is only where all that is in it is of one.
+    """
+    form.check()
+    if form.suffix:
+        require_outputs([Output(output, KIND, (form.suffix,))], inputs, overwrite=overwrite)
+    else:
+        check_folder(output, inputs)
+
+
+def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
+    """Raise InputError unless a folder is new, empty, or holds an earlier export and nothing else.
+
+    Nor may it hold any of the ``inputs``.
+    """
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise InputError(f"{folder} is not a folder; the name of a new one is needed")
+    require_folder(folder)
+    for path in inputs:
+        if folder.exists() and path.resolve().is_relative_to(folder.resolve()):
+            raise InputError(f"{path} is read by this command; choose a folder without it")
+    for number, path in enumerate(sorted(folder.rglob("*")) if folder.exists() else ()):
+        ours = path.is_dir() or (path.is_file() and is_marked(path, KIND))
+        if path.is_symlink() or not ours or number > MOST_FILES:
+            raise InputError(f"{path} is not of an earlier export; choose an empty folder")
+
+
+def write_export(form: Export, shots: Iterable[Shot], output: Path) -> None:
+    """Write shots under a temporary name, then in place of an earlier export.
+
+    Raises InputError, as the format does, and where there is no shot; OSError where it cannot be
+    written. Then, and when interrupted, an earlier export stays as it is.
+    """
+    with_stage(output, lambda stage: form.write(shots, stage), folder=not form.suffix)
+
+
+def with_stage(output: Path, write: Callable[[Path], None], *, folder: bool) -> None:
+    """Let ``write`` make a file or fill a folder under a temporary name, then rename it."""
+    output = Path(output)
+    stage = output.with_name(f".{output.name}.{secrets.token_hex(4)}.tmp")
+    new_folders = [parent for parent in output.parents if not parent.exists()]
+    output.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        if folder:
+            stage.mkdir()
+        write(stage)
+        if folder and output.exists():
+            shutil.rmtree(output)
+        stage.replace(output)
+    except BaseException:
+        shutil.rmtree(stage, ignore_errors=True) if folder else stage.unlink(missing_ok=True)
+        with suppress(OSError):
+            for parent in new_folders:
+                parent.rmdir()
+        raise

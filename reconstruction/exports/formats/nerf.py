@@ -1,0 +1,80 @@
+"""Images with poses, as NeRF and what followed it take them: ``transforms.json``.
+
+Cameras have x right, y up, z backwards (OpenGL), and pixels are counted from the image's corner, so
+that the centre of the first one is at (0.5, 0.5). Depth images are as in `rgbd`; both nerfstudio's
+and instant-ngp's names of their fields are there. Cf. B. Mildenhall et al., "NeRF", ECCV 2020.
+"""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...files import mark
+from ...text import json_line
+from ..export import KIND, Export
+from ..pictures import colour_png, depth_png
+from ..shot import Shot
+
+OPTICAL_FROM_CAMERA = np.diag([1.0, -1, -1, 1])
+"""From x right, y up, z backwards to x right, y down, z forward."""
+
+
+def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
+    """Write images, depth images where there are any, and ``transforms.json`` into a folder.
+
+    Raises InputError for a shot without a pose.
+    """
+    for name in ("images", "depth"):
+        (folder / name).mkdir(parents=True)
+    told: dict[str, Any] = {}
+    frames: list[dict[str, Any]] = []
+    for number, shot in enumerate(shots):
+        if shot.pose is None:
+            raise InputError(
+                f"frame {number} has no pose, without which transforms.json says nothing: tell "
+                "them by --poses FILE, or export a simulated capture by spisim export"
+            )
+        if not told:
+            told = camera(shot)
+        elif told != camera(shot):
+            raise InputError(f"frame {number} is of another camera than the first one")
+        name = f"{number:06d}.png"
+        frame: dict[str, Any] = {"file_path": f"images/{name}"}
+        (folder / "images" / name).write_bytes(colour_png(shot.image))
+        if shot.depth_m is not None:
+            (folder / "depth" / name).write_bytes(depth_png(shot.depth_m, shot.shape))
+            frame |= {"depth_file_path": f"depth/{name}", "depth_path": f"depth/{name}"}
+        frame["transform_matrix"] = (shot.pose @ OPTICAL_FROM_CAMERA).tolist()
+        frames.append(frame)
+    if not frames:
+        raise InputError("there is nothing to export")
+    report = {**told, "frames": frames, "made": mark(KIND)}
+    (folder / "transforms.json").write_text(json_line(report) + "\n", encoding="ascii")
+
+
+def camera(shot: Shot) -> dict[str, Any]:
+    """What all frames have in common."""
+    (height, width), pinhole = shot.shape, shot.intrinsics
+    return {
+        "camera_model": "OPENCV",
+        "w": width,
+        "h": height,
+        "fl_x": pinhole.fx,
+        "fl_y": pinhole.fy,
+        "cx": pinhole.cx + 0.5,
+        "cy": pinhole.cy + 0.5,
+        "camera_angle_x": 2 * math.atan(shot.known_optics.tan_half_width),
+        "camera_angle_y": 2 * math.atan(shot.known_optics.tan_half_height),
+        "k1": 0.0,
+        "k2": 0.0,
+        "p1": 0.0,
+        "p2": 0.0,
+        "integer_depth_scale": 0.001,
+    }
+
+
+EXPORT = Export("images with poses and transforms.json, for NeRF and splats", write_nerf)

@@ -1,0 +1,36 @@
+"""Images and depth maps as the PNG files that data sets of depth cameras have."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..files import mark
+from ..outputs.png import png
+from .export import KIND
+
+MOST_MM = 2**16 - 1
+"""Depths beyond are left out, as those that are not known."""
+
+
+def depth_png(depth_m: NDArray[np.floating] | None, shape: tuple[int, int]) -> bytes:
+    """Depth (H, W) along the optical axis in whole millimetres, 16 bits; 0 where there is none."""
+    millimetres = np.zeros(shape, np.uint16)
+    if depth_m is not None:
+        known = np.isfinite(depth_m) & (depth_m <= MOST_MM / 1000)
+        millimetres[known] = np.rint(1000 * depth_m[known].astype(np.float64))
+    return png(millimetres, mark(KIND))
+
+
+def colour_png(image: NDArray[np.floating]) -> bytes:
+    """An image (H, W) in grey, from 0 to its brightest pixel, as 8 bits of each colour."""
+    brightest = max(float(image.max()), np.finfo(np.float64).tiny)
+    grey = np.clip(np.rint(255 * image / brightest), 0, 255).astype(np.uint8)
+    return png(np.repeat(grey[..., None], 3, axis=-1), mark(KIND))
+
+
+def require_depths(found: int, shots: int) -> None:
+    """Raise InputError unless there is a shot, and any of them has a depth map."""
+    if not shots:
+        raise InputError("there is nothing to export")
+    if not found:
+        raise InputError("there is no depth map: no spot has a range, or the optics are not known")

@@ -1,0 +1,84 @@
+"""One frame as other programs take it."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from ..capture import Optics, Spots
+from ..depth import pixel_rays
+from ..errors import InputError
+from ..ranging import Ranges
+
+
+class Intrinsics(NamedTuple):
+    """Of a pinhole camera in pixels, (0, 0) being the centre of the first one, as OpenCV has it."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @property
+    def matrix(self) -> Floats:
+        """(3, 3), from directions to pixels (column, row, 1)."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """What one frame shows, and from where.
+
+    ``image`` (H, W) in any unit; ``depth_m`` (H, W) along the optical axis, nan where there is
+    none; ``stamp_ns`` of any clock; ``pose`` (4, 4) takes the optical frame (x right, y down, z
+    forward) to the world (z up), None where it is not known. ``ranges`` of the four ``spots``, with
+    time of flight.
+    """
+
+    stamp_ns: int
+    image: NDArray[np.float32]
+    depth_m: NDArray[np.float32] | None
+    optics: Optics | None
+    pose: Floats | None = None
+    ranges: Ranges | None = None
+    spots: Spots | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        height, width = self.image.shape
+        return height, width
+
+    @property
+    def stamp_s(self) -> float:
+        """The same in seconds."""
+        return self.stamp_ns / 1e9
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """Of the projector, as whose camera the pixels are seen; InputError if not known."""
+        height, width = self.shape
+        optics = self.known_optics
+        return Intrinsics(
+            fx=width / (2 * optics.tan_half_width),
+            fy=height / (2 * optics.tan_half_height),
+            cx=(width - 1) / 2,
+            cy=(height - 1) / 2,
+        )
+
+    @property
+    def known_optics(self) -> Optics:
+        """The optics; InputError where the capture does not tell them."""
+        if self.optics is None:
+            raise InputError("the capture tells no optics, without which there is no camera")
+        return self.optics
+
+    @property
+    def points_m(self) -> Floats:
+        """(H, W, 3) in the optical frame, nan where there is no depth."""
+        depth_m: NDArray[Any] = np.full(self.shape, np.nan)
+        if self.depth_m is not None:
+            depth_m = self.depth_m
+        return np.asarray(pixel_rays(self.known_optics, self.shape) * depth_m[..., None])

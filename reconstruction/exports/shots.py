@@ -1,0 +1,79 @@
+"""Captures, frame by frame, as shots."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from ..capture import CaptureFile, open_capture
+from ..errors import naming
+from ..reconstructor import Names, Reconstructor
+from .poses import Placed
+from .shot import Shot
+
+Place = Callable[[CaptureFile, int], Placed | None]
+"""When and where a frame of a capture was taken; None: not known."""
+
+UNKNOWN_PERIOD_S = 1.0
+"""Between frames of which nobody knows when they were recorded."""
+
+
+def frames_in(captures: Sequence[Path]) -> int:
+    """How many frames captures have altogether; InputError for what is none."""
+    frames = 0
+    for path in captures:
+        with open_capture(path) as capture:
+            frames += capture.frames
+    return frames
+
+
+def shots_of(
+    captures: Sequence[Path],
+    place: Place = lambda capture, frame: None,
+    methods: Mapping[str, Names] | None = None,
+) -> Iterator[Shot]:
+    """Reconstruct all frames of captures, one after the other, by methods of a `Reconstructor`.
+
+    Times are those of ``place``, or else of the middle of each frame, counted from when its capture
+    was made (from 1970 where it does not tell); no capture begins before the last one ends. Raises
+    InputError, naming the capture, for what cannot be reconstructed.
+    """
+    next_ns = 0
+    for path in captures:
+        with open_capture(path) as capture, naming(path):
+            reconstruct = Reconstructor(capture.setup, **dict(methods or {}))
+            begun_ns = max(_created_ns(capture), next_ns)
+            period_ns = round(1e9 * _period_s(capture))
+            for number in range(capture.frames):
+                placed = place(capture, number)
+                stamp_ns = begun_ns + number * period_ns + period_ns // 2
+                if placed is not None and placed.time_s is not None:
+                    stamp_ns = round(1e9 * placed.time_s)
+                result = reconstruct(capture.frame(number))
+                yield Shot(
+                    stamp_ns,
+                    result.image,
+                    result.depth_m,
+                    capture.setup.optics,
+                    None if placed is None else placed.pose,
+                    result.ranges,
+                    capture.setup.spots,
+                )
+                next_ns = stamp_ns + period_ns // 2
+
+
+def _period_s(capture: CaptureFile) -> float:
+    setup = capture.setup
+    period_s = setup.buckets.pattern_period_s * setup.plan.exposures
+    return period_s if np.isfinite(period_s) and period_s > 0 else UNKNOWN_PERIOD_S
+
+
+def _created_ns(capture: CaptureFile) -> int:
+    with suppress(ValueError, OverflowError):
+        created = datetime.fromisoformat(capture.provenance.created)
+        if created.tzinfo is None:
+            created = created.replace(tzinfo=UTC)
+        return max(0, round(1e9 * created.timestamp()))
+    return 0

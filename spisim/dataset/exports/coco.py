@@ -1,0 +1,124 @@
+"""Images and true depth images of all samples, with an index as COCO has it (cocodataset.org).
+
+Every image has one annotation, of the category "spots": where the four laser spots are among the
+pixels as `keypoints`, (0, 0) being the centre of the first pixel as in COCO, and what was measured
+of them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reconstruction.depth import pixel_of
+from reconstruction.exports import Shot
+from reconstruction.exports.export import KIND
+from reconstruction.exports.pictures import colour_png, depth_png
+from reconstruction.files import mark
+from reconstruction.text import json_line
+from spisim.dataset.shots import true_shots, write_whole
+
+if TYPE_CHECKING:
+    from spisim.dataset.reader import DataSet, StoredSample
+
+CATEGORY = {
+    "id": 1,
+    "name": "spots",
+    "supercategory": "laser",
+    "keypoints": [f"spot {k}" for k in range(4)],
+    "skeleton": [],
+}
+#: What COCO calls a point that is labelled and visible; others are zeros.
+SEEN = 2
+
+
+def write_coco(samples: DataSet, folder: Path, shard_size: int = 0) -> list[Path]:
+    """Write `index.json`, and `images` and `depth` with a PNG file for each frame.
+
+    Raises InputError for a set without samples or truth, a folder that holds other things or cannot
+    be written into, and captures that are missing; there are no shards.
+    """
+    return write_whole(samples, folder, lambda stage: _write(samples, stage))
+
+
+def _write(samples: DataSet, folder: Path) -> None:
+    for name in ("images", "depth"):
+        (folder / name).mkdir()
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for sample in samples:
+        for frame, shot in enumerate(true_shots(sample)):
+            name = f"{sample.index:06d}" + (f"-{frame:04d}" if frame else "") + ".png"
+            (folder / "images" / name).write_bytes(colour_png(shot.image))
+            (folder / "depth" / name).write_bytes(depth_png(shot.depth_m, shot.shape))
+            images.append(_image(len(images) + 1, name, shot, sample))
+            if shot.spots is not None and shot.ranges is not None:
+                truth = sample.capture.truth
+                assert truth is not None
+                true_m = truth.at(frame).spot_range_m
+                annotations.append(_spots(len(annotations) + 1, len(images), shot, true_m))
+    index = {
+        "info": {
+            "description": samples.meta.get("name", ""),
+            "made": mark(KIND),
+            "depth": "along the optical axis, 16 bits, millimetres; 0: none",
+        },
+        "licenses": [],
+        "categories": [CATEGORY],
+        "images": images,
+        "annotations": annotations,
+    }
+    (folder / "index.json").write_text(json_line(index) + "\n", encoding="ascii")
+
+
+def _image(number: int, name: str, shot: Shot, sample: StoredSample) -> dict[str, Any]:
+    height, width = shot.shape
+    return {
+        "id": number,
+        "file_name": f"images/{name}",
+        "depth_file_name": f"depth/{name}",
+        "width": width,
+        "height": height,
+        "intrinsics": shot.intrinsics._asdict(),
+        "world_from_optical": None if shot.pose is None else shot.pose.tolist(),
+        "sample": sample.index,
+        "scene_name": sample.scene_name,
+        "parameters": dict(sample.parameters),
+    }
+
+
+def _spots(number: int, image: int, shot: Shot, true_m: np.ndarray) -> dict[str, Any]:
+    """Annotation of an image; the box around its points has their units too."""
+    assert shot.spots is not None
+    assert shot.ranges is not None
+    height, width = shot.shape
+    places = pixel_of(shot.spots.directions, shot.known_optics, shot.shape)[:, ::-1]
+    within = (places > -0.5) & (places < (width - 0.5, height - 0.5))
+    inside = np.flatnonzero(within.all(axis=1))
+    points = np.zeros((len(places), 3))
+    points[inside] = np.column_stack([places[inside], np.full(len(inside), SEEN)])
+    seen = places[inside] if inside.size else np.zeros((1, 2))
+    size = np.ptp(seen, axis=0)
+    return {
+        "id": number,
+        "image_id": image,
+        "category_id": CATEGORY["id"],
+        "iscrowd": 0,
+        "keypoints": points.ravel().tolist(),
+        "num_keypoints": len(inside),
+        "bbox": [*seen.min(axis=0).tolist(), *size.tolist()],
+        "area": float(size.prod()),
+        "range_m": _numbers(shot.ranges.range_m),
+        "sigma_m": _numbers(shot.ranges.sigma_m),
+        "status": list(shot.ranges.status),
+        "true_range_m": _numbers(true_m),
+    }
+
+
+def _numbers(values: np.ndarray) -> list[float | None]:
+    return [value if np.isfinite(value) else None for value in values.tolist()]
+
+
+EXPORT = write_coco

@@ -1,0 +1,60 @@
+"""Where a scene's drone is over time, told by the scene's text; meshes it names are not read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from reconstruction.arrays import Floats
+from spisim.config import check_fields, read_mapping
+from spisim.scene.assemble import drone_pose
+from spisim.scene.description import DroneDescription, Moment, SceneDescription
+from spisim.scene.drawn import draw
+from spisim.scene.pose import look_at, moved_pose
+from spisim.scene.setting import Setting
+from spisim.scene.stock import Stock
+
+
+@dataclass(frozen=True, eq=False)
+class Drone:
+    """Its `pose` (4, 4), world from optical frame, at `time_s` of a flight, and its velocities.
+
+    `time_s` is None where the scene is at no moment of a flight.
+    """
+
+    pose: Floats
+    velocity_m_s: tuple[float, float, float]
+    angular_velocity_rad_s: Floats
+    time_s: float | None
+
+    @classmethod
+    def of(cls, text: str, source: Path | str, stock: Stock | None = None) -> Drone:
+        """Of the text of a scene file; InputError where it is none.
+
+        Families are drawn; scenes that share a `stock` draw once what they have in common.
+        """
+        fields = read_mapping(text, SceneDescription, source)
+        moment = fields.get("moment")
+        if moment is not None:
+            described: DroneDescription = check_fields(moment, Moment, source)
+            pose = look_at(described.position_m, described.look_at_m, described.up)
+            return cls._of(described, pose, float(moment["time_s"]))
+        if "family" in fields:
+            setting = Setting(Path(), text, source, stock=stock or Stock())
+            fields = dict(draw(fields, setting).fields)
+        described = check_fields(fields, SceneDescription, source).drone
+        return cls._of(described, drone_pose(described), None)
+
+    @classmethod
+    def _of(cls, described: DroneDescription, pose: Floats, time_s: float | None) -> Drone:
+        turn = np.radians(described.angular_velocity_deg_s)
+        return cls(pose, described.velocity_m_s, turn, time_s)
+
+    def after(self, seconds: float) -> Floats:
+        """The pose (4, 4) so much later."""
+        motion = moved_pose(
+            self.pose[:3, 3], self.velocity_m_s, self.angular_velocity_rad_s, seconds
+        )
+        return motion @ self.pose

@@ -1,0 +1,125 @@
+"""Frames of a drone's motions, from light at key poses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from reconstruction.arrays import Floats
+from reconstruction.capture import SURROGATE, Frames, Provenance, Setup
+from spisim.config import LightSource, dump_yaml
+from spisim.instrument import Instrument
+from spisim.measurement import record_frames, told_optics
+from spisim.scene import Scene
+from spisim.serving.keys import Keys
+from spisim.serving.motion import Motion
+from spisim.transport import Outputs, Transport, ground_truth, solve, surrogate
+from spisim.transport.backend import activate
+from spisim.transport.lattice import Lattice
+from spisim.version import __version__
+
+#: Of all random numbers of a seed, those of frames: others trace the light.
+STREAM = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A frame, and its image and the image's error (H, W) in electrons an exposure."""
+
+    number: int
+    motion: Motion
+    frame: Frames
+    image: Floats
+    image_error: Floats
+
+
+class Camera:
+    """Takes frames of an instrument in a scene; `keys` are where light is solved, `kept` of them.
+
+    Each frame is settled on itself, as if the one before it had been alike: what an amplifier
+    remembers reaches no farther back. Raises InputError where the light of the first key cannot be
+    solved.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        instrument: Instrument,
+        keys: Keys,
+        light: Callable[[Scene], Transport],
+        *,
+        seed: int,
+        kept: int,
+    ) -> None:
+        self.instrument = instrument
+        self.scene = scene
+        self.lattice = Lattice(lambda node: light(keys.scene(node)), kept)
+        self._keys = keys
+        self._seed = seed
+        times_s = instrument.exposure_times_s(1)[0]
+        self._shares = times_s / instrument.frame_time_s
+
+    def shoot(self, motion: Motion, number: int) -> Shot:
+        """The frame of a motion; equal numbers have equal noise."""
+        light = self.lattice.light(self._keys.places(motion, self._shares))
+        middle = motion.scene(self.scene, 0.5)
+        # Drops hide behind what they fall in front of.
+        truths = [ground_truth(middle, self.instrument, subpixels=1)] if _has_drops(middle) else []
+        streams = np.random.SeedSequence(self._seed, spawn_key=(STREAM, number))
+        frame, mean = record_frames(
+            motion.scene(self.scene), self.instrument, light, truths, streams, first=number
+        )
+        return Shot(number, motion, frame, mean.image[0], mean.image_error[0])
+
+    def setup(self, motion: Motion) -> Setup:
+        """What its frames have in common, by one of any motion."""
+        none = self.shoot(motion, 0).frame.between(0, 0)
+        plan, *later_plans = self.instrument.pattern_plans
+        return Setup(
+            plan=plan,
+            optics=told_optics(self.instrument),
+            buckets=none.buckets,
+            spots=none.spots,
+            pattern_taps=none.pattern_taps,
+            later_plans=tuple(later_plans),
+        )
+
+
+def solver(
+    instrument: Instrument, light: LightSource, *, spp: int, seed: int
+) -> Callable[[Scene], Transport]:
+    """How light is solved at a key: with the same random numbers at all of them."""
+    if light == "surrogate":
+        return lambda scene: surrogate(scene, instrument, seed=seed)
+    outputs = Outputs(orders=True, frequencies_hz=instrument.tap_frequencies_hz)
+    return lambda scene: solve(scene, instrument, spp=spp, seed=seed, outputs=outputs)
+
+
+def provenance(
+    scene: Scene,
+    instrument: Instrument,
+    light: LightSource,
+    *,
+    seed: int,
+    settings: dict[str, Any],
+) -> Provenance:
+    """What stream and capture tell of where they come from; `settings` in the capture alone."""
+    software = f"spisim {__version__}"
+    told = {"backend": activate(), "media": scene.media_summary(), "noise": True}
+    return Provenance(
+        source="simulation",
+        software=software if light == "traced" else f"{software}, {SURROGATE}",
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        instrument=instrument.text,
+        scene=scene.text,
+        seed=seed,
+        settings=dump_yaml({"light": {"source": light}} | told | settings),
+    )
+
+
+def _has_drops(scene: Scene) -> bool:
+    return bool(scene.precipitation)

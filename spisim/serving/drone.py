@@ -1,0 +1,137 @@
+"""Drones: one that flies as it is told and stops before it meets anything, one on its path."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError
+from reconstruction.live import Pose
+from spisim.scene import Scene, Trajectory, enclosing_object
+from spisim.scene.trajectory import FRAMES
+from spisim.serving.motion import Motion
+from spisim.serving.obstacles import Obstacles
+
+#: No drone is told to be somewhere and is there at once.
+TOP_SPEED_M_S = 5.0
+TOP_SPIN_RAD_S = math.pi
+#: A way is looked along in steps of this length for what is in the way.
+STEP_M = 0.02
+
+
+class Gust(NamedTuple):
+    """Blows the drone off by (forward, left, up), in axes of its start, and it does not notice."""
+
+    start_s: float
+    duration_s: float
+    offset_m: tuple[float, float, float]
+
+    def moved_m(self, time_s: float) -> Floats:
+        """By a time, (3,): smoothly from nothing to all of it."""
+        done = min(max((time_s - self.start_s) / self.duration_s, 0.0), 1.0)
+        return np.asarray(self.offset_m) * (1 - math.cos(math.pi * done)) / 2
+
+
+class Pilot(Protocol):
+    """Where a drone goes, frame by frame."""
+
+    trouble: str | None
+
+    def fly(self, told: Pose | None, time_s: float, duration_s: float) -> Motion | None:
+        """Its next motion, towards where it was told last; None where the flight is over."""
+
+
+class Drone:
+    """Flies straight to where it is told, at most `TOP_SPEED_M_S` fast, by dead reckoning.
+
+    It begins where the scene has it. `trouble` is what keeps it from going on, None if nothing
+    does. Raises InputError where it cannot even begin.
+    """
+
+    def __init__(self, scene: Scene, gusts: tuple[Gust, ...] = ()) -> None:
+        self.trouble: str | None = None
+        self._obstacles = Obstacles(scene)
+        self._origin_m = scene.drone_pose[:3, 3]
+        optical = Rotation.from_matrix(scene.drone_pose[:3, :3])
+        self._body = optical * FRAMES["body"].inv()
+        self._gusts = gusts
+        self._told = Pose()
+        self._reckoned_m = np.zeros(3)
+        self._attitude = Rotation.identity()
+        self._drift_m = np.zeros(3)
+        self._gap_m = np.inf
+        if inside := enclosing_object(scene, self._origin_m):
+            raise InputError(f"{_at(self._origin_m)}: the drone begins inside object {inside!r}")
+        if problem := self._obstacles.problem(self._origin_m, 0.0):
+            raise InputError(f"{_at(self._origin_m)}: the drone cannot begin here: {problem}")
+
+    def fly(self, told: Pose | None, time_s: float, duration_s: float) -> Motion:
+        """See `Pilot`."""
+        self._told = told or self._told
+        way_m = np.asarray(self._told.position_m) - self._reckoned_m
+        way_m = way_m * _within(float(np.linalg.norm(way_m)), TOP_SPEED_M_S * duration_s)
+        turn = (self._attitude.inv() * Rotation.from_quat(self._told.quaternion)).as_rotvec()
+        turn = turn * _within(float(np.linalg.norm(turn)), TOP_SPIN_RAD_S * duration_s)
+        stop_s = time_s + duration_s
+        gusts_m = [gust.moved_m(stop_s) - gust.moved_m(time_s) for gust in self._gusts]
+        blown_m = np.sum(gusts_m, axis=0) if gusts_m else np.zeros(3)
+        start_m, start = self._position_m, self._optical
+        share = self._clear(self._body.apply(way_m + blown_m), time_s, duration_s)
+        self._reckoned_m = self._reckoned_m + share * way_m
+        self._drift_m = self._drift_m + share * blown_m
+        self._attitude = self._attitude * Rotation.from_rotvec(turn)
+        return Motion(time_s, duration_s, start_m, self._position_m, start, self._optical)
+
+    @property
+    def _position_m(self) -> Floats:
+        return np.asarray(self._origin_m + self._body.apply(self._reckoned_m + self._drift_m))
+
+    @property
+    def _optical(self) -> Rotation:
+        return self._body * self._attitude * FRAMES["body"]
+
+    def _clear(self, way_m: Floats, time_s: float, duration_s: float) -> float:
+        """Share of a way (3,) that is free; `trouble` tells why it is not the whole."""
+        steps = max(1, math.ceil(float(np.linalg.norm(way_m)) / STEP_M))
+        start_m = self._position_m
+        self.trouble = None
+        for step in range(1, steps + 1):
+            there_m, then_s = start_m + way_m * step / steps, time_s + duration_s * step / steps
+            if problem := self._obstacles.problem(there_m, then_s, self._gap_m):
+                here_m = start_m + way_m * (step - 1) / steps
+                self._gap_m, _ = self._obstacles.nearest(here_m, then_s)
+                self.trouble = f"{_at(here_m)}: the drone stays here: {problem}"
+                return (step - 1) / steps
+            self._gap_m, _ = self._obstacles.nearest(there_m, then_s)
+        return 1.0
+
+
+class Follower:
+    """Flies a path, and nothing else."""
+
+    def __init__(self, path: Trajectory) -> None:
+        self.trouble: str | None = None
+        self._path = path
+
+    def fly(self, told: Pose | None, time_s: float, duration_s: float) -> Motion | None:
+        """See `Pilot`; whatever it is told, it does not matter."""
+        stop_s = time_s + duration_s
+        if stop_s > self._path.duration_s * (1 + 1e-9):
+            return None
+        ends = [self._path.pose(min(each, self._path.duration_s)) for each in (time_s, stop_s)]
+        places_m = (pose[:3, 3] for pose in ends)
+        turns = (Rotation.from_matrix(pose[:3, :3]) for pose in ends)
+        return Motion(time_s, duration_s, *places_m, *turns)  # type: ignore[arg-type]
+
+
+def _within(length: float, most: float) -> float:
+    """Share of a way that is no longer than this."""
+    return min(1.0, most / length) if length > 0 else 1.0
+
+
+def _at(position_m: Floats) -> str:
+    return f"position ({', '.join(f'{value:.2f}' for value in position_m)}) m"

@@ -1,0 +1,106 @@
+"""The line to whoever takes the frames, over which commands come back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+
+from reconstruction.live import Message, Parser
+from reconstruction.live.links import Ended, Outlet, Source
+
+AGAIN_S = 0.5
+POLL_S = 0.05
+
+
+class Line:
+    """Opens an outlet, and again when it breaks, and the source that commands come from.
+
+    These may be one. Where `lasting`, whoever is at the other end may go and come again; else
+    OSError is raised then, as where there is nobody to come.
+    """
+
+    def __init__(
+        self,
+        outlet: Outlet,
+        source: Source | None,
+        *,
+        lasting: bool,
+        say: Callable[[str], None],
+        wait: Callable[[float], object],
+    ) -> None:
+        outlet.check()
+        if source is not None and source is not outlet:
+            source.check()
+        self.over = False
+        self.parser = Parser()
+        self._outlet = outlet
+        self._source = source
+        self._lasting = lasting
+        self._say = say
+        self._wait = wait
+        self._open = False
+
+    @property
+    def address(self) -> str:
+        """Where frames go."""
+        return self._outlet.address
+
+    def open(self) -> bool:
+        """Wait until somebody is there; whether nobody was before."""
+        told = False
+        was_open = self._open
+        while not self._open:
+            try:
+                self._outlet.open()
+                if self._source is not None and self._source is not self._outlet:
+                    self._source.open()
+                self._open = True
+            except OSError as error:
+                if not self._lasting:
+                    raise
+                if not told:
+                    self._say(f"Waiting for somebody at {self.address}.")
+                told = True
+                if not isinstance(error, TimeoutError):
+                    self._wait(AGAIN_S)
+        return not was_open
+
+    def send(self, content: bytes) -> bool:
+        """Send a message; False where the other side is gone."""
+        try:
+            self._outlet.send(content)
+        except OSError as error:
+            self._break(error)
+            return False
+        return True
+
+    def messages(self, timeout_s: float) -> list[Message]:
+        """Messages that came, waiting for bytes at most so long; `over` where none will come."""
+        if self._source is None or self.over:
+            return []
+        try:
+            return self.parser.feed(self._source.receive(timeout_s))
+        except Ended:
+            self.over = True
+        except OSError as error:
+            self._break(error)
+        return []
+
+    @property
+    def is_open(self) -> bool:
+        """Whether somebody is there, as far as is known."""
+        return self._open
+
+    def close(self) -> None:
+        """Nothing more is sent."""
+        for link in (self._outlet, self._source):
+            if link is not None:
+                with suppress(OSError):
+                    link.close()
+
+    def _break(self, error: OSError) -> None:
+        self._open = False
+        self.parser.reset()
+        if not self._lasting:
+            raise error
+        self._say(f"{self.address}: {(error.strerror or str(error)).lower()}.")

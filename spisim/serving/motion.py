@@ -1,0 +1,74 @@
+"""What a drone does while one frame is recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from reconstruction.arrays import Floats
+from spisim.scene import Scene
+from spisim.scene.model import SceneObject, Vector3, Volume
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Straight and even, from `time_s` of the simulation on: positions (3,) and optical axes.
+
+    All in the world; the optical frame is x right, y down, z forward.
+    """
+
+    time_s: float
+    duration_s: float
+    start_m: Floats
+    stop_m: Floats
+    start: Rotation
+    stop: Rotation
+
+    def positions_m(self, shares: Floats) -> Floats:
+        """(M, 3) after shares (M,) of it."""
+        return np.asarray(self.start_m + np.outer(shares, self.stop_m - self.start_m))
+
+    def turns(self, shares: Floats) -> Rotation:
+        """World from optical frame (M,) after shares (M,) of it."""
+        return self.start * Rotation.from_rotvec(np.outer(shares, self._turn_rad))
+
+    def scene(self, scene: Scene, share: float = 0.0) -> Scene:
+        """A scene after a share of it, with the drone where it is then, and as fast."""
+        pose = np.eye(4)
+        pose[:3, :3] = self.turns(np.array([share])).as_matrix()[0]
+        pose[:3, 3] = self.positions_m(np.array([share]))[0]
+        velocity = (self.stop_m - self.start_m) / self.duration_s
+        spin = self.start.apply(self._turn_rad) / self.duration_s
+        placed = scene_at(scene, self.time_s + share * self.duration_s, pose)
+        return replace(
+            placed,
+            drone_velocity_m_s=_vector(velocity),
+            drone_angular_velocity_rad_s=_vector(spin),
+        )
+
+    @property
+    def _turn_rad(self) -> Floats:
+        """From start to stop, about the axes of the start."""
+        return np.asarray((self.start.inv() * self.stop).as_rotvec())
+
+
+def scene_at(scene: Scene, time_s: float, pose: Floats) -> Scene:
+    """A scene after a time, with the drone at rest in a pose (4, 4)."""
+    still = (0.0, 0.0, 0.0)
+    later = scene.at(time_s) if things_move(scene) else scene
+    return replace(
+        later, drone_pose=pose, drone_velocity_m_s=still, drone_angular_velocity_rad_s=still
+    )
+
+
+def things_move(scene: Scene) -> bool:
+    """Whether anything but the drone does."""
+    parts: tuple[SceneObject | Volume, ...] = (*scene.objects, *scene.volumes)
+    return any(part.moves for part in parts)
+
+
+def _vector(values: Floats) -> Vector3:
+    x, y, z = values.tolist()
+    return x, y, z

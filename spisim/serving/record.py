@@ -1,0 +1,124 @@
+"""What was served, with what is true of it: a capture, and the path that was flown."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from reconstruction import write_capture
+from reconstruction.capture import Capture, Frames, Provenance, Setup, Truth, stored_fields
+from reconstruction.files import Output, mark, write_atomically
+from spisim.instrument import Instrument
+from spisim.measurement import frame_truth
+from spisim.scene import Scene
+from spisim.scene.trajectory import FRAMES, POSES
+from spisim.serving.camera import Shot
+from spisim.serving.motion import Motion
+from spisim.transport import ground_truth
+
+#: Some minutes, and some hundred megabytes.
+MOST_FRAMES = 32_768
+KIND = "flown path"
+
+
+class FlightRecord:
+    """Keeps frames, and the truth of every `truths`-th, until they are written.
+
+    `full` after `MOST_FRAMES`: what comes then is not kept.
+    """
+
+    def __init__(self, path: Path, scene: Scene, instrument: Instrument, truths: int) -> None:
+        self.full = False
+        self._path = path
+        self._scene = scene
+        self._instrument = instrument
+        self._every = truths
+        self._frames: list[Frames] = []
+        self._motions: list[Motion] = []
+        self._known: list[Shot] = []
+
+    @property
+    def outputs(self) -> list[Output]:
+        """Files that it writes."""
+        return record_outputs(self._path)
+
+    def add(self, shot: Shot) -> None:
+        """One more frame."""
+        self.full = len(self._frames) >= MOST_FRAMES
+        if self.full:
+            return
+        if len(self._frames) % self._every == 0:
+            self._known.append(shot)
+        self._frames.append(shot.frame)
+        self._motions.append(shot.motion)
+
+    def write(self, setup: Setup, provenance: Provenance) -> list[Path]:
+        """Write what there is, and tell the names; nothing where there is no frame."""
+        if not self._frames:
+            return []
+        capture, path = (output.path for output in self.outputs)
+        write_capture(self._capture(setup, provenance), capture)
+        write_atomically(path, flown(self._motions).encode())
+        return [capture, path]
+
+    def _capture(self, setup: Setup, provenance: Provenance) -> Capture:
+        first = self._frames[0].first
+        plans = [setup.plan_of(first + turn) for turn in range(len(setup.plans))]
+        parts: dict[str, Any] = {
+            name: _joined([getattr(frame, name) for frame in self._frames])
+            for name in ("buckets", "spots", "pattern_taps")
+        }
+        known = []
+        for shot in self._known:
+            middle = shot.motion.scene(self._scene, 0.5)
+            truth = ground_truth(middle, self._instrument, subpixels=1)
+            known.append(frame_truth(shot.image, shot.image_error, truth))
+        numbers = np.array([shot.number - first for shot in self._known], np.int64)
+        return Capture(
+            plan=plans[0],
+            later_plans=tuple(plans[1 : len(self._frames)]),
+            optics=setup.optics,
+            provenance=provenance,
+            truth=replace(Truth.of(known), frame=numbers),
+            **parts,
+        )
+
+
+def record_outputs(path: Path) -> list[Output]:
+    """A capture, and beside it the path."""
+    capture = Output(path, "simulated capture", (".h5", ".hdf5"))
+    return [capture, Output(path.with_suffix(".csv"), KIND)]
+
+
+def flown(motions: list[Motion]) -> str:
+    """Poses at the start of every frame and the end of the last, as `load_trajectory` reads them.
+
+    Quaternions turn the drone's body into the world.
+    """
+    last = motions[-1]
+    times_s = [motion.time_s for motion in motions] + [last.time_s + last.duration_s]
+    places_m = [motion.start_m for motion in motions] + [last.stop_m]
+    optical = Rotation.concatenate([motion.start for motion in motions] + [last.stop])
+    turns = (optical * FRAMES["body"].inv()).as_quat()
+    rows = np.column_stack([times_s, places_m, turns])
+    lines = [f"# {mark(KIND)}", ",".join(POSES)]
+    lines += [",".join(f"{value:.9g}" for value in row) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _joined(parts: list[Any]) -> Any:
+    """One part with the readings of all, None where frames have none."""
+    first = parts[0]
+    if first is None:
+        return None
+    by_frame = {name for name, stored in stored_fields(type(first)) if stored.by_frame}
+    joined = {
+        each.name: np.concatenate([getattr(part, each.name) for part in parts])
+        for each in fields(first)
+        if each.name in by_frame
+    }
+    return replace(first, **joined)

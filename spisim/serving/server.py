@@ -1,0 +1,202 @@
+"""Frames at the rate of the patterns, or one for each command."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from reconstruction.capture import Provenance, Setup
+from reconstruction.errors import InputError
+from reconstruction.live import Kind, Message, Pose, Sender, pose_of
+from reconstruction.live.framing import VERSION
+from reconstruction.live.sending import SETUP_EVERY_S
+from spisim.serving.camera import Camera, Shot
+from spisim.serving.drone import Pilot
+from spisim.serving.line import POLL_S, Line
+
+STATE_EVERY_S = 1.0
+
+
+@dataclass
+class Tally:
+    """What has become of frames and commands.
+
+    ``late`` frames were ready after their time, by ``behind_s`` altogether: so much longer has the
+    flight taken than it should. ``repeated`` ones were asked for again. Of commands, those that
+    were ``refused`` are of another version, or tell no pose, or ask for a frame that is not next;
+    ``corrupted`` ones are not what their checksum says.
+    """
+
+    frames: int = 0
+    late: int = 0
+    behind_s: float = 0.0
+    repeated: int = 0
+    commands: int = 0
+    refused: int = 0
+    corrupted: int = 0
+    stops: int = 0
+    discarded_bytes: int = 0
+
+
+class Server:
+    """Sends the frames of a flight over a line, and has its pilot told what comes back.
+
+    `kept` sees every frame. `most` is the number of frames after which it ends.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        pilot: Pilot,
+        line: Line,
+        setup: Setup,
+        provenance: Provenance,
+        *,
+        most: int | None = None,
+        kept: Callable[[Shot], None] = lambda shot: None,
+        say: Callable[[str], None] = lambda text: None,
+        states: Callable[[Server], None] = lambda server: None,
+        clock: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], object] = time.sleep,
+    ) -> None:
+        self.tally = Tally()
+        self.camera = camera
+        self._pilot = pilot
+        self._line = line
+        self._sender = Sender(setup, provenance, run=1 + secrets.randbelow(2**16 - 1))
+        self._period_s = camera.instrument.frame_time_s
+        self._most = most
+        self._kept = kept
+        self._say = say
+        self._states = states
+        self._clock = clock
+        self._wait = wait
+        self._told: Pose | None = None
+        self._over = False
+        self._trouble: str | None = None
+        self._last = b""
+        self._state_s = clock()
+        self._seen = Tally()
+
+    @property
+    def time_s(self) -> float:
+        """Of the simulation, since it began."""
+        return self.tally.frames * self._period_s
+
+    def run_at_rate(self) -> None:
+        """A frame each time that the patterns are through, until the flight is over."""
+        due_s = -float("inf")
+        told_s = -float("inf")
+        while not self._ended():
+            if self._line.open():
+                due_s, told_s = self._clock(), -float("inf")
+            if self.time_s - told_s >= SETUP_EVERY_S:
+                told_s = self.time_s
+                self._line.send(self._sender.setup(self._stamp))
+            for message in self._line.messages(0.0):
+                self._take(message)
+            message_s = self._frame()
+            if message_s is None:
+                break
+            due_s += self._period_s
+            early_s = due_s - self._clock()
+            if early_s >= 0:
+                self._wait(early_s)
+            else:
+                self.tally.late += 1
+                self.tally.behind_s -= early_s
+                due_s -= early_s
+            self._line.send(message_s)
+
+    def run_at_once(self) -> None:
+        """All frames as fast as they are ready, with nobody to tell the drone anything."""
+        self._line.open()
+        self._line.send(self._sender.setup())
+        while not self._ended() and (message := self._frame()) is not None:
+            self._line.send(message)
+
+    def run_in_step(self) -> None:
+        """A frame for each command that asks for the next one, until the flight is over."""
+        while not self._ended():
+            if self._line.open():
+                self._line.send(self._sender.setup(self._stamp))
+            for message in self._line.messages(POLL_S):
+                number = self._sender.number
+                if not self._take(message) or self._ended():
+                    continue
+                if message.number == number:
+                    frame = self._frame()
+                    if frame is None:
+                        self._over = True
+                        break
+                    self._last = frame
+                    self._line.send(frame)
+                elif self._last and message.number == (number - 1) % 2**32:
+                    self.tally.repeated += 1
+                    self._line.send(self._last)
+                else:
+                    self._refuse(f"it asks for frame {message.number}; the next is {number}")
+            self._over |= self._line.over
+            self._state()
+
+    @property
+    def _stamp(self) -> int:
+        return round(1e9 * self.time_s)
+
+    def _ended(self) -> bool:
+        return self._over or self.tally.frames == self._most
+
+    def _frame(self) -> bytes | None:
+        """The message of the next frame; None where the flight is over."""
+        motion = self._pilot.fly(self._told, self.time_s, self._period_s)
+        self._told = None
+        if motion is None:
+            return None
+        trouble = self._pilot.trouble
+        if trouble is not None and self._trouble is None:
+            self.tally.stops += 1
+            self._say(f"{self.time_s:.2f} s: {trouble}")
+        self._trouble = trouble
+        shot = self.camera.shoot(motion, self._sender.number)
+        self._kept(shot)
+        message = self._sender.frame(shot.frame, self._stamp)
+        self.tally.frames += 1
+        self._state()
+        return message
+
+    def _take(self, message: Message) -> bool:
+        """Do as a message says; whether it is a sound command."""
+        self.tally.discarded_bytes = self._line.parser.discarded_bytes
+        if message.version != VERSION:
+            self._refuse(f"it is of version {message.version}; this program reads {VERSION}")
+        elif message.payload is None:
+            self.tally.corrupted += message.kind == Kind.COMMAND
+        elif message.kind == Kind.END:
+            self._over = True
+        elif message.kind == Kind.COMMAND:
+            self.tally.commands += 1
+            try:
+                self._told = pose_of(message.payload) or self._told
+            except InputError as error:
+                self._refuse(str(error))
+            return True
+        return False
+
+    def _refuse(self, why: str) -> None:
+        """Say why a command is not followed, for the first of those in a row."""
+        self.tally.refused += 1
+        if self.tally.refused & (self.tally.refused - 1) == 0:  # the 1st, 2nd, 4th, 8th
+            self._say(f"{self.time_s:.2f} s: a command is refused: {why}")
+
+    def _state(self) -> None:
+        if self._clock() - self._state_s >= STATE_EVERY_S and self.tally != self._seen:
+            self._state_s = self._clock()
+            self._seen = replace(self.tally)
+            self._states(self)
+
+    def end(self) -> None:
+        """Tell the other side that no more will come."""
+        if self._line.is_open:
+            self._line.send(self._sender.end(self._stamp))
