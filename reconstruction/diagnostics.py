@@ -9,6 +9,7 @@ from .errors import InputError
 from .image import Imaging, doubt
 from .operators import decoder_for
 from .ranging import RANGING_METHODS, measure_ranges, unambiguous_path_m
+from .ranging.doubts import LEAST_M
 
 ENOUGH = 0.9**2 / (1 - 0.9**2)
 """Squared SNR of a coefficient at which the zero-filled image is correlated with the truth 0.9
@@ -21,6 +22,9 @@ NOT_TRACED = (
 
 MAX_UNUSABLE = 0.05
 """Share of the readings without which a plan can still be doubted."""
+
+BIASED = 5.0
+"""Standard deviations by which no range is off by noise alone."""
 
 NO_RANGE = {
     "saturated": "is saturated",
@@ -125,7 +129,8 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
     spots = capture.spots
     if spots is None:
         return []
-    statuses = measure_ranges(spots, frame).status
+    ranges = measure_ranges(spots, frame)
+    statuses = ranges.status
     warnings = [
         f"spot {spot} {NO_RANGE[status]}: it gives no range"
         for spot, status in enumerate(statuses)
@@ -139,6 +144,18 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
             for spot, true_m in enumerate(truth.spot_range_m)
             if statuses[spot] == "ok" and not true_m <= farthest_m
         ]
+        warnings += [
+            f"spot {spot} {_biased(off_m, sigma_m)}"
+            for spot, (true_m, off_m, sigma_m) in enumerate(
+                zip(
+                    truth.spot_range_m,
+                    ranges.range_m - truth.spot_range_m,
+                    ranges.sigma_m,
+                    strict=True,
+                )
+            )
+            if true_m <= farthest_m and abs(off_m) > max(BIASED * sigma_m, LEAST_M)
+        ]
     return warnings
 
 
@@ -149,6 +166,15 @@ def _untrue(true_m: float, farthest_m: float) -> str:
     return (
         f"lies at {true_m:.2f} m, beyond the {farthest_m:.2f} m up to which a range is "
         "unambiguous: it is measured a multiple of that too near"
+    )
+
+
+def _biased(off_m: float, sigma_m: float) -> str:
+    """By how much a range is off, if noise alone does not explain it."""
+    way = "far" if off_m > 0 else "near"
+    return (
+        f"is measured {abs(off_m):.2f} m too {way}, beyond its sigma of {sigma_m:.2g} m: fog or "
+        "further echoes bias it"
     )
 
 

@@ -28,7 +28,15 @@ from .image import (
     UsableReadings,
     image_method,
 )
-from .ranging import RANGING_METHODS, Ranges, RangingSolver, Status, ranging_method, reads
+from .ranging import (
+    RANGING_METHODS,
+    Ranges,
+    RangingSolver,
+    Status,
+    range_doubts,
+    ranging_method,
+    reads,
+)
 from .result import BASELINE, Image, Result
 from .timing import timed
 
@@ -137,6 +145,9 @@ class Reconstructor:
             assert frame.spots is not None
             with timed(timings, f"ranging {name}"):
                 rangings[name] = _checked_ranges(name, solve(frame.spots))
+        if frame.spots is not None:
+            doubts = range_doubts(rangings, frame.spots)
+            notes |= {f"ranging {name}": note for name, note in doubts.items()}
         image = next(iter(images.values()))
         image.setflags(write=False)
         view = View(image, next(iter(rangings.values()), None), frame)

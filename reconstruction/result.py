@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .capture import Unit
+from .notebook import picture, shown
 from .ranging import Ranges
 
 Image = NDArray[np.float32]
@@ -28,9 +29,10 @@ class Result:
     of ln depth, nan where there is no depth, and ``nothings`` the probability that there is nothing
     within reach (see `DepthEstimate`). ``range_over_depth`` (H, W): length of each pixel's ray per
     unit of depth, None where the optics are unknown.
-    ``timings_s``: seconds per stage; ``notes``: what the user must know of some images and depths,
-    by stage, as "depth anchored". ``recording``: the digest of the readings, ``frame`` their number
-    in the capture and ``patterns`` the number of distinct ones that the images rest on.
+    ``timings_s``: seconds per stage; ``notes``: what the user must know of some images, ranges and
+    depths, by stage, as "depth anchored" or "ranging cw". ``recording``: the digest of the
+    readings, ``frame`` their number in the capture and ``patterns`` the number of distinct ones
+    that the images rest on.
     """
 
     images: Mapping[str, Image]
@@ -52,6 +54,19 @@ class Result:
         """The notes as sentences."""
         stages = ((*stage.partition(" "), note) for stage, note in self.notes.items())
         return [f"{station} {name!r} is {note}" for station, _, name, note in stages]
+
+    def _repr_html_(self) -> str:
+        pictures = [picture(self.image, f"image, {next(iter(self.images))}", f"{self.unit}s")]
+        if self.depth_m is not None:
+            pictures.append(picture(self.depth_m, f"depth, {next(iter(self.depths))}", "m"))
+        facts: dict[str, object] = {"frame": self.frame, "patterns": self.patterns}
+        if self.ranges is not None:
+            told = zip(self.ranges.status, self.ranges.range_m, self.ranges.sigma_m, strict=True)
+            for spot, (status, range_m, sigma_m) in enumerate(told):
+                known = f"{range_m:.3f} ± {sigma_m:.2g} m"
+                facts[f"spot {spot}"] = known if status == "ok" else status
+        facts |= {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
+        return shown("Result", facts, pictures)
 
     @property
     def image(self) -> Image:

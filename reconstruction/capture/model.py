@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..errors import InputError
+from ..notebook import drawing, figure, picture, shown
 from ..operators import PatternPlan
 from .buckets import Buckets
 from .pattern_taps import PatternTaps
@@ -233,6 +234,27 @@ class Capture:
     def frames(self) -> int:
         """Number of frames."""
         return int(self.buckets.counts.shape[0])
+
+    def _repr_html_(self) -> str:
+        plan = self.plan
+        facts = {
+            "source": self.provenance.source,
+            "frames": self.frames,
+            "patterns": f"{plan.sampled} of {plan.shape[0]} × {plan.shape[1]} pixels, {plan.basis}",
+            "exposures": plan.exposures,
+            "saturated": f"{100 * self.buckets.saturated.mean():.3g} %",
+            "ranging": "none" if self.spots is None else self.spots.method,
+        }
+        readings = np.asarray(self.buckets.counts[0], np.float64)
+        low, high = float(readings.min()), float(readings.max())
+        heights = (readings - low) / max(high - low, 1e-300) * readings.size
+        points = " ".join(f"{at},{height:.4g}" for at, height in enumerate(heights))
+        line = f'<polyline points="{points}" vector-effect="non-scaling-stroke"/>'
+        lines = drawing([line], (0, 0), (readings.size, readings.size))
+        pictures = [figure(lines, f"readings of frame 0, {low:.4g} to {high:.4g} counts")]
+        if self.truth is not None:
+            pictures.append(picture(self.truth.image[0], "true image", "electrons"))
+        return shown("Capture", facts, pictures)
 
     @cached_property
     def setup(self) -> Setup:

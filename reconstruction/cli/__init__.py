@@ -1,13 +1,15 @@
 """The command line: reconstruct a capture or a stream, import, export, check a calibration."""
 
 import argparse
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from importlib import import_module
-from typing import Any
+from typing import Any, NoReturn
 
+from .. import __version__
 from ..errors import InputError, explain
-from ..text import printable, write_anything
+from ..text import json_line, printable, write_anything
 
 COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
@@ -18,49 +20,75 @@ COMMANDS = {
     "replay": ("replay", "capture -> its frames as a stream"),
 }
 """Module of each, imported when it is called, and what it does."""
+COMPLETING = "_ARGCOMPLETE"
+"""What a shell's completion sets, by argcomplete."""
 INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written.
 
-    An interrupt gives 130.
+    Raises SystemExit for wrong arguments; an interrupt gives 130.
     """
     write_anything()
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
         arguments.insert(0, "reconstruct")
-    options = _parser(arguments[:1]).parse_args(arguments)
+    parser = _parser(COMMANDS if COMPLETING in os.environ else arguments[:1])
+    if COMPLETING in os.environ:
+        _complete(parser)
+    try:
+        options = parser.parse_args(arguments)
+    except InputError as error:
+        sys.exit(_fail(str(error), "--json" in arguments))
     try:
         options.run(options)
     except InputError as error:
-        return _fail(str(error))
+        return _fail(str(error), "--json" in arguments)
     except OSError as error:
-        return _fail(explain(error))
+        return _fail(explain(error), "--json" in arguments)
     except KeyboardInterrupt:
-        _fail("interrupted; no file is left half-written")
-        return INTERRUPTED
+        told = "interrupted; no file is left half-written"
+        return _fail(told, "--json" in arguments, INTERRUPTED)
     return 0
 
 
-def _fail(message: str) -> int:
-    print(printable(f"error: {message}"), file=sys.stderr)
-    return 2
+def _fail(message: str, as_json: bool, status: int = 2) -> int:
+    """Tell an error in one line on stderr, and with --json as an object on stdout too."""
+    line = printable(" ".join(message.split("\n")))
+    print(f"error: {line}", file=sys.stderr)
+    if as_json:
+        print(json_line({"error": line, "status": status}))
+    return status
+
+
+def _complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell that asks how a word may go on; without argcomplete there is no answer."""
+    try:
+        import argcomplete
+    except ImportError:
+        sys.exit(1)
+    argcomplete.autocomplete(parser)
 
 
 class _Parser(argparse.ArgumentParser):
-    """What it says of wrong arguments steers no terminal."""
+    """What it says of wrong arguments is one line, and steers no terminal."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise InputError: `main` tells it."""
+        raise InputError(f"{message} ({self.prog} --help tells more)")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         super()._print_message(printable(message), file)
 
 
-def _parser(called: Sequence[str]) -> argparse.ArgumentParser:
+def _parser(called: Container[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="python -m reconstruction",
         description="From a capture to image, ranges and depth map.",
         epilog="A capture as the first word means reconstruct.",
     )
+    parser.add_argument("--version", action="version", version=f"spisim-reconstruct {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (module, does) in COMMANDS.items():
         verb = commands.add_parser(name, help=does)

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from ..reconstructor import lead, reconstruct
 from ..result import Result
 from ..text import json_line, printable
 
+ANY_WIDTH = 10_000
+"""Characters in a line of what is no terminal."""
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = "python -m reconstruction capture.h5 -o result"
 STATIONS: dict[str, Iterable[str]] = {
@@ -161,8 +164,14 @@ def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterable[str]:
-    """Columns as wide as their widest cell, the first one to the left."""
+    """Columns as wide as their widest cell, the first one to the left; too wide ones row by row."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    if sum(widths) + 2 * (len(widths) - 1) > get_terminal_size(fallback=(ANY_WIDTH, 24)).columns:
+        (title, *columns), *rows = rows
+        for first, *others in rows:
+            yield f"{title}: {first}"
+            yield from (f"  {name}: {cell}" for name, cell in zip(columns, others, strict=True))
+        return
     for first, *others in rows:
         cells = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
         yield "  ".join([first.ljust(widths[0]), *cells])

@@ -7,9 +7,9 @@ from ..arrays import Floats
 from ..capture import Setup
 from ..depth import pixel_of
 from ..files import mark
+from ..png import png
 from ..ranging import Ranges
 from .glyphs import HEIGHT, written
-from .png import png
 from .scale import GREY, VIRIDIS, Scale
 
 SIDE = 512

@@ -1,5 +1,6 @@
 """From time-of-flight readings to ranges of the four spots: methods, and what they share."""
 
+from .doubts import range_doubts
 from .geometry import range_from_path
 from .method import RangingMethod, RangingSolver
 from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads
@@ -18,6 +19,7 @@ __all__ = [
     "Status",
     "measure_ranges",
     "path_from_phases",
+    "range_doubts",
     "range_from_path",
     "ranges_from_paths",
     "ranging_method",

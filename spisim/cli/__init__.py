@@ -3,13 +3,14 @@
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from reconstruction.errors import InputError, explain
-from reconstruction.text import printable, write_anything
+from reconstruction.text import write_anything
+from spisim.version import __version__
 
 from . import (
     budget,
@@ -19,6 +20,7 @@ from . import (
     evaluate,
     export,
     fly,
+    materials,
     paper,
     picture,
     reconstruct,
@@ -30,45 +32,59 @@ from . import (
     transport,
     weather,
 )
-from .console import say, warn
-
-
-@contextmanager
-def _shown_as_they_are() -> Iterator[None]:
-    """What is said of wrong arguments steers no terminal."""
-    try:
-        yield
-    except Exception as error:
-        if hasattr(error, "format_message"):
-            error.message = printable(error.message)  # type: ignore[attr-defined]
-        raise
+from .console import fail, warn
 
 
 class Commands(TyperGroup):
     """The subcommands; what a user can cause ends as a message, never as a traceback."""
 
-    def make_context(self, *arguments: Any, **options: Any) -> Any:
+    as_json = False
+
+    def make_context(self, info_name: Any, args: Any, *more: Any, **options: Any) -> Any:
         """Read the arguments up to the subcommand."""
-        with _shown_as_they_are():
-            return super().make_context(*arguments, **options)
+        self.as_json = "--json" in args
+        with _told(self.as_json):
+            return super().make_context(info_name, args, *more, **options)
 
     def invoke(self, ctx: Any) -> Any:
         """Run a subcommand: exit 2 for input or files that cannot be used, 130 for Ctrl-C."""
-        try:
-            with _shown_as_they_are():
-                return super().invoke(ctx)
-        except BrokenPipeError:
+        with _told(self.as_json):
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _told(as_json: bool) -> Iterator[None]:
+    """What a user can cause is told in one line, and ends the program."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        message, status = explain(error), 2
+    except InputError as error:
+        message, status = str(error), 2
+    except KeyboardInterrupt:
+        message, status = "interrupted; no file is left half-written", 130
+    except Exception as error:
+        if (wrong := _wrong_arguments(error)) is None:
             raise
-        except OSError as error:
-            message, status = explain(error), 2
-        except ValueError as error:
-            if not isinstance(error, InputError):
-                raise
-            message, status = str(error), 2
-        except KeyboardInterrupt:
-            message, status = "interrupted; no file is left half-written", 130
-        say(f"error: {message}", style="red")
-        raise typer.Exit(status)
+        message, status = wrong, 2
+    else:
+        return
+    fail(message, status, as_json)
+    raise typer.Exit(status)
+
+
+def _wrong_arguments(error: Any) -> str | None:
+    """What is wrong with the arguments, and where their help is; None of other errors.
+
+    Typer's errors have a context; a command called without any shows its help as one of them.
+    """
+    if not hasattr(error, "format_message") or type(error).__name__ == "NoArgsIsHelpError":
+        return None
+    context = getattr(error, "ctx", None)
+    where = "" if context is None else f" ({context.command_path} --help tells more)"
+    return f"{error.format_message()}{where}"
 
 
 app = typer.Typer(
@@ -76,10 +92,26 @@ app = typer.Typer(
     name="spisim",
     help="Single-pixel imaging with four laser spots: simulate, reconstruct, evaluate.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        print(f"spisim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_tell_version, is_eager=True, help="Tell the version."),
+    ] = False,
+) -> None:
+    """Options of the program itself."""
+
 
 COMMANDS = (
     demo,
@@ -95,6 +127,7 @@ COMMANDS = (
     budget,
     paper,
     weather,
+    materials,
     schema,
     doctor,
 )

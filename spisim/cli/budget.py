@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from . import complete
 from .console import print_json, results, say, warn
 from .inputs import instrument_with
 from .options import Json, Overwrite, Wavelength, real_option
 from .outputs import files_read
 from .outputs import output as named
-from .tables import plain_table
+from .tables import plain_table, print_table
 
 if TYPE_CHECKING:
     from spisim.atmosphere import Atmosphere
@@ -29,7 +30,12 @@ CAVEAT = "An engineering check, no certification: that takes the standards and m
 
 def command(
     instrument: Annotated[
-        str, typer.Argument(metavar="INSTRUMENT", help="An instrument file, or a preset's name.")
+        str,
+        typer.Argument(
+            metavar="INSTRUMENT",
+            help="An instrument file, or a preset's name.",
+            autocompletion=complete.instruments,
+        ),
     ] = "paper",
     wavelength: Wavelength = None,
     distance: Annotated[
@@ -224,7 +230,7 @@ def _print_light(image: dict[str, Any], spots: dict[str, Any]) -> None:
     }
     for title, key in rows.items():
         table.add_row(title, *(_short(side.get(key)) for side in (image, spots)))
-    results.print(table)
+    print_table(table)
     results.print(
         "A reading is one exposure with all pixels on (image); a tap, window or echo (spots).\n",
         style="dim",
@@ -241,7 +247,7 @@ def _print_noise(image: dict[str, Any], spots: dict[str, Any]) -> None:
         )
     table.add_row("together", *(_short(side["total_noise_electrons"]) for side in (image, spots)))
     table.add_row("signal over noise", *(_short(side["snr"]) for side in (image, spots)))
-    results.print(table)
+    print_table(table)
     for title, side in (("Image", image), ("Spots", spots)):
         most = side["dominating"]
         share = 100 * most["share_of_variance"]
@@ -273,7 +279,7 @@ def _print_picture(image: dict[str, Any]) -> None:
     ]
     for row in rows:
         table.add_row(*row)
-    results.print(table)
+    print_table(table)
     results.print(
         "Of an image as bright as the wall, with the contrast and spectrum of drawn scenes.\n",
         style="dim",
@@ -306,7 +312,7 @@ def _print_range(ranges: dict[str, Any], fog: dict[str, Any] | None) -> None:
         fitted = [("none",), (_centimetres(fog["sigma_m"]),), (longest,), ("",), ("",)]
     for row, more in zip(rows, fitted, strict=True):
         table.add_row(*row, *more)
-    results.print(table)
+    print_table(table)
     if fog is not None:
         results.print(
             f"Of a laser's light on its detector {100 * fog['echo_share']:.2g} % is the fog's. "
@@ -338,7 +344,7 @@ def _print_safety(safety: dict[str, Any]) -> None:
     if array["retinal_margin"]:
         margin = f"{100 * array['retinal_margin']:.0f} %"
         table.add_row("array, on the retina", "", margin, "", "")
-    results.print(table)
+    print_table(table)
     results.print(
         "Limits: class 1 of IEC 60825-1, and the exempt group of IEC 62471 (all day long). "
         + safety["caveat"],

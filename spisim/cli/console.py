@@ -37,6 +37,14 @@ def say(text: str, style: str | None = None) -> None:
     messages.print(text, style=style, soft_wrap=True)
 
 
+def fail(message: str, status: int, as_json: bool) -> None:
+    """Tell an error in one line on stderr, and with --json as an object on stdout too."""
+    line = " ".join(message.split("\n"))
+    say(f"error: {line}", style="red")
+    if as_json:
+        print_json({"error": line, "status": status})
+
+
 def warn(warnings: Iterable[str]) -> None:
     """Say what the user should know before believing the results."""
     for warning in warnings:

@@ -16,6 +16,7 @@ from spisim.config import shipped
 
 from .console import messages, print_json, results, say
 from .options import Json
+from .tables import print_table, word_table
 
 EXAMPLE = "spisim doctor"
 
@@ -128,11 +129,10 @@ def _packages() -> dict[str, str]:
 
 def _print(findings: dict[str, Any]) -> None:
     """The same for people."""
-    from rich.table import Table
-
     llvm, cache = findings["llvm"], findings["cache"]
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table = word_table()
     table.add_column(style="dim")
+    table.add_column(overflow="fold")
     table.add_row("Python", findings["python"])
     table.add_row("system", findings["platform"])
     table.add_row("machine", f"{findings['cores']} cores, {findings['memory_gib']} GiB")
@@ -143,7 +143,7 @@ def _print(findings: dict[str, Any]) -> None:
     for name, folder in findings["shipped"].items():
         table.add_row(name, folder)
     table.add_row("packages", ", ".join(f"{n} {v}" for n, v in findings["packages"].items()))
-    results.print(table)
+    print_table(table)
     for problem in findings["problems"]:
         say(f"\n{problem}", style="red")
     if findings["ready"]:

@@ -44,6 +44,8 @@ def command(
     visibility: opt.Visibility = None,
     fog: opt.Fog = None,
     rain: opt.Rain = None,
+    snow: opt.Snow = None,
+    smoke: opt.Smoke = None,
     drops: opt.Drops = False,
     clear: opt.Clear = False,
     seed: opt.Seed = 0,
@@ -66,7 +68,17 @@ def command(
     require_outputs(files, files_read(scene, instrument, path), overwrite=overwrite)
     trajectory = load_trajectory(path, frame).faster(speed)
     carried = instrument_with(instrument)
-    place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
+    place, oddities = scene_with(
+        scene,
+        carried.wavelength_nm,
+        visibility,
+        clear,
+        fog,
+        rain,
+        drops,
+        snow_mm_per_h=snow,
+        smoke_m=smoke,
+    )
     check_clear_path(place, trajectory)
     flight = instants(place, trajectory, carried, rate, seed)
     kept = kept_captures(output, flight, carried, spp)

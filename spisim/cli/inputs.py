@@ -26,6 +26,9 @@ def scene_with(
     fog_kind: str | None = None,
     rain_mm_per_h: float | None = None,
     drops: bool = False,
+    *,
+    snow_mm_per_h: float | None = None,
+    smoke_m: float | None = None,
 ) -> tuple[Scene, list[str]]:
     """Load a scene at a wavelength and replace its weather where the command line says so.
 
@@ -36,12 +39,18 @@ def scene_with(
     from spisim.config import load_yaml
     from spisim.scene import SceneWarning, load_scene
 
-    options = {"--visibility": visibility_m, "--fog": fog_kind, "--rain": rain_mm_per_h}
+    options = {
+        "--visibility": visibility_m,
+        "--fog": fog_kind,
+        "--rain": rain_mm_per_h,
+        "--snow": snow_mm_per_h,
+        "--smoke": smoke_m,
+    }
     given = [option for option, value in options.items() if value is not None]
     if clear and given:
         raise InputError(f"--clear and {given[0]} exclude each other")
-    if drops and rain_mm_per_h is None:
-        raise InputError("--drops goes with --rain")
+    if drops and rain_mm_per_h is None and snow_mm_per_h is None:
+        raise InputError("--drops goes with --rain or --snow")
     with catch_warnings(record=True) as odd:
         simplefilter("always", SceneWarning)
         scene = load_scene(name, wavelength_nm=wavelength_nm)
@@ -50,9 +59,12 @@ def scene_with(
             changes = dict.fromkeys((*WEATHER, "volumes"))
         if visibility_m is not None or fog_kind is not None:
             changes["fog"] = _fog(load_yaml(scene.text, name).get("fog"), visibility_m, fog_kind)
-        if rain_mm_per_h is not None:
-            model = {"model": "drops"} if drops else {}
-            changes["rain"] = {"rate_mm_per_h": rain_mm_per_h} | model
+        model = {"model": "drops"} if drops else {}
+        for section, rate_mm_per_h in (("rain", rain_mm_per_h), ("snow", snow_mm_per_h)):
+            if rate_mm_per_h is not None:
+                changes[section] = {"rate_mm_per_h": rate_mm_per_h} | model
+        if smoke_m is not None:
+            changes["smoke"] = {"visibility_m": smoke_m}
         if changes:
             odd.clear()
             scene = load_scene(name, changes, wavelength_nm=wavelength_nm)

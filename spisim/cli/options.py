@@ -9,6 +9,8 @@ import typer
 
 from reconstruction.errors import InputError
 
+from . import complete
+
 
 def number_option(least: int, most: int, text: str, usual: int | None = None) -> Any:
     """An option that takes a whole number; what it refuses, it names.
@@ -50,7 +52,12 @@ def light_budget(spp: int | None, transport_noise_share: float | None) -> dict[s
 
 
 SceneArgument = Annotated[
-    str, typer.Argument(metavar="SCENE", help="A scene file, or the name of a shipped scene.")
+    str,
+    typer.Argument(
+        metavar="SCENE",
+        help="A scene file, or the name of a shipped scene.",
+        autocompletion=complete.scenes,
+    ),
 ]
 CaptureArgument = Annotated[
     Path, typer.Argument(metavar="CAPTURE", help="A capture file (HDF5).", show_default=False)
@@ -60,7 +67,12 @@ Methods = Annotated[
     str | None, typer.Option(metavar="METHOD[,METHOD]", help="Methods by name; usual, all.")
 ]
 InstrumentOption = Annotated[
-    str, typer.Option("--instrument", help="An instrument file, or the name of a preset.")
+    str,
+    typer.Option(
+        "--instrument",
+        help="An instrument file, or the name of a preset.",
+        autocompletion=complete.instruments,
+    ),
 ]
 Seed = Annotated[int, number_option(0, 2**63 - 1, "Seed of all randomness.")]
 Spp = Annotated[
@@ -91,7 +103,11 @@ Fog = Annotated[
     typer.Option("--fog", metavar="KIND", help="Fog with these droplets, such as heavy-advection."),
 ]
 Rain = Annotated[float | None, real_option("Rain of this rate.", "--rain", metavar="MM_PER_H")]
-Drops = Annotated[bool, typer.Option("--drops", help="Rain of single drops that cross the beams.")]
+Snow = Annotated[float | None, real_option("Snow of this rate.", "--snow", metavar="MM_PER_H")]
+Smoke = Annotated[
+    float | None, real_option("Smoke of this visibility, in metres.", "--smoke", metavar="M")
+]
+Drops = Annotated[bool, typer.Option("--drops", help="Rain or snow of single drops or flakes.")]
 Clear = Annotated[
     bool, typer.Option("--clear", help="Clear air, in place of the scene's fog and weather.")
 ]

@@ -33,6 +33,8 @@ def command(
     visibility: opt.Visibility = None,
     fog: opt.Fog = None,
     rain: opt.Rain = None,
+    snow: opt.Snow = None,
+    smoke: opt.Smoke = None,
     clear: opt.Clear = False,
     place: Annotated[Place, typer.Option("--from", help="Where the camera is.")] = Place.PROJECTOR,
     width: Annotated[int, opt.number_option(1, 8192, "Pixels across.")] = 512,
@@ -65,7 +67,16 @@ def command(
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     picture = files[1].path
     carried = instrument_with(instrument, wavelength)
-    there, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
+    there, oddities = scene_with(
+        scene,
+        carried.wavelength_nm,
+        visibility,
+        clear,
+        fog,
+        rain,
+        snow_mm_per_h=snow,
+        smoke_m=smoke,
+    )
     plan = carried.pattern_plan
     if pattern is not None and pattern >= plan.exposures:
         raise InputError(f"--pattern {pattern}: the plan has exposures 0..{plan.exposures - 1}")

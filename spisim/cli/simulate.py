@@ -29,6 +29,8 @@ def command(
     visibility: opt.Visibility = None,
     fog: opt.Fog = None,
     rain: opt.Rain = None,
+    snow: opt.Snow = None,
+    smoke: opt.Smoke = None,
     drops: opt.Drops = False,
     clear: opt.Clear = False,
     patterns: Annotated[int | None, opt.number_option(1, 2**31, "Patterns per frame.")] = None,
@@ -68,7 +70,17 @@ def command(
     files += [beside(output, "capture report")] if report else []
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument, wavelength, patterns, order, polarity, interleave)
-    place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain, drops)
+    place, oddities = scene_with(
+        scene,
+        carried.wavelength_nm,
+        visibility,
+        clear,
+        fog,
+        rain,
+        drops,
+        snow_mm_per_h=snow,
+        smoke_m=smoke,
+    )
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
         simulation = simulate(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from . import complete
 from .console import print_json, progress_bar, say
 from .dataset.arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
 from .dataset.progress import shown
@@ -24,7 +25,9 @@ def command(
     plan: Annotated[
         str,
         typer.Argument(
-            metavar="PLAN", help="What to compare: a YAML file, or the name of a shipped study."
+            metavar="PLAN",
+            help="What to compare: a YAML file, or the name of a shipped study.",
+            autocompletion=complete.studies,
         ),
     ],
     output: Annotated[

@@ -1,11 +1,19 @@
 """Tables of results for people."""
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
+from rich.measure import Measurement
+from rich.padding import Padding
 from rich.table import Table
 
 from .console import results
+
+#: Characters that a column of words may be squeezed to.
+LEAST_WORDS = 8
+#: What no table needs.
+WIDEST = 10_000
 
 
 def print_errors(metrics: Mapping[str, Any]) -> None:
@@ -16,7 +24,7 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
         table = plain_table(compared.name, *compared.columns)
         for row in compared.rows:
             table.add_row(*row)
-        results.print(table)
+        print_table(table)
     error = written(metrics["truth"]["image_error"], 100, "{:.1f} %")
     results.print(f"standard error of the true image, RMS: {error}\n", style="dim")
 
@@ -24,8 +32,36 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
 def plain_table(first: str, *columns: str, least: int = 11) -> Table:
     """A table without lines: a column of words, and others for numbers of `least` characters."""
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-    table.add_column(first, min_width=21)
+    table.add_column(first, min_width=21, overflow="fold")
     for column in columns:
         width = max(least, *(len(word) for word in column.split()))
-        table.add_column(column, justify="right", min_width=width)
+        table.add_column(column, justify="right", min_width=width, overflow="fold")
     return table
+
+
+def word_table(*columns: str) -> Table:
+    """A table without lines whose columns are words, or without `columns` has no head."""
+    table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), show_header=bool(columns))
+    for column in columns:
+        table.add_column(column, min_width=min(LEAST_WORDS, len(column)), overflow="fold")
+    return table
+
+
+def print_table(table: Table) -> None:
+    """Print a table; on a terminal too narrow for its columns row by row, each value in a line."""
+    least = Measurement.get(results, results.options.update_width(WIDEST), table).minimum
+    if least <= results.width:
+        results.print(table)
+    elif results.is_terminal or "COLUMNS" in os.environ:
+        _print_rows(table)
+    else:
+        results.print(table, width=least, crop=False)
+
+
+def _print_rows(table: Table) -> None:
+    names = [str(column.header) for column in table.columns]
+    for first, *others in zip(*(column.cells for column in table.columns), strict=True):
+        results.print(f"{names[0]}: {first}" if names[0] else first)
+        for name, value in zip(names[1:], others, strict=True):
+            if value:
+                results.print(Padding(f"{name}: {value}", (0, 0, 0, 2), expand=False))

@@ -22,6 +22,8 @@ def command(
     visibility: opt.Visibility = None,
     fog: opt.Fog = None,
     rain: opt.Rain = None,
+    snow: opt.Snow = None,
+    smoke: opt.Smoke = None,
     clear: opt.Clear = False,
     seed: opt.Seed = 0,
     spp: opt.SppOrShare = None,
@@ -72,7 +74,16 @@ def command(
         bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
     )
     carried = instrument_with(instrument, wavelength)
-    place, oddities = scene_with(scene, carried.wavelength_nm, visibility, clear, fog, rain)
+    place, oddities = scene_with(
+        scene,
+        carried.wavelength_nm,
+        visibility,
+        clear,
+        fog,
+        rain,
+        snow_mm_per_h=snow,
+        smoke_m=smoke,
+    )
     with progress_bar("Tracing light", progress) as advance:
         light = solve(
             place,

@@ -11,8 +11,8 @@ import typer
 from reconstruction.errors import InputError
 
 from .console import print_json, results, warn
-from .options import Fog, Json, Rain, Visibility, real_option
-from .tables import plain_table
+from .options import Fog, Json, Rain, Smoke, Snow, Visibility, real_option
+from .tables import plain_table, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,11 +60,9 @@ def command(
         str, typer.Option(help="Of visibility: koschmieder (2 % contrast) or mor (5 %).")
     ] = "koschmieder",
     rain: Rain = None,
-    snow: Annotated[float | None, real_option("Snow of this rate.", metavar="MM_PER_H")] = None,
+    snow: Snow = None,
     snow_kind: Annotated[str, typer.Option(help="wet or dry.")] = "wet",
-    smoke: Annotated[
-        float | None, real_option("Smoke of this visibility, in metres.", metavar="M")
-    ] = None,
+    smoke: Smoke = None,
     smoke_kind: Annotated[
         str, typer.Option(help="biomass, soot, glycol-fine or glycol.")
     ] = "glycol",
@@ -212,7 +210,7 @@ def _print(report: dict[str, Any]) -> None:
     table = plain_table(first, *titles[: len(columns)], least=DIGITS)
     for title, key in ROWS.items():
         table.add_row(title, *(_short(column[key]) for column in columns))
-    results.print(table, crop=False)  # of many media, which are wider than a terminal
+    print_table(table)
     if whole := report["rain_with_diffraction"]:
         results.print(
             "Light that rain's drops diffract, by a milliradian, counts as not scattered here; a "
@@ -233,16 +231,16 @@ def _print(report: dict[str, Any]) -> None:
     if "compare" in report:
         rows = report["compare"]
         results.print()
-        results.print(_side_by_side("wavelength", rows, COMPARED))
+        print_table(_side_by_side("wavelength", rows, COMPARED))
 
 
 def _print_typical(report: dict[str, Any]) -> None:
     rows = report["compare"]
     ratios = [row | row["over_1550_nm"] for row in rows]
     weathers = {name: name for name in rows[0]["over_1550_nm"]}
-    results.print(_side_by_side(RELATIVE, ratios, weathers, least=6))
+    print_table(_side_by_side(RELATIVE, ratios, weathers, least=6))
     results.print()
-    results.print(_side_by_side("wavelength", rows, OF_WAVELENGTHS))
+    print_table(_side_by_side("wavelength", rows, OF_WAVELENGTHS))
 
 
 def _side_by_side(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from reconstruction import Capture, read_capture
 from reconstruction.errors import InputError, nearest
+from reconstruction.notebook import picture, shown
 from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS
 from spisim.dataset.folder import Layout
@@ -24,6 +25,10 @@ if TYPE_CHECKING:
     import pandas
     import torch.utils.data
     import xarray
+
+
+#: Samples whose pictures a notebook shows.
+SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,21 @@ class DataSet(Sequence[StoredSample]):
 
     def __len__(self) -> int:
         return len(self.records)
+
+    def _repr_html_(self) -> str:
+        scenes = {str(record.scene) for record in self.records}
+        facts = {
+            "folder": self.folder,
+            "samples": f"{len(self):,} done, {len(self.failed):,} failed",
+            "scenes": f"{len(scenes):,} different ones",
+            "varied": ", ".join(self.records[0].parameters) if self.records else "",
+        }
+        pictures = []
+        for sample in self[:SHOWN]:
+            truth = sample.capture.truth
+            if truth is not None:
+                pictures.append(picture(truth.image[0], f"sample {sample.index}", "electrons"))
+        return shown(f"Data set {self.meta.get('name', '')}", facts, pictures)
 
     @overload
     def __getitem__(self, place: int) -> StoredSample: ...

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from reconstruction.arrays import Floats
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
+from reconstruction.notebook import drawing, figure, shown
 from reconstruction.operators import PatternPlan, mean_illumination
 from spisim.config import Number, Positive, Section, dump_yaml, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
@@ -68,6 +69,33 @@ class Instrument(Section):
     """What the maker declares; it is compared, and changes nothing else."""
     exposure_time_s: Positive = Field(default_factory=_pattern_period)
     """The end of a pattern's period, in which the detector collects; all of it without."""
+
+    def _repr_html_(self) -> str:
+        projector, plan = self.projector, self.pattern_plan
+        size = np.array([projector.tan_half_width, projector.tan_half_height])
+        spots = self.lasers.directions
+        spots = spots[:, :2] / spots[:, 2:] * (1, -1)
+        wide = 1.1 * float(max(size.max(), np.abs(spots).max()))
+        line = f'stroke-width="{wide / 100:.4g}"'
+        (x, y), (width, height) = -size, 2 * size
+        drawn = [
+            f'<rect x="{x:.5g}" y="{y:.5g}" width="{width:.5g}" height="{height:.5g}" {line}/>'
+        ]
+        drawn += [
+            f'<circle cx="{x:.5g}" cy="{y:.5g}" r="{wide / 30:.4g}" stroke="crimson" {line}/>'
+            for x, y in spots
+        ]
+        facts = {
+            "wavelength": f"{self.wavelength_nm:g} nm",
+            "patterns": f"{plan.sampled} of {plan.shape[0]} × {plan.shape[1]} pixels, {plan.basis}",
+            "frame": f"{1e3 * self.frame_time_s:.4g} ms",
+            "projector": f"{projector.power_w:g} W over {projector.fov_deg:g}°",
+            "detector": f"{self.detector.sensor.type}, {self.detector.field_of_view_deg:g}°",
+            "lasers": f"4 × {1e3 * self.lasers.power_w:g} mW",
+            "ranging": self.tof.method,
+        }
+        field = figure(drawing(drawn, (-wide, -wide), (wide, wide)), "field, and spots in red")
+        return shown("Instrument", facts, [field])
 
     @property
     def text(self) -> str:

@@ -13,7 +13,7 @@ TRUE_ERROR = 0.1
 
 
 def simulation_warnings(instrument: Instrument, light: Transport) -> list[str]:
-    """Sentences about eye safety, timing, detectors that the background alone overwhelms, truth."""
+    """Sentences about eye safety, timing, overwhelmed detectors, and noise of light and truth."""
     still = LightSequence(np.zeros(1), (light,))
     return [
         *instrument_warnings(instrument),
@@ -23,6 +23,20 @@ def simulation_warnings(instrument: Instrument, light: Transport) -> list[str]:
             float(spot_light(instrument, still, frames=1).steady_per_s.max()),
         ),
         *truth_warnings(light),
+        *noise_share_warnings(light),
+    ]
+
+
+def noise_share_warnings(light: Transport) -> list[str]:
+    """A sentence about light that is noisier than the detectors that measure it."""
+    shares = {"image": light.noise_share, "spots": light.spot_noise_share}
+    told = [f"{share:.2g} times in the {what}" for what, share in shares.items() if share > 1]
+    if not told:
+        return []
+    return [
+        f"the light's own noise is above the detectors', {' and '.join(told)}: errors of images "
+        "and ranges are those of too few light paths; more spp, or a transport_noise_share below "
+        "1, makes it better"
     ]
 
 

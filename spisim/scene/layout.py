@@ -18,7 +18,7 @@ from spisim.scene.bsdf import (
     ThinPane,
 )
 from spisim.scene.materials import Material
-from spisim.scene.model import Scene
+from spisim.scene.model import Scene, SceneObject
 from spisim.scene.rays import enclosing_object, first_hits, first_met
 
 #: Free space around the drone, its own size and a bit.
@@ -82,14 +82,7 @@ def layout_problem(scene: Scene, needs: Needs) -> str | None:
     in_view = _may_be_in_view(triangles, needs)
     seen = triangles[in_view]
     spots = first_hits(np.zeros(3), needs.beams, seen)
-    owners = np.repeat(np.arange(len(scene.objects)), [len(o.mesh.faces) for o in scene.objects])
-    materials = [scene.objects[k].material for k in owners[in_view]]
-    lost = {}
-    for number, range_m in enumerate(spots):
-        if range_m > needs.farthest_spot_m:
-            lost[number] = f"meets nothing within {needs.farthest_spot_m:.3g} m"
-        elif _returned(needs, number, seen, materials) < MIN_SPOT_PER_M2:
-            lost[number] = "is too faint, or hidden from its detector"
+    lost = _lost(scene, needs, seen, in_view)
     if len(spots) - len(lost) < needs.least_spots:
         told = ", ".join(f"spot {number} {why}" for number, why in lost.items())
         return f"at least {needs.least_spots} of the laser spots should return: {told}"
@@ -100,10 +93,33 @@ def layout_problem(scene: Scene, needs: Needs) -> str | None:
     return None
 
 
-def _returned(needs: Needs, number: int, triangles: Floats, materials: Sequence[Material]) -> float:
-    """What a diffuse surface of reflectance 1 across the beam would return at 1 m is 1; 1/m².
+def lost_spots(scene: Scene, needs: Needs) -> dict[int, str]:
+    """Spots that give no range to who needs this, by their numbers, and why, in words."""
+    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
+    triangles = (triangles - scene.drone_pose[:3, 3]) @ scene.drone_pose[:3, :3]
+    in_view = _may_be_in_view(triangles, needs)
+    return _lost(scene, needs, triangles[in_view], in_view)
 
-    0 where less than half of the detector sees it. `triangles` (t, 3, 3) in the optical frame.
+
+def _lost(scene: Scene, needs: Needs, seen: Floats, in_view: NDArray[np.bool_]) -> dict[int, str]:
+    """See `lost_spots`; `seen` (t, 3, 3) are the triangles in view, in the optical frame."""
+    owners = np.repeat(np.arange(len(scene.objects)), [len(o.mesh.faces) for o in scene.objects])
+    things = [scene.objects[k] for k in owners[in_view]]
+    lost = {}
+    for number, range_m in enumerate(first_hits(np.zeros(3), needs.beams, seen)):
+        if range_m > needs.farthest_spot_m:
+            lost[number] = f"meets nothing within {needs.farthest_spot_m:.3g} m"
+        elif why := _why_dark(needs, number, seen, things):
+            lost[number] = why
+    return lost
+
+
+def _why_dark(
+    needs: Needs, number: int, triangles: Floats, things: Sequence[SceneObject]
+) -> str | None:
+    """Why a spot, which meets one of the triangles (t, 3, 3), gives too little light; or None.
+
+    What a diffuse surface of reflectance 1 across the beam would return at 1 m is 1, in 1/m².
     """
     beam = needs.beams[number]
     (distance,), (place,) = first_met(np.zeros(3), beam[None], triangles)
@@ -115,10 +131,13 @@ def _returned(needs: Needs, number: int, triangles: Floats, materials: Sequence[
     lens[:, :2] += needs.lens_ring_m * ON_LENS
     between = _along(beam, triangles, float(np.linalg.norm(lens, axis=1).max()))
     seen = np.mean([first_hits(point, (spot - point)[None], between)[0] > 1 for point in lens])
+    thing = things[place]
+    where = f"on {thing.name!r} ({thing.material.name}) at {distance:.3g} m"
     if seen < 0.5:
-        return 0.0
-    returned = straight_back(materials[place], float(-normal @ beam))
-    return float(seen * returned / distance**2)
+        return f"{where} is hidden from its detector"
+    if seen * straight_back(thing.material, float(-normal @ beam)) / distance**2 < MIN_SPOT_PER_M2:
+        return f"{where} is too faint"
+    return None
 
 
 def _along(beam: Floats, triangles: Floats, within_m: float) -> Floats:

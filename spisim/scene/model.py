@@ -10,6 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
+from reconstruction.notebook import drawing, figure, shown
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.structure import Structure
@@ -133,6 +134,36 @@ class Scene:
     precipitation: tuple[Precipitation, ...] = ()
     wavelength_nm: float = 1550.0
     lamps: tuple[Lamp, ...] = ()
+
+    def _repr_html_(self) -> str:
+        bounds = np.array([thing.mesh.bounds[:, :2] for thing in self.objects])
+        drone, ahead = self.drone_pose[:2, 3], self.drone_pose[:2, 2]
+        low = np.minimum(bounds[:, 0].min(axis=0), drone)
+        high = np.maximum(bounds[:, 1].max(axis=0), drone)
+        size = 1.1 * float((high - low).max())
+        low, high = (low + high - size) / 2, (low + high + size) / 2
+        line = f'stroke-width="{size / 200:.4g}"'
+        boxes = [
+            f'<rect x="{x:.5g}" y="{y:.5g}" width="{right - x:.5g}" height="{top - y:.5g}" {line}/>'
+            for (x, y), (right, top) in bounds
+        ]
+        end = drone + 0.15 * size * ahead
+        boxes.append(
+            f'<g stroke="crimson"><circle cx="{drone[0]:.5g}" cy="{drone[1]:.5g}" '
+            f'r="{size / 60:.4g}" {line}/><path d="M {drone[0]:.5g} {drone[1]:.5g} '
+            f'L {end[0]:.5g} {end[1]:.5g}" {line}/></g>'
+        )
+        media = [f"{medium['where']}: {medium['kind']}" for medium in self.media_summary()]
+        facts = {
+            "objects": len(self.objects),
+            "triangles": f"{sum(len(thing.mesh.faces) for thing in self.objects):,}",
+            "air": ", ".join(media) or "clear",
+            "sun and sky": f"{self.ambient.sun_klx:g} and {self.ambient.sky_klx:g} klx",
+            "lamps": len(self.lamps),
+            "moves": "yes" if self.moves else "no",
+        }
+        above = figure(drawing(boxes, low, high), f"from above, {size:.3g} m wide; red: the drone")
+        return shown(f"Scene {self.name}", facts, [above])
 
     @property
     def drone_moves(self) -> bool:

@@ -7,17 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from reconstruction.files import Output
+from reconstruction.notebook import drawing, figure, shown
 from spisim.config import csv_table
 from spisim.dataset.records import Record
 from spisim.study.evaluation import Evaluation
 from spisim.study.metrics import Metric
 from spisim.study.plan import PlannedStudy, Study, condition_of
 from spisim.study.profile import Profile
-from spisim.study.statistics import Estimate, estimate
+from spisim.study.statistics import FEW_UNITS, Estimate, estimate
 
 Condition = tuple[Any, ...]
 
 ALL_SCENES = "all scenes"
+SPOTS_LEFT, ALL_SPOTS = "valid_spots", 4
+#: Metrics that a notebook shows.
+SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -61,15 +65,51 @@ class Difference:
 class Results:
     """All tables.
 
+    `metrics` are those that are asked for, and of spots that are lost how many are left;
     `conditions` are values of the study's x and groups in the grids' order, `tried` the number of
     samples of each. Where x is the scene, ALL_SCENES together follow.
     """
 
     planned: PlannedStudy
+    metrics: tuple[str, ...]
     rows: Sequence[Row]
     tried: Mapping[Condition, int]
     summaries: Mapping[tuple[Condition, str], Summary]
     differences: Sequence[Difference]
+
+    def _repr_html_(self) -> str:
+        plan = self.planned.plan
+        facts = {"samples": len(self.rows), "combinations": len(self.tried), "x": plan.study.x}
+        pictures = [self._means(name) for name in self.metrics[:SHOWN]]
+        return shown(f"Study {plan.name}", facts, pictures)
+
+    def _means(self, name: str) -> str:
+        """Means with their intervals, one combination beside the other."""
+        told = [self.summaries[condition, name].estimate for condition in self.conditions]
+        known = [(at, each) for at, each in enumerate(told) if each.mean is not None]
+        sure = [each for _, each in known if each.units >= FEW_UNITS]
+        ends = [end for each in sure for end in (each.low, each.high) if end is not None]
+        values = [*ends, *(each.mean for _, each in known if each.mean is not None)] or [0.0]
+        low, span = min(values), (max(values) - min(values)) or 1.0
+
+        def place(value: float) -> str:
+            return f"{(value - low) / span * len(told):.5g}"
+
+        drawn = []
+        for at, each in known:
+            assert each.mean is not None
+            drawn.append(
+                f'<circle cx="{at + 0.5}" cy="{place(each.mean)}" r="{len(told) / 60:.4g}" '
+                'fill="currentColor" stroke="none"/>'
+            )
+            if each in sure and each.low is not None and each.high is not None:
+                drawn.append(
+                    f'<path d="M {at + 0.5} {place(each.low)} V {place(each.high)}" '
+                    'vector-effect="non-scaling-stroke"/>'
+                )
+        edge = len(told) / 40
+        svg = drawing(drawn, (-edge, -edge), (len(told) + edge, len(told) + edge))
+        return figure(svg, f"{name}, {low:.3g} to {low + span:.3g}, by combination")
 
     @property
     def conditions(self) -> list[Condition]:
@@ -83,11 +123,6 @@ class Results:
             if row.metrics:
                 found[condition_of(row.parameters, self.planned.study)[1:]].append(row)
         return found
-
-    @property
-    def metrics(self) -> tuple[str, ...]:
-        """Names of the metrics that are asked for."""
-        return self.planned.study.metrics
 
 
 def results_of(
@@ -105,13 +140,33 @@ def results_of(
     if planned.study.x == "scene":
         for (_, *group), chosen in list(by_condition.items()):
             by_condition.setdefault((ALL_SCENES, *group), []).extend(chosen)
+    metrics = (*planned.study.metrics, *_spots_left(planned.study.metrics, rows))
     tried = {condition: len(chosen) for condition, chosen in by_condition.items()}
     summaries = {
         (condition, name): Summary(condition, name, _estimate(chosen, name))
         for condition, chosen in by_condition.items()
-        for name in planned.study.metrics
+        for name in metrics
     }
-    return Results(planned, rows, tried, summaries, _differences(planned, by_condition))
+    differences = _differences(planned, metrics, by_condition)
+    return Results(planned, metrics, rows, tried, summaries, differences)
+
+
+def _spots_left(metrics: Sequence[str], rows: Sequence[Row]) -> list[str]:
+    """The number of spots that have a range, by the methods of metrics of spots, where some lack.
+
+    What they say of the spots that are left gets better where the hard ones drop out.
+    """
+    of_spots = [Metric.of(name) for name in metrics if Metric.of(name).quantity.station == "spots"]
+    names = dict.fromkeys(
+        SPOTS_LEFT if metric.method is None else f"{SPOTS_LEFT}[{metric.method}]"
+        for metric in of_spots
+    )
+    values = {name: [row.metrics.get(name) for row in rows] for name in names}
+    return [
+        name
+        for name, left in values.items()
+        if name not in metrics and any(number is not None and number < ALL_SPOTS for number in left)
+    ]
 
 
 def _row(record: Record, evaluations: Mapping[int, Evaluation], combinations: int) -> Row:
@@ -140,16 +195,18 @@ def over_units(rows: Sequence[Row], values: Sequence[float]) -> Estimate:
 
 
 def _differences(
-    planned: PlannedStudy, by_condition: Mapping[Condition, Sequence[Row]]
+    planned: PlannedStudy,
+    metrics: Sequence[str],
+    by_condition: Mapping[Condition, Sequence[Row]],
 ) -> list[Difference]:
     made = []
     first = planned.conditions[0]
     for condition, rows in by_condition.items():
-        for name in planned.study.metrics:
+        for name in metrics:
             if condition != (base := _base(condition, first, planned.study)):
                 estimated = _paired(rows, name, by_condition[base], name)
                 made.append(Difference(condition, name, base, name, estimated))
-            for other in _other_methods(name, planned.study.metrics):
+            for other in _other_methods(name, metrics):
                 estimated = _paired(rows, name, rows, other)
                 made.append(Difference(condition, name, condition, other, estimated))
     return made

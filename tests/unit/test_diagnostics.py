@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.constants import c
 
-from reconstruction import Capture, capture_warnings
+from reconstruction import Capture, capture_warnings, reconstruct
 from reconstruction.capture import PatternTaps
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.operators import PatternPlan, decoder_for, expose
+from reconstruction.ranging import FogOptics, measure_ranges, range_doubts
 
 
 def test_a_good_capture_has_none(capture: Capture) -> None:
@@ -65,7 +66,7 @@ def test_an_ambiguous_spot_is_told(capture: Capture) -> None:
         noise_electrons=1.0,
         excess_noise_factor=1.0,
     )
-    (warning,) = capture_warnings(replace(capture, spots=spots))
+    (warning,) = capture_warnings(replace(capture, spots=spots, truth=None))
     assert warning.startswith("spot 3 is ambiguous")
 
 
@@ -76,14 +77,13 @@ def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
     for beyond in (False, True):
         true = np.array([[4.2, 4.4, limit + (0.01 if beyond else -0.01), 4.8]])
         truth = replace(capture.truth, spot_range_m=true)
-        warnings = capture_warnings(replace(capture, truth=truth))
-        assert len(warnings) == beyond
-        assert all("spot 2 lies at 15.00 m, beyond the 14.99 m" in line for line in warnings)
+        warnings = "; ".join(capture_warnings(replace(capture, truth=truth)))
+        assert ("spot 2 lies at 15.00 m, beyond the 14.99 m" in warnings) == beyond
 
 
 def test_a_range_where_there_is_nothing_is_told(capture: Capture) -> None:
     assert capture.truth is not None
-    truth = replace(capture.truth, spot_range_m=np.array([[4.2, np.nan, 4.6, 4.8]]))
+    truth = replace(capture.truth, spot_range_m=np.array([[4.2, np.nan, 4.3, 4.8]]))
     told = "spot 1 meets nothing: its range is that of noise or fog"
     assert capture_warnings(replace(capture, truth=truth)) == [told]
 
@@ -173,3 +173,58 @@ def test_patterns_that_are_all_the_same_are_told(capture: Capture) -> None:
     )
     warnings = capture_warnings(replace(capture, plan=same, buckets=buckets, spots=None))
     assert "all 128 exposures show pattern 0: there is no image in them" in warnings
+
+
+def test_a_range_that_is_off_by_more_than_noise_is_told(capture: Capture) -> None:
+    assert capture.truth is not None
+    truth = replace(
+        capture.truth, spot_range_m=capture.truth.spot_range_m + np.array([0, 0.7, 0, 0])
+    )
+    (warning,) = capture_warnings(replace(capture, truth=truth))
+    assert warning.startswith("spot 1 is measured 0.70 m too near, beyond its sigma of 0.00")
+
+
+def two_frequencies(capture: Capture, off_m: float) -> Capture:
+    """Taps of 10 and 30 MHz, of which the latter tell the first spot so much farther away."""
+    spots = capture.spots
+    assert spots is not None
+    assert capture.truth is not None
+    phases = np.tile(np.arange(4) * np.pi / 2, 2)
+    frequencies = np.repeat([10e6, 30e6], 4)
+    ranges = capture.truth.spot_range_m[0]
+    paths = ranges + np.linalg.norm(
+        ranges[:, None] * spots.directions - spots.detector_positions_m, axis=1
+    )
+    paths = np.repeat(paths[:, None], 8, axis=1)
+    paths[0, 4:] += 2 * off_m
+    taps = 2e5 + 1e5 * np.cos(2 * np.pi * frequencies / c * paths - phases)
+    changed = replace(
+        spots,
+        taps=taps[None],
+        saturated=np.zeros((1, 4, 8), bool),
+        tap_frequencies_hz=frequencies,
+        tap_phases_rad=phases,
+        phase_offsets_rad=np.zeros(8),
+        noise_electrons=np.full(8, 10.0),
+    )
+    return replace(capture, spots=changed)
+
+
+def test_ranges_of_frequencies_that_differ_are_told_as_perhaps_biased(capture: Capture) -> None:
+    assert "ranging cw" not in reconstruct(two_frequencies(capture, 0.0)).notes
+    result = reconstruct(two_frequencies(capture, 0.2))
+    assert result.notes["ranging cw"].startswith("perhaps biased by fog or further echoes")
+    assert "at spot 0 (4.2" in result.notes["ranging cw"]
+    assert any(warning.startswith("ranging 'cw' is perhaps biased") for warning in result.warnings)
+
+
+def test_a_range_that_a_better_method_does_not_tell_is_perhaps_biased(capture: Capture) -> None:
+    assert capture.spots is not None
+    plain = measure_ranges(capture.spots)
+    fog = FogOptics(0.01, 0.001, 0.1)
+    same = replace(plain, fog=fog)
+    other = replace(plain, fog=fog, range_m=plain.range_m + np.array([0, 0, 1, 0]))
+    assert range_doubts({"cw": plain, "fog": same}, capture.spots) == {}
+    doubts = range_doubts({"cw": plain, "fog": other}, capture.spots)
+    assert list(doubts) == ["cw"]
+    assert doubts["cw"].endswith("at spot 2 (5.30 m by fog)")

@@ -15,8 +15,8 @@ from reconstruction.outputs.pictures import (
     image_picture,
     nothing_picture,
 )
-from reconstruction.outputs.png import png
 from reconstruction.outputs.scale import GREY, VIRIDIS, Scale
+from reconstruction.png import png
 
 
 def opened(content):

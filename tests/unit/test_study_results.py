@@ -75,6 +75,31 @@ def made(folder: Path, lost: tuple[int, ...] = ()) -> Results:
     return results_of(study, records, evaluations)
 
 
+def test_where_spots_are_lost_how_many_are_left_is_told(tmp_path: Path) -> None:
+    """The error of the others falls when the hard ones drop out."""
+    study = planned(tmp_path, study={"metrics": ["range_error_m[cw]"], "rounds": 1})
+
+    def results(left: float) -> Results:
+        parameters = [
+            {"scene": "target-plane", "scene.fog.visibility_m": visibility}
+            for visibility in (20, 100)
+        ]
+        records = [record(index, "target-plane", each) for index, each in enumerate(parameters)]
+        values = dict.fromkeys(QUANTITIES) | {"range_error_m[cw]": 0.1}
+        counts = ({"valid_spots[cw]": left}, {"valid_spots[cw]": 4.0})
+        evaluations = {index: Evaluation(values | each) for index, each in enumerate(counts)}
+        return results_of(study, records, evaluations)
+
+    assert results(4.0).metrics == ("range_error_m[cw]",)
+    lossy = results(3.0)
+    assert lossy.metrics == ("range_error_m[cw]", "valid_spots[cw]")
+    assert [row["mean"] for row in table(summary_csv(lossy)) if "valid" in row["metric"]] == [
+        "3.0",
+        "4.0",
+    ]
+    assert "valid_spots" in [plot.name for plot in study_plots(lossy)]
+
+
 def table(text: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(text)))
 
@@ -134,7 +159,7 @@ def test_scenes_are_the_units_where_there_are_several(tmp_path: Path) -> None:
         value = 1.0 if sample.scene_name == "target-plane" else 3.0
         evaluations[index] = Evaluation(dict.fromkeys(QUANTITIES) | {"range_bias_m": value})
     found = results_of(study, records, evaluations).summaries[(20,), "range_bias_m"].estimate
-    assert (found.n, found.units, found.low, found.high) == (6, 2, 1.0, 3.0)
+    assert (found.n, found.units, found.mean) == (6, 2, 2.0)
 
 
 def test_all_scenes_stand_together_beside_each(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from ..console import print_json, results
 from ..options import Json
-from ..tables import plain_table
+from ..tables import plain_table, print_table
 from .arguments import Folder
 
 EXAMPLE = "spisim dataset status out/fog"
@@ -35,7 +35,7 @@ def command(folder: Folder, json: Json = False) -> None:
         for reason, indices in status.failures.items():
             table.add_row(reason, str(len(indices)), str(indices[0]))
         results.print()
-        results.print(table)
+        print_table(table)
 
 
 def _duration(minutes: float) -> str:

@@ -2,9 +2,9 @@
 
 import typer
 
-from ..console import messages, print_json, progress_bar, results, say, warn
+from ..console import messages, print_json, progress_bar, say, warn
 from ..options import Bar, Json
-from ..tables import plain_table
+from ..tables import plain_table, print_table
 from .arguments import Folder
 
 EXAMPLE = "spisim dataset verify out/fog"
@@ -32,7 +32,7 @@ def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
         table = plain_table("file", "problem", "what")
         for each in findings:
             table.add_row(each.file, each.problem, each.detail)
-        results.print(table)
+        print_table(table)
         messages.print(f"{len(findings)} files are not as they should be.")
     else:
         say(f"All files of {folder} are as they were written.")

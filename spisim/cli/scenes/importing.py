@@ -14,6 +14,7 @@ from reconstruction.errors import InputError
 
 from ..console import print_json, results, say, warn
 from ..options import Json, Overwrite, real_option
+from ..tables import print_table, word_table
 
 if TYPE_CHECKING:
     from spisim.scene.importing import Import
@@ -166,8 +167,6 @@ def _summary(report: Import) -> dict[str, Any]:
 
 
 def _print(report: Import) -> None:
-    from rich.table import Table
-
     size = report.bounds_m[1] - report.bounds_m[0]
     drone = report.drone
     lines = {
@@ -182,11 +181,11 @@ def _print(report: Import) -> None:
     }
     for title, text in lines.items():
         results.print(f"{title:8} {text}", soft_wrap=True)
-    table = Table("in the file", "material", "how", "why", "parts", box=None, header_style="dim")
+    table = word_table("in the file", "material", "how", "why", "parts")
     for match, parts in report.materials:
         table.add_row(match.source, match.material, match.how, match.why, str(parts))
     results.print()
-    results.print(table)
+    print_table(table)
     results.print()
     for note in report.notes:
         results.print(f"note: {note}", soft_wrap=True)

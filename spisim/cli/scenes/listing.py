@@ -8,6 +8,7 @@ import typer
 
 from ..console import print_json, results
 from ..options import Json
+from ..tables import print_table, word_table
 
 if TYPE_CHECKING:
     from spisim.scene.families import Family
@@ -85,9 +86,7 @@ def _range(drawn: dict[str, Any]) -> str:
 
 
 def _print_table(columns: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    from rich.table import Table
-
-    table = Table(*columns, box=None, header_style="dim")
+    table = word_table(*columns)
     for row in rows:
         table.add_row(*row)
-    results.print(table)
+    print_table(table)

@@ -13,7 +13,7 @@ from ..inputs import instrument_with, scene_with
 from ..options import InstrumentOption, Json, Overwrite, SceneArgument, real_option
 from ..outputs import files_read
 from ..outputs import output as named
-from ..tables import plain_table
+from ..tables import plain_table, print_table
 
 if TYPE_CHECKING:
     from spisim.report.scene_view import Spot, Survey
@@ -66,7 +66,9 @@ def _print(found: Survey) -> None:
         table.add_row(f"spot {k}", *_cells(spot))
     table.add_row("farthest in the field", *_cells(found.farthest))
     table.add_row("drone's clearance", f"{found.clearance_m:.3f}", "")
-    results.print(table)
+    print_table(table)
+    for number, why in found.lost.items():
+        results.print(f"spot {number} {why}: it gives no range", style="yellow", soft_wrap=True)
     size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in found.extents_m)
     media = ", ".join(f"{medium['where']}: {medium['kind']}" for medium in found.media)
     results.print(

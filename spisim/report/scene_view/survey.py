@@ -8,7 +8,7 @@ import numpy as np
 from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, needs
 from spisim.scene import Scene
-from spisim.scene.layout import clearance_m, layout_problem
+from spisim.scene.layout import clearance_m, layout_problem, lost_spots
 from spisim.transport import RayCaster
 
 from .cameras import perspective_rays
@@ -30,7 +30,8 @@ class Survey:
     """Distances in metres from the pinhole, over the projector's field; counts; media; lamps.
 
     `nearest` and `farthest` are of the projector's field, `points_m` (n, 3) what is hit there, in
-    the world. `problem` is what makes the scene useless to the instrument, None for nothing.
+    the world. `lost` tells why spots give no range, by their numbers, `problem` what makes the
+    scene useless to the instrument, None for nothing.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Survey:
     triangles: int
     media: list[dict[str, Any]]
     lamps: list[dict[str, Any]]
+    lost: dict[int, str]
     problem: str | None
     points_m: Floats
     nearest_m: Floats  # (3,), where the nearest one is; nan where nothing is
@@ -85,6 +87,7 @@ def survey(scene: Scene, instrument: Instrument, caster: RayCaster) -> Survey:
         triangles=sum(len(thing.mesh.faces) for thing in scene.objects),
         media=scene.media_summary(),
         lamps=[lamp.summary() for lamp in scene.lamps],
+        lost=lost_spots(scene, needs(instrument)),
         problem=layout_problem(scene, needs(instrument)),
         points_m=points,
         nearest_m=origin + field.range_m[near] * rays[1][near] if hit.any() else np.full(3, np.nan),

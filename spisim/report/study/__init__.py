@@ -9,7 +9,7 @@ from spisim.report.page import write_page
 from spisim.report.pictures import data_address
 from spisim.study.metrics import Metric
 from spisim.study.plan import PlannedStudy
-from spisim.study.results import Condition, Results, Row
+from spisim.study.results import SPOTS_LEFT, Condition, Results, Row
 from spisim.study.statistics import FEW_UNITS, Estimate
 
 from .labels import axis_label, condition_label, method_label, metric_label
@@ -27,7 +27,7 @@ MAX_FAILURES = 20
 
 def study_outputs(folder: Path, planned: PlannedStudy) -> list[Output]:
     """Files that a study may leave in its folder beside its data set, those of this layer."""
-    names = [NAME, *(Metric.of(name).kind for name in planned.study.metrics)]
+    names = [NAME, SPOTS_LEFT, *(Metric.of(name).kind for name in planned.study.metrics)]
     plots = [folder / "plots" / f"{name}{suffix}" for name in names for suffix in (".png", ".svg")]
     return [Output(path, KIND) for path in (folder / "report.html", *dict.fromkeys(plots))]
 
@@ -113,7 +113,8 @@ def _warnings(results: Results) -> list[str]:
     if units and min(units) < FEW_UNITS:
         told.append(
             f"Some means rest on {min(units)} independent scenes or rounds: their intervals are "
-            f"too narrow, or missing. Five are needed, ten are better."
+            "wide and hold for normal values alone, or are missing, and plots leave them out. Five "
+            "are needed, ten are better."
         )
     for name in results.metrics:
         lacking = [

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from spisim.report.style import drawn, file_of, plot_style
 from spisim.study.metrics import Metric, Quantity
 from spisim.study.results import Condition, Results, Summary
-from spisim.study.statistics import Estimate
+from spisim.study.statistics import FEW_UNITS, Estimate
 
 from .labels import axis_label, brief, condition_label, group_label, method_label
 
@@ -168,12 +168,16 @@ def draw_estimates(
     estimates: Iterable[Estimate],
     along: str = "y",
 ) -> None:
-    """Means with their intervals at places; `along` is the axis of the metric."""
+    """Means with their intervals at places; `along` is the axis of the metric.
+
+    Intervals of few units are so wide that nothing else would be seen.
+    """
     known = [(at, e) for at, e in zip(places, estimates, strict=True) if e.mean is not None]
     at = np.array([place for place, _ in known])
     means = np.array([e.mean for _, e in known])
-    low = [e.mean if e.low is None else e.low for _, e in known]
-    high = [e.mean if e.high is None else e.high for _, e in known]
+    few = [e.low is None or e.units < FEW_UNITS for _, e in known]
+    low = [e.mean if none else e.low for none, (_, e) in zip(few, known, strict=True)]
+    high = [e.mean if none else e.high for none, (_, e) in zip(few, known, strict=True)]
     bars = np.maximum([means - low, high - means], 0)
     style: Look = {"lw": 1.3, "elinewidth": 1.1, "capsize": 2.5} | look
     if along == "y":

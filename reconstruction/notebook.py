@@ -1,0 +1,64 @@
+"""What objects show of themselves in notebooks: a few words and a picture, in HTML."""
+
+from base64 import b64encode
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .png import png
+
+WIDTH_PX = 220
+"""Of a picture."""
+
+
+def shown(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:
+    """A title, facts by their names, and pictures beside them; whatever it is of, it is escaped."""
+    rows = "".join(
+        f'<tr><th style="text-align:left">{escape(name)}</th>'
+        f'<td style="text-align:left">{escape(str(value))}</td></tr>'
+        for name, value in facts.items()
+    )
+    return (
+        '<div style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start">'
+        f"<div><strong>{escape(title)}</strong><table>{rows}</table></div>{''.join(pictures)}</div>"
+    )
+
+
+def picture(values: ArrayLike, caption: str, unit: str) -> str:
+    """A map (H, W) in grey from its 1st to its 99th percentile; what is not known is blue."""
+    array = np.asarray(values, dtype=np.float64)
+    known = np.isfinite(array)
+    low, high = np.percentile(array[known], (1, 99)) if known.any() else (0.0, 1.0)
+    grey = np.clip((array - low) / max(high - low, 1e-300), 0, 1)
+    levels = (255 * np.where(known, grey, 0)).astype(np.uint8)
+    colours = np.repeat(levels[..., None], 3, axis=-1)
+    colours[~known] = (70, 90, 140)
+    address = b64encode(png(colours, "spisim")).decode()
+    image = (
+        f'<img src="data:image/png;base64,{address}" alt="{escape(caption)}" '
+        f'style="width:{WIDTH_PX}px;image-rendering:pixelated">'
+    )
+    return figure(image, f"{caption}, {low:.3g} (black) to {high:.3g} {unit}")
+
+
+def figure(content: str, caption: str) -> str:
+    """A picture, SVG or other HTML, with words below it."""
+    return (
+        f'<figure style="margin:0;width:{WIDTH_PX}px">{content}<figcaption>{escape(caption)}'
+        "</figcaption></figure>"
+    )
+
+
+def drawing(elements: Iterable[str], low: ArrayLike, high: ArrayLike) -> str:
+    """An SVG of these elements, in coordinates whose corners are low and high, (x, y), y up."""
+    (left, bottom), (right, top) = np.asarray(low, float), np.asarray(high, float)
+    width, height = max(right - left, 1e-9), max(top - bottom, 1e-9)
+    return (
+        f'<svg viewBox="{left:.6g} {-top:.6g} {width:.6g} {height:.6g}" width="{WIDTH_PX}" '
+        f'height="{WIDTH_PX}" fill="none" stroke="currentColor" '
+        'xmlns="http://www.w3.org/2000/svg">'
+        f'<g transform="scale(1,-1)">{"".join(elements)}</g></svg>'
+    )

@@ -1,0 +1,92 @@
+"""Ranges that light which came another way may have biased, by what the readings tell of it."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..arrays import Floats
+from ..capture import Spots
+from ..capture.readings.cw import CwSpots
+from ..constants import c
+from .methods.cw import demodulate, quadrature_weights
+from .ranges import MIN_SIGNAL, Ranges
+
+LEAST_M = 0.05
+"""Ranges that differ by less may do so by calibration."""
+NO_REASONS = ("",) * 4
+
+
+def range_doubts(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str, str]:
+    """A few words about each method whose ranges fog or further echoes may have biased.
+
+    Of methods that take their echo for the only one. It is not, where one that knows better tells
+    another range, and where the ranges of several frequencies differ; each by more than MIN_SIGNAL
+    standard deviations and LEAST_M. A single frequency alone tells nothing.
+    """
+    found = {}
+    for name, ranges in rangings.items():
+        if _knows_better(ranges):
+            continue
+        others = {other: each for other, each in rangings.items() if _knows_better(each)}
+        apart = _by_frequency(spots, ranges) if isinstance(spots, CwSpots) else NO_REASONS
+        told = [_by_others(spot, ranges, others) or apart[spot] for spot in range(4)]
+        doubted = [f"{spot} ({why})" for spot, why in enumerate(told) if why]
+        if doubted:
+            found[name] = (
+                "perhaps biased by fog or further echoes, beyond its sigma, at "
+                f"spot{'s' * (len(doubted) > 1)} {', '.join(doubted)}"
+            )
+    return found
+
+
+def _knows_better(ranges: Ranges) -> bool:
+    return ranges.fog is not None or any(ranges.alternatives)
+
+
+def _by_others(spot: int, ranges: Ranges, others: Mapping[str, Ranges]) -> str:
+    """What a method that knows better tells of a spot; nothing where that is the same."""
+    for name, other in others.items():
+        if ranges.status[spot] == other.status[spot] == "ok":
+            sigma_m = np.hypot(ranges.sigma_m[spot], other.sigma_m[spot])
+            if abs(ranges.range_m[spot] - other.range_m[spot]) > _limit_m(sigma_m):
+                return f"{other.range_m[spot]:.2f} m by {name}"
+    return ""
+
+
+def _by_frequency(spots: CwSpots, ranges: Ranges) -> Sequence[str]:
+    """What each frequency tells of each spot by itself; nothing where they tell the same."""
+    frequencies = np.unique(spots.tap_frequencies_hz)
+    if frequencies.size < 2:
+        return NO_REASONS
+    electrons = spots.electrons(spots.taps[0])
+    variance = spots.variance(electrons)
+    tap_phases = spots.tap_phases_rad - spots.phase_offsets_rad
+    ends = ranges.range_m[:, None] * spots.directions - spots.detector_positions_m
+    paths_m = ranges.range_m + np.linalg.norm(ends, axis=1)
+    off_m, sigma_m = [], []
+    for frequency in frequencies:
+        of = spots.tap_frequencies_hz == frequency
+        inverse = quadrature_weights(tap_phases[of])
+        phase, _, _, sigma = demodulate(electrons[:, of], variance[:, of], inverse)
+        range_per_radian = c / (4 * np.pi * frequency)
+        off = phase - 2 * np.pi * frequency / c * paths_m
+        off_m.append((np.mod(off + np.pi, 2 * np.pi) - np.pi) * range_per_radian)
+        sigma_m.append(sigma * range_per_radian)
+    return [
+        _apart(range_m, off, sigma) if status == "ok" else ""
+        for range_m, status, off, sigma in zip(
+            ranges.range_m, ranges.status, np.transpose(off_m), np.transpose(sigma_m), strict=True
+        )
+    ]
+
+
+def _apart(range_m: float, off_m: Floats, sigma_m: Floats) -> str:
+    """The nearest and the farthest range of the frequencies (J,), if they are not the same."""
+    near, far = int(off_m.argmin()), int(off_m.argmax())
+    if not off_m[far] - off_m[near] > _limit_m(np.hypot(sigma_m[near], sigma_m[far])):
+        return ""
+    return f"{range_m + off_m[near]:.2f} to {range_m + off_m[far]:.2f} m by its frequencies"
+
+
+def _limit_m(sigma_m: float) -> float:
+    return max(MIN_SIGNAL * sigma_m, LEAST_M)

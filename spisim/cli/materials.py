@@ -1,0 +1,83 @@
+"""`spisim materials`: what surfaces can be made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from . import complete
+from .console import print_json, results
+from .options import Json, real_option
+from .tables import print_table, word_table
+
+if TYPE_CHECKING:
+    from spisim.scene.materials import Material
+
+EXAMPLE = "spisim materials concrete --wavelength 905"
+
+
+def command(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="MATERIAL",
+            help="Tell of this one alone, with its source.",
+            autocompletion=complete.materials,
+        ),
+    ] = None,
+    wavelength: Annotated[
+        float, real_option("Of the instrument.", least=800, most=1600, metavar="NM")
+    ] = 1550.0,
+    json: Json = False,
+) -> None:
+    """List the shipped materials: what each reflects at a wavelength, and how."""
+    from spisim.scene.materials import find_material, material_table
+
+    if name is not None:
+        _tell(find_material(name, wavelength_nm=wavelength), wavelength, json)
+        return
+    table = material_table(wavelength)
+    if json:
+        rows = [_summary(material) for material in table.values()]
+        print_json({"wavelength_nm": wavelength, "materials": rows})
+        return
+    shown = word_table("material", f"reflectance at {wavelength:g} nm", "how")
+    for material in table.values():
+        shown.add_row(material.name, f"{material.reflectance:.3g}", _how(material))
+    print_table(shown)
+    results.print(
+        "\nReflectance of the diffuse body, or straight back where there is none. Where one comes "
+        "from: spisim materials NAME",
+        style="dim",
+        soft_wrap=True,
+    )
+
+
+def _tell(material: Material, wavelength_nm: float, json: bool) -> None:
+    if json:
+        print_json({"wavelength_nm": wavelength_nm, **_summary(material)})
+        return
+    numbers = {"reflectance": material.reflectance, **vars(material.bsdf)}
+    results.print(f"{material.name}: {_how(material)}, at {wavelength_nm:g} nm")
+    for field, value in numbers.items():
+        results.print(f"  {field}: {value:.3g}")
+    results.print(f"source: {material.source}", soft_wrap=True)
+
+
+def _how(material: Material) -> str:
+    """The name of its model in scene files."""
+    from spisim.scene.bsdf import BSDFS
+
+    return next(name for name, model in BSDFS.items() if type(material.bsdf) is model)
+
+
+def _summary(material: Material) -> dict[str, Any]:
+    """JSON-ready."""
+    return {
+        "name": material.name,
+        "reflectance": material.reflectance,
+        "bsdf": _how(material),
+        **vars(material.bsdf),
+        "source": material.source,
+    }

@@ -1,0 +1,103 @@
+"""What is released, as a stranger has it: wheel and sdist, outside of the repository; its types."""
+
+import os
+import subprocess
+import sys
+import tarfile
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = """
+import numpy as np
+
+import reconstruction
+import spisim
+
+scene = spisim.load_scene("target-plane")
+instrument = spisim.load_instrument("paper")
+simulation: spisim.Simulation = spisim.simulate(scene, instrument, spp=4, seed=0)
+capture: reconstruction.Capture = simulation.capture
+result = reconstruction.reconstruct(capture, image="zero-filled")
+image: np.ndarray[tuple[int, ...], np.dtype[np.float32]] = result.image
+depth_m = result.depth_m
+assert depth_m is not None and image.shape == depth_m.shape == (64, 64)
+told: str = f"{result.frame} {capture.frames} {spisim.__version__}"
+print(told)
+"""
+
+
+def without_this_repository() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a wheel and an sdist."""
+    folder = tmp_path_factory.mktemp("built")
+    pytest.importorskip("build")
+    command = [sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT)]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder
+
+
+@pytest.mark.slow
+def test_wheel_and_sdist_hold_all_that_is_needed(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    (sdist,) = built.glob("*.tar.gz")
+    packed = set(zipfile.ZipFile(wheel).namelist())
+    assert {
+        "spisim/py.typed",
+        "reconstruction/py.typed",
+        "spisim/shipped/scenes/warehouse.yaml",
+        "spisim/shipped/studies/depth.yaml",
+    } <= packed
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"CHANGELOG.md", "CITATION.cff", "LICENSE", "pyproject.toml", "README.md"} <= names
+
+
+@pytest.mark.slow
+def test_the_wheel_works_outside_of_the_repository(built: Path, tmp_path: Path) -> None:
+    """Its dependencies are those that are here already."""
+    (wheel,) = built.glob("*.whl")
+    venv.create(tmp_path / "venv", with_pip=True, system_site_packages=False)
+    python = tmp_path / "venv" / "bin" / "python"
+    install = [str(python), "-m", "pip", "install", "--quiet", "--no-deps", str(wheel)]
+    subprocess.run(install, check=True, env=without_this_repository())
+    here = [path for path in sys.path if path.endswith("site-packages")]
+    (site,) = (tmp_path / "venv" / "lib").glob("python*/site-packages")
+    (site / "here.pth").write_text("\n".join(here))
+    (tmp_path / "script.py").write_text(SCRIPT)
+    for command in (["script.py"], ["-m", "spisim", "--version"]):
+        run = subprocess.run(
+            [str(python), *command],
+            cwd=tmp_path,
+            env=without_this_repository(),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert run.returncode == 0, run.stderr
+    where = [str(python), "-c", "import spisim; print(spisim.__file__)"]
+    found = subprocess.run(
+        where, cwd=tmp_path, env=without_this_repository(), capture_output=True, text=True
+    )
+    assert found.stdout.startswith(str(tmp_path))
+
+
+@pytest.mark.slow
+def test_a_users_script_passes_the_strictest_type_check(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    run = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--no-incremental", "script.py"],
+        cwd=tmp_path,
+        env={**os.environ, "MYPYPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout

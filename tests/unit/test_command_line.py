@@ -1,0 +1,162 @@
+"""What all commands have in common: version, errors of one line, tables of any width, Tab."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from commands import spisim
+from reconstruction import Capture, write_capture
+from reconstruction.cli import main as rig
+from scenefiles import MINIMAL
+from spisim.cli import app, complete
+from spisim.cli.inputs import scene_with
+from spisim.version import __version__
+
+
+def test_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert spisim("--version").stdout == f"spisim {__version__}\n"
+    with pytest.raises(SystemExit, match="0"):
+        rig(["--version"])
+    assert capsys.readouterr().out == f"spisim-reconstruct {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("simulate warehouse -o c.h5 --spp x", "x is not a whole number"),
+        ("simulate warehouse", "Missing option '--output'"),
+        ("simulate warehose -o c.h5", "did you mean 'warehouse'"),
+        ("scenes shwo", "No such command 'shwo'"),
+        ("dataset status nowhere", "nowhere"),
+        ("materials brik", "unknown material 'brik': did you mean 'brick'"),
+    ],
+)
+def test_an_error_is_one_line_and_with_json_an_object_too(arguments: str, told: str) -> None:
+    run = spisim(*arguments.split())
+    assert (run.exit_code, run.stdout) == (2, "")
+    assert run.stderr.startswith("error: ")
+    assert run.stderr.count("\n") == 1
+    assert told in run.stderr
+    run = spisim(*arguments.split(), "--json")
+    report = json.loads(run.stdout)
+    assert report["status"] == run.exit_code == 2
+    if "No such" not in told:
+        assert told in report["error"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("c.h5 -o r --frame x", "argument --frame: invalid int value: 'x'"),
+        ("c.h5", "the following arguments are required: -o/--output"),
+        ("nowhere.h5 -o r", "nowhere.h5: no such capture file"),
+    ],
+)
+def test_the_rig_tells_errors_alike(
+    arguments: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        raise SystemExit(rig([*arguments.split(), "--json"]))
+    out, error = capsys.readouterr()
+    assert error.startswith("error: ")
+    assert error.count("\n") == 1
+    assert told in error
+    assert told in json.loads(out)["error"]
+
+
+@pytest.mark.parametrize("command", ["budget paper", "materials", "scenes list targets"])
+def test_a_table_loses_nothing_on_40_columns(command: str) -> None:
+    wide = CliRunner().invoke(app, command.split(), env={"COLUMNS": "300"}).stdout
+    narrow = CliRunner().invoke(app, command.split(), env={"COLUMNS": "40"}).stdout
+    assert "…" not in narrow
+    lost = set(wide.replace(",", " ").split()) - set(
+        narrow.replace(",", " ").replace(":", "").split()
+    )
+    assert not {word for word in lost if word[0].isdigit()}
+    assert {"reflectance"} & set(narrow.split()) or "parameter" in narrow
+
+
+def test_what_goes_into_a_file_is_as_wide_as_it_needs(tmp_path: Path) -> None:
+    """Of standard output that is no terminal, nothing is cut off either."""
+    from rich.console import Console
+
+    from spisim.cli import tables
+
+    table = tables.plain_table("first", *(f"column-{n}" for n in range(20)))
+    table.add_row("row", *(f"value-{n}" for n in range(20)))
+    with (tmp_path / "out").open("w") as file, pytest.MonkeyPatch.context() as patch:
+        patch.delenv("COLUMNS", raising=False)
+        patch.setattr(tables, "results", Console(file=file, width=80))
+        tables.print_table(table)
+    head, row = (tmp_path / "out").read_text().splitlines()
+    assert head.split()[1:] == [f"column-{n}" for n in range(20)]
+    assert row.split()[1:] == [f"value-{n}" for n in range(20)]
+
+
+def test_the_rigs_table_is_told_row_by_row_where_it_is_narrow(
+    capture: Capture,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    write_capture(capture, tmp_path / "c.h5")
+    monkeypatch.setenv("COLUMNS", "40")
+    arguments = [str(tmp_path / "c.h5"), "-o", str(tmp_path / "r"), "--image", "zero-filled"]
+    assert rig(arguments) == 0
+    told = capsys.readouterr().out
+    assert "cw: spot 3\n  range / m: 4.800\n" in told
+
+
+def test_a_shell_completes_commands_and_names() -> None:
+    env = {
+        "_SPISIM_COMPLETE": "complete_bash",
+        "COMP_WORDS": "spisim simulate ware",
+        "COMP_CWORD": "2",
+    }
+    assert CliRunner().invoke(app, [], prog_name="spisim", env=env).stdout.split() == ["warehouse"]
+
+
+def test_files_of_the_user_are_completed_beside_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "warm").mkdir()
+    for name in ("wares.yaml", "warm/up.yaml", "ware.txt"):
+        (tmp_path / name).touch()
+    assert complete.scenes("war") == ["warehouse", "wares.yaml", "warm/"]
+    assert complete.scenes("warm/") == ["warm/up.yaml"]
+    assert "paper" in complete.instruments("p")
+    assert complete.studies("fog-and") == ["fog-and-rain"]
+    assert complete.materials("brick-d") == ["brick-dark"]
+    assert complete.scenes("nowhere/x") == []
+
+
+def test_materials_are_listed_with_their_sources() -> None:
+    listed = json.loads(spisim("materials", "--json", "--wavelength", "905").stdout)
+    rows = {row["name"]: row for row in listed["materials"]}
+    assert listed["wavelength_nm"] == 905
+    assert rows["brick"]["reflectance"] == 0.24
+    assert rows["brick"]["bsdf"] == "diffuse"
+    assert "source" in rows["brick"]
+    assert "fired clay" in spisim("materials", "brick").stdout
+
+
+def test_snow_and_smoke_take_the_place_of_the_scenes_own(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(MINIMAL)
+    scene, _ = scene_with(
+        str(tmp_path / "s.yaml"), 1550.0, None, False, snow_mm_per_h=2.0, smoke_m=30.0
+    )
+    kinds = [medium["kind"] for medium in scene.media_summary()]
+    assert "glycol" in " ".join(kinds)
+    assert "snow" in " ".join(kinds)
+
+
+def test_a_spot_that_is_too_faint_is_named_with_what_it_lies_on(tmp_path: Path) -> None:
+    text = MINIMAL + "materials: {soot: {reflectance: 0.0001, source: test}}\n"
+    (tmp_path / "s.yaml").write_text(text.replace("material: concrete", "material: soot"))
+    run = spisim("scenes", "show", tmp_path / "s.yaml", "-o", tmp_path / "s.png", "--json")
+    lost = json.loads(run.stdout)["lost"]
+    assert lost
+    assert all("is too faint" in why and "(soot)" in why for why in lost.values())
