@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 from .. import __version__
 from ..errors import InputError, explain
 from ..text import json_line, printable, write_anything
+from . import completion
 
 COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
@@ -20,8 +21,6 @@ COMMANDS = {
     "replay": ("replay", "capture -> its frames as a stream"),
 }
 """Module of each, imported when it is called, and what it does."""
-COMPLETING = "_ARGCOMPLETE"
-"""What a shell's completion sets, by argcomplete."""
 INTERRUPTED = 130
 
 
@@ -34,9 +33,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
         arguments.insert(0, "reconstruct")
-    parser = _parser(COMMANDS if COMPLETING in os.environ else arguments[:1])
-    if COMPLETING in os.environ:
-        _complete(parser)
+    completing = completion.VARIABLE in os.environ
+    parser = _parser(COMMANDS if completing else arguments[:1])
+    if completing:
+        completion.complete(parser)
     try:
         options = parser.parse_args(arguments)
     except InputError as error:
@@ -60,15 +60,6 @@ def _fail(message: str, as_json: bool, status: int = 2) -> int:
     if as_json:
         print(json_line({"error": line, "status": status}))
     return status
-
-
-def _complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell that asks how a word may go on; without argcomplete there is no answer."""
-    try:
-        import argcomplete
-    except ImportError:
-        sys.exit(1)
-    argcomplete.autocomplete(parser)
 
 
 class _Parser(argparse.ArgumentParser):

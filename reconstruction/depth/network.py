@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
 
 from ..arrays import Floats
 from ..capture import Optics
@@ -64,8 +63,8 @@ class DepthNetwork:
         out = self._evaluated(filled(inputs.maps, MULTIPLE), inputs.numbers)
         out = out[:, :height, :width].astype(np.float64)
         log_sigma = np.clip(out[1], *LOG_SIGMA) + self._calibration
-        start = inputs.start + expit(out[3]) * (inputs.plain - inputs.start)
-        return Told(start + out[0], np.exp(log_sigma), expit(out[2]))
+        start = inputs.start + logistic(out[3]) * (inputs.plain - inputs.start)
+        return Told(start + out[0], np.exp(log_sigma), logistic(out[2]))
 
     def unlike(self, shown: Shown, inputs: Inputs) -> str | None:
         """In what a frame is unlike all that the network has seen, in words; None if in nothing."""
@@ -91,6 +90,11 @@ class DepthNetwork:
         quarter = layer.changed("again", quarter, MIDDLE_BLOCKS)
         kept = positive(kept + channels_as_squares(layer("up", quarter)))
         return channels_as_squares(layer("leave", positive(layer("after", kept))))
+
+
+def logistic(values: Floats) -> Floats:
+    """Of log odds the probability."""
+    return 0.5 + 0.5 * np.tanh(values / 2)
 
 
 FEATURES = (
