@@ -360,9 +360,16 @@ class PlannedSet:
             _dump(files["instrument"]),
             self._instrument_file(instrument).parent,
             drawn.get("wavelength_nm"),
-            View(number, plan.poses, int(stream(seed, "pose", round_).integers(2**62))),
+            View(number, plan.poses, self._pose_seed(round_)),
             {"scene": source.family or name, **told, **parameters, **drawn},
         )
+
+    def _pose_seed(self, round_: int) -> int:
+        """Of a pose of its own, or of the flight of a scene."""
+        poses, seed = self.plan.poses, self.plan.seed
+        if poses.flight_s is None:
+            return int(stream(seed, "pose", round_).integers(2**62))
+        return int(stream(seed, "flight", round_ // poses.count).integers(2**62))
 
     def source_of(self, index: int) -> int:
         """Which of the plan's scenes this sample is of."""

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from reconstruction.errors import InputError
-from spisim.config import Count, NonNegative, Section, dump_yaml, load_yaml
-from spisim.scene import Scene
+from spisim.config import Count, NonNegative, Positive, Section, dump_yaml, load_yaml
+from spisim.scene import Scene, Trajectory, at_moment
 from spisim.scene.assemble import OPTICAL_FROM_BODY
-from spisim.scene.layout import OFFERED, layout_problem
+from spisim.scene.layout import OFFERED, Needs, layout_problem
 from spisim.scene.pose import pose_matrix
 from spisim.scene.rays import first_hits
 
 #: Poses that are tried before a scene counts as too narrow to move in.
 ATTEMPTS = 40
+#: Poses at which a flight is looked at, evenly along it.
+WAY_POINTS = 6
 
 #: Widest angle of a turn, either way.
 Angle = Annotated[NonNegative, Field(le=180)]
@@ -30,13 +32,23 @@ class Poses(Section):
 
     The first is the scene's own. Of the others, offset and turn are uniform within plus and minus
     `offset_m` (forward, left, up) and `turn_deg` (roll, pitch, yaw), in the drone's body frame; one
-    in which a drone cannot fly, behind something, or none of whose lasers meets anything near by,
-    is drawn again from a narrower range.
+    in which a drone cannot fly, behind something, or none of whose lasers meets anything near by
+    (where one does in the scene's own), is drawn again from a narrower range.
+
+    With `flight_s` they are those of a flight of so many seconds, at equal steps of time, straight
+    from the scene's own to one drawn like this; what moves in the scene moves on.
     """
 
     count: Annotated[Count, Field(le=10_000)] = 1
+    flight_s: Positive | None = None
     offset_m: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 0.5)
     turn_deg: tuple[Angle, Angle, Angle] = (5.0, 10.0, 25.0)
+
+    @model_validator(mode="after")
+    def _fly_somewhere(self) -> Self:
+        if self.flight_s is not None and self.count < 2:
+            raise ValueError(f"count: {self.count}; a flight has 2 poses at least")
+        return self
 
 
 def _section(value: Any) -> Any:
@@ -49,7 +61,10 @@ AnyPoses = Annotated[Poses, BeforeValidator(_section, json_schema_input_type=int
 
 @dataclass(frozen=True)
 class View:
-    """One of a scene's poses, by its number, 0 for the scene's own, and what it is drawn from."""
+    """One of a scene's poses, by its number, 0 for the scene's own, and what it is drawn from.
+
+    All poses of a flight have one seed.
+    """
 
     number: int
     around: Poses
@@ -61,27 +76,60 @@ class View:
         Raises InputError where no pose of many is one to fly in, and where the file has a `moment`,
         which sets the pose.
         """
-        if self.number == 0:
+        flight_s = self.around.flight_s
+        if self.number == 0 and flight_s is None:
             return scene
         fields = load_yaml(scene.text, scene.name)
         if fields.get("moment") is not None:
             raise InputError(f"scene {scene.name!r}: a scene at a moment of a flight has one pose")
-        rng = np.random.default_rng(self.seed)
-        problem: str | None = ""
-        for attempt in range(ATTEMPTS):
-            width = (1 - attempt / ATTEMPTS) * rng.uniform(-1, 1, (2, 3))
-            offset_m, turn_deg = np.round(width * (self.around.offset_m, self.around.turn_deg), 4)
-            drawn = pose_matrix(turn_deg, offset_m)
-            moved = scene.drone_pose @ OPTICAL_FROM_BODY @ drawn @ OPTICAL_FROM_BODY.T
-            seen = replace(scene, drone_pose=np.asarray(moved))
-            problem = _behind(scene, seen) or layout_problem(seen, OFFERED)
+        if flight_s is not None:
+            time_s = flight_s * self.number / (self.around.count - 1)
+            return at_moment(scene, self._flight(scene, flight_s).moment(time_s))
+        needs = _needs(scene)
+        for offset_m, turn_deg, seen in self._drawn(scene):
+            problem = _behind(scene, seen) or layout_problem(seen, needs)
             if problem is None:
-                drone = _told(fields.get("drone") or {}, offset_m.tolist(), turn_deg.tolist())
+                drone = _told(fields.get("drone") or {}, offset_m, turn_deg)
                 return replace(seen, text=dump_yaml({**fields, "drone": drone}))
         raise InputError(
             f"scene {scene.name!r}: none of {ATTEMPTS} poses is one to fly in; in the last, "
             f"{problem}"
         )
+
+    def _drawn(self, scene: Scene) -> Iterator[tuple[list[float], list[float], Scene]]:
+        """Offset, turn and the scene from there, from ever narrower ranges."""
+        rng = np.random.default_rng(self.seed)
+        for attempt in range(ATTEMPTS):
+            width = (1 - attempt / ATTEMPTS) * rng.uniform(-1, 1, (2, 3))
+            offset_m, turn_deg = np.round(width * (self.around.offset_m, self.around.turn_deg), 4)
+            drawn = pose_matrix(turn_deg, offset_m)
+            moved = scene.drone_pose @ OPTICAL_FROM_BODY @ drawn @ OPTICAL_FROM_BODY.T
+            yield offset_m.tolist(), turn_deg.tolist(), replace(scene, drone_pose=np.asarray(moved))
+
+    def _flight(self, scene: Scene, flight_s: float) -> Trajectory:
+        """From the scene's own pose to one to fly in, on a way on which all are."""
+        needs = _needs(scene)
+        times = flight_s * np.arange(1, WAY_POINTS + 1) / WAY_POINTS
+        for _, _, end in self._drawn(scene):
+            both = np.stack([scene.drone_pose, end.drone_pose])
+            flight = Trajectory.through(
+                np.array([0.0, flight_s]), both[:, :3, 3], Rotation.from_matrix(both[:, :3, :3])
+            )
+            along = (at_moment(scene, flight.moment(float(time_s))) for time_s in times)
+            problems = (layout_problem(seen, needs) for seen in along)
+            problem = _behind(scene, end) or next(filter(None, problems), None)
+            if problem is None:
+                return flight
+        raise InputError(
+            f"scene {scene.name!r}: none of {ATTEMPTS} flights leads through poses to fly in; in "
+            f"the last, {problem}"
+        )
+
+
+def _needs(scene: Scene) -> Needs:
+    """Of its poses: a spot that returns, unless none does in the scene's own."""
+    own = layout_problem(scene, OFFERED) is None
+    return OFFERED if own else replace(OFFERED, least_spots=0)
 
 
 def _behind(scene: Scene, seen: Scene) -> str | None:

@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice
+from itertools import count, islice
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, Protocol, Self
@@ -31,6 +31,9 @@ WORKER_MEMORY_MB = 700
 GROWTH_MB = 400
 #: or has made this many samples.
 MAX_SAMPLES = 1000
+#: Samples after which compiled kernels are read anew from disk as they are needed: scenes of other
+#: materials and media need others, which add up.
+KERNEL_SAMPLES = 100
 #: Samples among which one of the world that a process has made last is looked for.
 LOOK_AHEAD = 256
 #: Default of the longest that a sample may take.
@@ -183,17 +186,19 @@ def _serve(pipe: Connection, make: Make) -> None:
     """Body of a process: makes what it is told, until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that started this one
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    settled = False
-    while True:
+    for made in count(1):
         try:
             index = pipe.recv()
         except EOFError:
             return
         outcome = make(index)
+        if made % KERNEL_SAMPLES == 0:
+            from spisim.transport.backend import forget_kernels  # slow to import
+
+            forget_kernels()
         _give_back_memory()
-        if not settled:  # what is left, a few hundred modules, need not be looked through again
+        if made == 1:  # what is left, a few hundred modules, need not be looked through again
             gc.freeze()
-            settled = True
         pipe.send((outcome, memory_mb()))
 
 

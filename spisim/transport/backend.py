@@ -45,6 +45,11 @@ def use_threads(count: int) -> None:
     dr.set_thread_count(count)
 
 
+def forget_kernels() -> None:
+    """Free the compiled kernels of this process: those used again are read from disk."""
+    dr.flush_kernel_cache()
+
+
 def _check_llvm() -> None:
     """Dr.Jit has loaded a library by now, or found none; an old one may abort the process."""
     loaded = "no LLVM"

@@ -141,3 +141,24 @@ def test_a_moment_of_a_flight_has_one_pose() -> None:
 def test_poses_that_cannot_be(tmp_path: Path, poses: Any, told: str) -> None:
     with pytest.raises(InputError, match=told):
         planned(tmp_path, poses=poses)
+
+
+def test_a_flight_leads_through_every_scene_at_equal_steps(tmp_path: Path) -> None:
+    plan = planned(tmp_path, poses={"count": 4, "flight_s": 1.5, "offset_m": [1, 1, 0.2]})
+    first, *others = [load(plan.sample(index))[0] for index in range(4)]
+    own = load(planned(tmp_path).sample(0))[0]
+    np.testing.assert_allclose(first.drone_pose, own.drone_pose, atol=1e-12)
+    steps = np.diff([scene.drone_pose[:3, 3] for scene in (first, *others)], axis=0)
+    np.testing.assert_allclose(steps, steps[:1].repeat(3, axis=0), atol=1e-9)
+    for scene in (first, *others):
+        np.testing.assert_allclose(scene.drone_velocity_m_s, steps[0] / 0.5, atol=1e-9)
+        assert layout_problem(scene, OFFERED) is None
+        again = make_scene(scene.text, tmp_path, "again")
+        np.testing.assert_allclose(again.drone_pose, scene.drone_pose, atol=1e-12)
+    elsewhere = load(plan.sample(4))[0], load(plan.sample(5))[0]
+    assert not np.allclose(np.subtract(*(each.drone_pose[:3, 3] for each in elsewhere)), -steps[0])
+
+
+def test_a_flight_of_one_pose_is_none(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"poses.*1; a flight has 2 poses at least"):
+        planned(tmp_path, poses={"flight_s": 2.0})

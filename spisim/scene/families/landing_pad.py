@@ -37,7 +37,7 @@ class LandingPadParameters(Parameters):
     """A pad seen from `height_m` above the ground, its middle `pitch_deg` below the horizon."""
 
     height_m: float = drawn_log(1.6, 6.0, "of the drone above the ground")
-    pitch_deg: float = drawn(12.0, 75.0, "down to the middle of the pad")
+    pitch_deg: float = drawn_log(10.0, 70.0, "down to the middle of the pad")
     pad_m: float = drawn(0.7, 1.2, "side or diameter of the pad")
     turn_deg: float = drawn(-60.0, 60.0, "of the pad; at 0 its H stands upright to us")
     shape: str = one_of("round", "square", text="of the pad")
