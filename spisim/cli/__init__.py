@@ -27,6 +27,7 @@ from . import (
     simulate,
     study,
     transport,
+    view,
     weather,
 )
 from .console import say, warn
@@ -88,6 +89,7 @@ COMMANDS = (
     reconstruct,
     evaluate,
     export,
+    view,
     fly,
     study,
     budget,
