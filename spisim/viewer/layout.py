@@ -8,18 +8,23 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from spisim.dataset.extras import needed
+from spisim.scene import Scene
+from spisim.scene.rays import first_hits
 
+#: Of the way from the drone to a wall behind it, where the eye is at most.
+BEFORE_WALL = 0.7
 #: Where the eye is and what it looks at, in the drone's optical frame: over its right shoulder.
 EYE, TARGET = (0.45, -0.4, -1.1), (0.0, 0.0, 3.0)
 
 
-def layout(pose: Floats) -> Any:
+def layout(pose: Floats, scene: Scene | None) -> Any:
     """A blueprint of Rerun with the eye behind a drone at a pose (4, 4), world from optical frame.
 
     Raises InputError where Rerun is missing.
     """
     rrb = needed("rerun.blueprint", "viewer")
-    eye, target = (pose @ np.array([*point, 1.0]) for point in (EYE, TARGET))
+    back = EYE if scene is None else _inside(scene, pose)
+    eye, target = (pose @ np.array([*point, 1.0]) for point in (back, TARGET))
     looking = rrb.EyeControls3D(
         position=eye[:3], look_target=target[:3], eye_up=-pose[:3, 1], kind=rrb.Eye3DKind.Orbital
     )
@@ -58,3 +63,12 @@ def layout(pose: Floats) -> Any:
         ),
         collapse_panels=True,
     )
+
+
+def _inside(scene: Scene, pose: Floats) -> tuple[float, float, float]:
+    """The eye's place in the optical frame, on this side of what is behind the drone."""
+    way = pose[:3, :3] @ np.array(EYE)
+    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
+    free = float(first_hits(pose[:3, 3], way[None], triangles)[0])
+    x, y, z = (min(1.0, BEFORE_WALL * free) * np.array(EYE)).tolist()
+    return x, y, z

@@ -67,7 +67,7 @@ class Recording:
         if self._begun_ns is None:
             self._begun_ns = sight.shot.stamp_ns
             pose = np.eye(4) if sight.shot.pose is None else sight.shot.pose
-            self._rerun.send_blueprint(layout(pose), recording=stream)
+            self._rerun.send_blueprint(layout(pose, sight.scene), recording=stream)
             style_ranges(self._rerun, stream)
         seconds = (sight.shot.stamp_ns - self._begun_ns) / 1e9
         stream.set_time("time", duration=np.timedelta64(round(1e9 * seconds), "ns"))
