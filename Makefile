@@ -6,12 +6,14 @@ INSTALLED := $(VENV)/.installed
 PYTHONS   := python3.13 python3.12 python3.11 python3
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check clean
+.PHONY: help demo test check docs benchmarks clean
 
 help:
 	@echo 'make demo    simulate a flight over a foggy warehouse and reconstruct it, into out/demo'
 	@echo 'make test    lint, type check and fast tests'
 	@echo 'make check   make test and the slow tests'
+	@echo 'make docs    the documentation site, into out/site'
+	@echo 'make benchmarks  measure everything anew, hours, into the tables of the pages'
 	@echo 'make clean   remove the virtual environment, caches and out/'
 
 demo: $(INSTALLED)
@@ -24,8 +26,17 @@ test: $(INSTALLED)
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2 --dist loadfile
 
-check: test
+check: test docs
 	$(BIN)/pytest -m slow
+
+docs: $(VENV)/.installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+# Those that put tables into pages; what one promises and misses does not stop the others.
+benchmarks: $(INSTALLED)
+	@missed=; for file in $$(grep -l benchmark_options benchmarks/*.py | grep -v options.py); do \
+	  echo "$$file"; $(BIN)/python "$$file" --markdown || missed="$$missed $$file"; \
+	done; if [ -n "$$missed" ]; then echo "Not kept:$$missed" >&2; exit 1; fi
 
 clean:
 	rm -rf $(VENV) out build *.egg-info .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
@@ -43,6 +54,10 @@ $(BIN)/python:
 	fi; \
 	echo "Making $(VENV) with $$($$found --version)"; \
 	$$found -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
+
+$(VENV)/.installed-docs: $(INSTALLED)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
 
 $(INSTALLED): pyproject.toml | $(BIN)/python
 	@echo 'Installing packages (once, a few minutes)'

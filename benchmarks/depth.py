@@ -2,11 +2,12 @@
 
     python benchmarks/depth.py [--quick] [--json] [--markdown] [--folder out/depth]
 
-200 traced captures and more of each group, weather and preset, which are made on the first run into
-the folder and kept there: interrupted, it goes on where it was. Every depth method gets the ranges
-of plain `cw` and of `fog`. References, on plain ranges: interpolation by inverse distance, and the
-anchored map with constants that stay what they are here, whatever is fitted later. Intervals are
-95 %, by bootstrap over scenes. `--markdown` pastes the tables into docs/depth.md.
+200 traced captures and more of each group and weather, half of each preset, which are made on the
+first run into the folder and kept there: interrupted, it goes on where it was. Every depth method
+gets the ranges of plain `cw` and of `fog`. References, on plain ranges: interpolation by inverse
+distance, and the anchored map with constants that stay what they are here, whatever is fitted
+later. Intervals are 95 %, by bootstrap over scenes. `--markdown` pastes the tables into
+docs/depth.md.
 """
 
 import os

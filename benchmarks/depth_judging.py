@@ -22,6 +22,7 @@ from reconstruction.depth.anchored_prior import AnchoredPrior
 from reconstruction.depth.methods.anchored import Anchored
 from reconstruction.evaluation import depth_metrics
 from reconstruction.image import Imaging
+from reconstruction.reconstructor import USUAL_IMAGES
 
 RANGINGS = ("cw", "fog")
 FROZEN = "anchored, frozen"
@@ -103,7 +104,9 @@ def seconds(case: Case, way: Way, frames: int) -> float:
     """Processor time of a frame by one way alone, from counts to depth: median of so many."""
     capture = read_capture(case.path)
     method, ranging = way
-    reconstructor = Reconstructor(capture.setup, ranging=ranging, depth=method)
+    reconstructor = Reconstructor(
+        capture.setup, image=USUAL_IMAGES[0], ranging=ranging, depth=method
+    )
     frame, taken = capture.frame(0), []
     for _ in range(frames + 1):
         start = time.process_time()

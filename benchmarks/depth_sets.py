@@ -29,7 +29,7 @@ FOGS_M = {"fog 150–500 m": (150.0, 500.0), "fog 50–150 m": (50.0, 150.0)}
 WEATHERS = ("clear", *FOGS_M)
 SEED = 20261123
 CAPTURES = 200
-"""Of each group, weather and preset, at least."""
+"""Of each group and weather, at least, by all presets together."""
 POSES = 2
 """Of each drawn scene."""
 
@@ -63,7 +63,8 @@ def plan_of(group: str, *, quick: bool) -> dict[str, Any]:
     """Plan of a group: every scene or family, weather and preset, as often as it takes."""
     scenes = scenes_of(group)[: 1 if quick else None]
     cells = len(WEATHERS) * len(PRESETS)
-    rounds = 1 if quick else POSES * math.ceil(CAPTURES / len(scenes) / POSES)
+    each = CAPTURES / len(scenes) / len(PRESETS)
+    rounds = 1 if quick else POSES * math.ceil(each / POSES)
     fogs = [
         {"scene.fog": {"kind": {"choice": list(KINDS)}, "visibility_m": {"log_uniform": list(m)}}}
         for m in FOGS_M.values()

@@ -27,6 +27,7 @@ import spisim
 from reconstruction import Capture, Reconstructor, Result
 from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
 from reconstruction.live.links.sockets import TcpListen
+from reconstruction.live.loop import SWIFT_DEPTHS
 from reconstruction.reconstructor import USUAL_IMAGES
 from spisim.paper.checks import Check, Table, surroundings
 
@@ -70,7 +71,7 @@ def main() -> int:
         spisim.load_scene("warehouse"), spisim.load_instrument("paper"), spp=16, frames=DIFFERENT
     ).capture
     frames = round((QUICK_S if options.quick else SECONDS) / frame_period_s(capture.setup))
-    reconstruct = Reconstructor(capture.setup, image=USUAL_IMAGES[0])
+    reconstruct = Reconstructor(capture.setup, image=USUAL_IMAGES[0], depth=SWIFT_DEPTHS)
     expected = [digest(reconstruct(capture.frame(n))) for n in range(DIFFERENT)]
     faults = drawn(frames, np.random.default_rng(0))
     clean, spoilt = run(capture, frames, Faults()), run(capture, frames, faults)

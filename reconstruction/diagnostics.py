@@ -44,6 +44,7 @@ def capture_warnings(capture: Capture, frame: int | None = None) -> list[str]:
     return [
         *([NOT_TRACED] if capture.provenance.is_surrogate else []),
         *_layout_warnings(capture, frames[0]),
+        *_pattern_warnings(capture),
         *_noise_warnings(capture, frames),
         *dict.fromkeys(found),
     ]
@@ -57,6 +58,14 @@ def _layout_warnings(capture: Capture, frame: int) -> list[str]:
     filled = np.where(usable, signal, np.median(signal[usable]))
     doubtful = doubt(capture.plan, filled[None])
     return [] if doubtful is None else [doubtful]
+
+
+def _pattern_warnings(capture: Capture) -> list[str]:
+    """Of patterns that are all the same one."""
+    index = np.concatenate([plan.index for plan in capture.setup.plans])
+    if np.ptp(index) > 0:
+        return []
+    return [f"all {index.size} exposures show pattern {index[0]}: there is no image in them"]
 
 
 def _noise_warnings(capture: Capture, frames: Sequence[int]) -> list[str]:

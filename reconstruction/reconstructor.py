@@ -16,6 +16,7 @@ from .depth import (
     depth_method,
     lacks,
     range_over_depth,
+    unlike,
 )
 from .errors import InputError
 from .image import (
@@ -39,7 +40,7 @@ frame to frame: their images depend on which frames were reconstructed before.
 """
 
 USUAL_IMAGES = ("edge-preserving", "pursuit", BASELINE)
-USUAL_DEPTHS = ("anchored", "nearest", "dense")
+USUAL_DEPTHS = ("learned", "anchored", "nearest", "dense")
 LEAD = 64
 """Frames before one from which methods that carry something from frame to frame learn."""
 
@@ -268,7 +269,10 @@ def _depth_names(names: Names, setup: Setup) -> list[str]:
     def fits(name: str) -> bool:
         return not lacks(DEPTH_METHODS[name], setup)
 
-    return _listed(names, list(filter(fits, USUAL_DEPTHS)), DEPTH_METHODS, fits)
+    def suits(name: str) -> bool:
+        return fits(name) and unlike(DEPTH_METHODS[name], setup) is None
+
+    return _listed(names, list(filter(suits, USUAL_DEPTHS)), DEPTH_METHODS, fits)
 
 
 def _listed(

@@ -16,15 +16,17 @@ import hashlib
 import json
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from threadpoolctl import threadpool_limits
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits, pixel_shuffle, pixel_unshuffle
+from torch.utils.data import DataLoader, IterableDataset
 
 from depth_frames import PLAN
 from reconstruction.capture import Optics
@@ -146,6 +148,21 @@ class Frames:
         return stacked([varied(self.shown[n], self.depth_m[n], rng) for n in chosen])
 
 
+class Batches(IterableDataset[list[Tensor]]):
+    """Batches of frames, without end."""
+
+    def __init__(self, frames: Frames) -> None:
+        super().__init__()
+        self._frames = frames
+
+    def __iter__(self) -> Iterator[list[Tensor]]:
+        """The same ones every time."""
+        threadpool_limits(1)
+        rng = np.random.default_rng(SEED)
+        while True:
+            yield self._frames.batch(rng)
+
+
 def from_arrays(told: dict[str, Any]) -> Shown:
     """What `depth_frames.to_arrays` told."""
     names = ("noise", "share", "reach_m", "extinction_per_m", "backscatter_per_m_sr")
@@ -232,7 +249,7 @@ def trained(
     train: Frames, aside: Frames, steps: int, minutes: float, start: Path | None
 ) -> tuple[Net, int]:
     """The mean of the weights over the last steps, and how many there were."""
-    rng = np.random.default_rng(SEED)
+    batches = iter(DataLoader(Batches(train), batch_size=None, num_workers=1, prefetch_factor=8))
     net = Net()
     if start is not None:
         told = np.load(start)
@@ -246,8 +263,10 @@ def trained(
     recent: Counter[str] = Counter()
     while done < 1:
         optimiser.param_groups[0]["lr"] = RATE * rate(done)
-        maps, numbers, first, log_depth = train.batch(rng)
-        loss, parts = loss_of(net(_last(maps), numbers), first, log_depth)
+        maps, numbers, first, log_depth = next(batches)
+        with torch.autocast("cpu", torch.bfloat16):
+            out = net(_last(maps), numbers)
+        loss, parts = loss_of(out.float(), first, log_depth)
         optimiser.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(net.parameters(), 1.0)

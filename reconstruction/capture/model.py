@@ -68,10 +68,16 @@ class Truth:
     image_error: Annotated[
         Image, Stored("electron", ("truths", "height", "width"), "float32", nan=True)
     ]
-    range_m: Annotated[Image, Stored("m", ("truths", "height", "width"), "float32", nan=True)]
-    depth_m: Annotated[Image, Stored("m", ("truths", "height", "width"), "float32", nan=True)]
-    reflectance: Annotated[Image, Stored("1", ("truths", "height", "width"), "float32", nan=True)]
-    spot_range_m: Annotated[Floats, Stored("m", ("truths", 4), nan=True)]
+    range_m: Annotated[
+        Image, Stored("m", ("truths", "height", "width"), "float32", "not negative", nan=True)
+    ]
+    depth_m: Annotated[
+        Image, Stored("m", ("truths", "height", "width"), "float32", "not negative", nan=True)
+    ]
+    reflectance: Annotated[
+        Image, Stored("1", ("truths", "height", "width"), "float32", "not negative", nan=True)
+    ]
+    spot_range_m: Annotated[Floats, Stored("m", ("truths", 4), sign="not negative", nan=True)]
 
     @classmethod
     def of(cls, frames: Sequence[FrameTruth], *, still: bool = False) -> Self:

@@ -50,6 +50,8 @@ class Stored(NamedTuple):
             raise InputError(f"{name} must hold numbers, found {value.dtype}")
         if not self.nan and not np.isfinite(value).all():
             raise InputError(f"{name} holds values that are not finite")
+        if np.isinf(value).any():
+            raise InputError(f"{name} holds infinite values; nan stands for what is not known")
         if dtype.kind == "i" and value.size:
             limits = np.iinfo(dtype)
             if not (value.min() >= limits.min and value.max() <= limits.max):

@@ -1,7 +1,7 @@
 """From image, ranges and readings to depth maps: methods, rays, point clouds."""
 
 from .method import REACH_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
-from .methods import DEPTH_METHODS, depth_method, lacks
+from .methods import DEPTH_METHODS, depth_method, lacks, unlike
 from .pointcloud import point_cloud_ply
 from .rays import pixel_of, pixel_rays, range_over_depth
 
@@ -19,4 +19,5 @@ __all__ = [
     "pixel_rays",
     "point_cloud_ply",
     "range_over_depth",
+    "unlike",
 ]

@@ -5,6 +5,7 @@ each square as channels, to an eighth, where its 3 x 3 pixels see a good part of
 `inputs_of` for what it is given.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from ..arrays import Floats
+from ..capture import Optics
 from ..layers import (
     Channels,
     Layers,
@@ -27,7 +29,7 @@ from ..layers import (
 from .rays import pixel_of
 from .shown import NUMBERS, Inputs, Shown
 
-VERSION = 1
+VERSION = 2
 """Of weights, inputs and layers together: what `load` takes."""
 MULTIPLE = 8
 """Sides of what is evaluated; others are mirrored up to one."""
@@ -67,11 +69,13 @@ class DepthNetwork:
 
     def unlike(self, shown: Shown, inputs: Inputs) -> str | None:
         """In what a frame is unlike all that the network has seen, in words; None if in nothing."""
-        for name, value, least, most in zip(
-            FEATURES, features(shown, inputs), *self._limits, strict=True
-        ):
-            if not least <= value <= most:
-                return f"{name} = {value:.3g}, learned from {least:.3g} to {most:.3g}"
+        return self.outside(dict(zip(FEATURES, features(shown, inputs).tolist(), strict=True)))
+
+    def outside(self, told: Mapping[str, float]) -> str | None:
+        """The first of some `FEATURES` that is not as they were, in words; None if all are."""
+        for name, least, most in zip(FEATURES, *self._limits.tolist(), strict=True):
+            if name in told and not least <= told[name] <= most:
+                return f"{name} = {told[name]:.3g}, learned from {least:.3g} to {most:.3g}"
         return None
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
@@ -99,22 +103,27 @@ FEATURES = (
 
 def features(shown: Shown, inputs: Inputs) -> Channels:
     """What `FEATURES` names."""
-    shape = shown.image.shape
     bright = inputs.maps[0]
     slopes = np.mean(np.diff(bright, axis=0) ** 2) + np.mean(np.diff(bright, axis=1) ** 2)
-    places = 2 * (pixel_of(shown.directions, shown.optics, shape) + 0.5) / np.array(shape) - 1
+    rows, columns = shown.image.shape
+    view = of_view((rows, columns), shown.optics, shown.directions)
+    told = dict(zip(NUMBERS, inputs.numbers, strict=True)) | view
+    told |= {"spread of log brightness": bright.std(), "steepness": np.sqrt(slopes)}
+    return np.array([told[name] for name in FEATURES], np.float32)
+
+
+def of_view(shape: tuple[int, int], optics: Optics, directions: Floats) -> dict[str, float]:
+    """The `FEATURES` of field, size of the image and places of the spots."""
+    places = 2 * (pixel_of(directions, optics, shape) + 0.5) / np.array(shape) - 1
     extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
-    told = [
-        *inputs.numbers,
-        shown.optics.tan_half_width,
-        shown.optics.tan_half_height,
-        *shape,
-        bright.std(),
-        np.sqrt(slopes),
-        np.abs(places).max(),
-        extent[1],
-    ]
-    return np.array(told, np.float32)
+    return {
+        "half width": optics.tan_half_width,
+        "half height": optics.tan_half_height,
+        "rows": shape[0],
+        "columns": shape[1],
+        "farthest spot": float(np.abs(places).max()),
+        "spots off a line": float(extent[1]),
+    }
 
 
 def load(file: Path) -> DepthNetwork:

@@ -31,6 +31,10 @@ SURE = 0.1
 """A range of this relative deviation counts half."""
 VEIL_FROM_M = 0.4
 """Range from which the detector sees the fog that the projector lights."""
+BRIGHTEST = 10.0
+"""Veil over bright pixels: what is brighter is not told apart."""
+DARK = 5
+"""Percentile of dark pixels."""
 MOST_VEIL = 0.95
 """Of the darkest hundredth of the pixels."""
 TYPICAL_LOG_REFLECTANCE = -1.2
@@ -132,7 +136,9 @@ def inputs_of(shown: Shown) -> Inputs:
     near, inverse = np.exp(-squared / (2 * NARROW**2)), 1 / (squared + SOFTENING)
     measured, fitted, sure = shown.plain.weight, shown.fitted.weight, best.weight
     log_depth = np.nan_to_num(best.log_depth)
-    bright, unveiled = _log(shown.image), _log(shown.image - veil(shown, anchors))
+    in_front = veil(shown, anchors)
+    hidden = min(in_front, MOST_VEIL * float(np.percentile(shown.image, 1)))
+    bright, unveiled = _log(shown.image), _log(shown.image - max(hidden, 0.0))
 
     def spread(values: Floats, weight: Floats) -> Floats:
         """Values (4,) between the spots, near 0 far from all that count."""
@@ -171,7 +177,7 @@ def inputs_of(shown: Shown) -> Inputs:
     ]
     return Inputs(
         np.array(maps, np.float32),
-        _numbers(shown, known, reflectance),
+        _numbers(shown, known, reflectance, in_front),
         start.astype(np.float32),
         plain.astype(np.float32),
     )
@@ -180,6 +186,7 @@ def inputs_of(shown: Shown) -> Inputs:
 NUMBERS = (
     *("level", "spread", "ranges", "lost", "deviation", "deviation fitted", "noise", "share"),
     *("extinction", "fog known", "reach", "reflectance", "reflectance known"),
+    *("veil", "darkest"),
 )
 MAPS = 16
 
@@ -195,12 +202,17 @@ def _anchored(shown: Shown, spots: Anchors, places: Floats) -> tuple[Floats, Flo
     return np.log(found.depth_m), np.log(np.clip(found.deviation, *DEVIATION))
 
 
-def _numbers(shown: Shown, known: Floats, reflectance: Floats) -> Channels:
-    """What is the same for all pixels: see `NUMBERS`."""
+def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) -> Channels:
+    """What is the same for all pixels: see `NUMBERS`.
+
+    The veil that the fitted fog would have, over bright pixels, beside what dark ones have: where
+    that is less, there is less fog.
+    """
     best, weight = shown.best, shown.best.weight
     total = max(weight.sum(), 1e-6)
     away = np.nan_to_num(best.log_depth - shown.level)
     foggy = bool(np.isfinite(shown.extinction_per_m))
+    bright = _reference(shown.image)
     numbers = [
         shown.level - np.log(USUAL_M),
         np.sqrt(weight @ away**2 / total),
@@ -209,14 +221,21 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats) -> Channels:
         _mean_deviation(shown.plain),
         _mean_deviation(shown.fitted),
         np.log(np.clip(shown.noise, 1e-4, 10)) / 4,
-        np.log(shown.share) / 4,
+        of_share(shown.share),
         np.log(max(shown.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
         float(foggy),
         np.log(np.clip(shown.reach_m, 1, 100) / 10),
         known @ reflectance / max(known.sum(), 1e-6),
         known.sum() / 4,
+        np.log1p(np.clip(in_front / bright, 0, BRIGHTEST)),
+        np.log1p(np.clip(np.percentile(shown.image, DARK) / bright, -0.5, 1)),
     ]
     return np.array(numbers, np.float32)
+
+
+def of_share(share: float) -> float:
+    """The number "share" of patterns over pixels."""
+    return float(np.log(share)) / 4
 
 
 def _mean_deviation(anchors: Anchors) -> float:
@@ -243,11 +262,15 @@ def veil(shown: Shown, anchors: Floats) -> float:
     in_fog = beta * np.exp(-2 * alpha * VEIL_FROM_M) / VEIL_FROM_M
     seen = between(around(shown.image), anchors[usable])
     scale = float(np.median(seen / (returned + in_fog)))
-    darkest = float(np.percentile(shown.image, 1))
-    return max(min(scale * in_fog, MOST_VEIL * darkest), 0.0)
+    return max(scale * in_fog, 0.0)
 
 
 def _log(image: Floats) -> Floats:
     """Log of brightness over that of bright pixels."""
-    reference = float(np.percentile(image, 90))
+    reference = _reference(image)
     return np.log(np.maximum(image, DARKEST * reference) / reference)
+
+
+def _reference(image: Floats) -> float:
+    """Brightness of bright pixels."""
+    return float(np.percentile(image, 90))

@@ -33,8 +33,10 @@ MAX_CELLS = 2**22
 class Layer(Section):
     """Ground fog: 1 / (1 + exp((z - top) / edge)), dense below its top and nothing above."""
 
-    top_m: Number  # world height at which the density is half of that on the ground
+    top_m: Number
+    """World height at which the density is half of that on the ground."""
     edge_m: Positive
+    """Height over which it falls by e, far above the top."""
 
     def density(self, points: Floats) -> Floats:
         """At world points (..., 3), 0 to 1."""
@@ -48,9 +50,13 @@ class Plume(Section):
     """
 
     source_m: Vector
+    """Where it leaves, world coordinates."""
     direction: Vector
-    width_m: Positive  # standard deviation per axis at the source
+    """In which it goes."""
+    width_m: Positive
+    """Standard deviation across, per axis, at the source."""
     spread: NonNegative = 0.1
+    """Growth of that, per metre of way."""
 
     @model_validator(mode="after")
     def _goes_somewhere(self) -> Plume:
@@ -80,11 +86,17 @@ class Structure(Section):
     """
 
     contrast: Annotated[Number, Field(ge=0, le=3)] = 0.0
+    """Rms of the density over its mean; 0 for no patches."""
     correlation_length_m: Positive = 1.0
+    """Distance at which the correlation of patches is 1/e."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """Other patches for each."""
     wind_m_s: Vector = (0.0, 0.0, 0.0)
+    """Drift of the patches."""
     layer: Layer | None = None
+    """Ground fog."""
     plume: Plume | None = None
+    """Smoke from a source."""
 
     @property
     def drifts(self) -> bool:

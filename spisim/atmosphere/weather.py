@@ -36,8 +36,11 @@ class Falling(Weather):
     of_medium: ClassVar[frozenset[str]]
     of_drops: ClassVar[frozenset[str]] = frozenset({"wind_m_s"})
     rate_mm_per_h: Positive
+    """Rate, as water."""
     model: Literal["medium", "drops"] = "medium"
+    """A smooth medium, or single drops that cross the beams."""
     wind_m_s: Vector = (0.0, 0.0, 0.0)
+    """What the drops drift with; goes with `drops`."""
 
     @model_validator(mode="after")
     def _fields_of_its_model(self) -> Falling:

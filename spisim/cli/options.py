@@ -7,9 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
+from reconstruction.errors import InputError
 
-def number_option(least: int, most: int, text: str) -> Any:
-    """An option that takes a whole number; what it refuses, it names."""
+
+def number_option(least: int, most: int, text: str, usual: int | None = None) -> Any:
+    """An option that takes a whole number; what it refuses, it names.
+
+    `usual` is told in place of a default that is None.
+    """
 
     def parse(value: str) -> int:
         with suppress(ValueError):
@@ -17,7 +22,7 @@ def number_option(least: int, most: int, text: str) -> Any:
                 return int(value)
         raise typer.BadParameter(f"{value} is not a whole number from {least} to {most}")
 
-    return typer.Option(parser=parse, metavar="N", help=text)
+    return typer.Option(parser=parse, metavar="N", help=text, show_default=str(usual or "") or True)
 
 
 def real_option(
@@ -33,6 +38,15 @@ def real_option(
         raise typer.BadParameter(f"{value} is not a number{limits}")
 
     return typer.Option(*names, parser=parse, metavar=metavar, help=text)
+
+
+def light_budget(spp: int | None, transport_noise_share: float | None) -> dict[str, Any]:
+    """Arguments of a light transport; InputError where both are given."""
+    if transport_noise_share is None:
+        return {"spp": SPP if spp is None else spp}
+    if spp is not None:
+        raise InputError("--spp and --transport-noise-share exclude each other")
+    return {"transport_noise_share": transport_noise_share}
 
 
 SceneArgument = Annotated[
@@ -51,6 +65,12 @@ InstrumentOption = Annotated[
 Seed = Annotated[int, number_option(0, 2**63 - 1, "Seed of all randomness.")]
 Spp = Annotated[
     int, number_option(1, 2**20, "Light paths per virtual pixel; the error falls as 1/√spp.")
+]
+SPP = 256
+#: Of commands that take the light's error in its place; see `light_budget`.
+SppOrShare = Annotated[
+    int | None,
+    number_option(1, 2**20, "Light paths per virtual pixel; the error falls as 1/√spp.", SPP),
 ]
 NoiseShare = Annotated[
     float | None,

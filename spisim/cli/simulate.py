@@ -42,7 +42,7 @@ def command(
         Literal["traced", "surrogate"],
         typer.Option(help="surrogate: a fast stand-in, to learn from."),
     ] = "traced",
-    spp: opt.Spp = 256,
+    spp: opt.SppOrShare = None,
     transport_noise_share: opt.NoiseShare = None,
     frames: Annotated[int, opt.number_option(1, 10_000, "Frames, one after the other.")] = 1,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False,
@@ -63,6 +63,7 @@ def command(
     from spisim.simulation import simulate
     from spisim.transport import fine_view
 
+    budget = opt.light_budget(spp, transport_noise_share)
     files = [named(output, "simulated capture", frames * BYTES_PER_FRAME)]
     files += [beside(output, "capture report")] if report else []
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
@@ -74,8 +75,7 @@ def command(
             place,
             carried,
             light=light,
-            spp=spp,
-            transport_noise_share=transport_noise_share,
+            **budget,
             seed=seed,
             noise=not noise_free,
             frames=frames,

@@ -24,7 +24,7 @@ def command(
     rain: opt.Rain = None,
     clear: opt.Clear = False,
     seed: opt.Seed = 0,
-    spp: opt.Spp = 256,
+    spp: opt.SppOrShare = None,
     transport_noise_share: opt.NoiseShare = None,
     frequency: Annotated[
         list[float] | None,
@@ -62,6 +62,7 @@ def command(
     from spisim.transport import NEAR_PATH_M, Outputs, PathLengthBins, ground_truth, solve
     from spisim.transport.light_files import light_channels, write_histograms, write_truth
 
+    budget = opt.light_budget(spp, transport_noise_share)
     files = [named(output, "transport image"), beside(output, "histograms")]
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     histograms = files[1].path
@@ -76,8 +77,7 @@ def command(
         light = solve(
             place,
             carried,
-            spp=spp,
-            transport_noise_share=transport_noise_share,
+            **budget,
             seed=seed,
             outputs=outputs,
             progress=advance,

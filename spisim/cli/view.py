@@ -12,9 +12,9 @@ import typer
 
 from reconstruction.errors import InputError
 
-from .console import say, warn
+from .console import print_json, say, warn
 from .inputs import captures_in
-from .options import Methods, Overwrite, number_option
+from .options import Json, Methods, Overwrite, number_option
 
 if TYPE_CHECKING:
     from spisim.viewer import Recording, Sight
@@ -42,6 +42,7 @@ def command(
     ranging: Methods = None,
     depth: Methods = None,
     overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Show scene, drone, spots, clouds, images and readings over time, in the viewer Rerun.
 
@@ -58,7 +59,9 @@ def command(
             _follow(source, recording, frames, methods)
         else:
             _show(_sights(Path(source), methods), recording, frames)
-    if save is not None:
+    if json:
+        print_json({"written": [] if save is None else [save], "frames": recording.frames})
+    elif save is not None:
         say(f"Wrote {save}. Look at it: rerun {save}")
 
 

@@ -3,10 +3,18 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    model_validator,
+)
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from reconstruction.errors import nearest
+from spisim.config.json_schema import add_descriptions, name_bounds
 from spisim.config.messages import show
 
 
@@ -27,7 +35,10 @@ Name = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
 class Section(BaseModel):
-    """Base of every part of a configuration file: no unknown fields, no NaN, immutable."""
+    """Base of every part of a configuration file: no unknown fields, no NaN, immutable.
+
+    The text below a field is its description in the JSON Schema.
+    """
 
     # Built when first used: what other packages add to a file may import what it is part of.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
@@ -44,6 +55,16 @@ class Section(BaseModel):
                         {"field": show(field), "nearest": nearest(str(field), cls.model_fields)},
                     )
         return data
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        schema = handler(core_schema)
+        section = handler.resolve_ref_schema(schema)
+        name_bounds(section)
+        add_descriptions(section, cls)
+        return schema
 
 
 #: Whether light is traced, or a fast stand-in; see `spisim.transport.surrogate`.

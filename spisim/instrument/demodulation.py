@@ -41,8 +41,11 @@ class Taps(Section):
     """
 
     shape: Literal["rectangular", "sine"] = "rectangular"
+    """Sensitivity of a tap over the period."""
     width: PositiveFraction = 0.25
+    """Part of the period for which a rectangular one is open."""
     arrangement: Literal["parallel", "in-turn"] = "parallel"
+    """All taps at once, or one after the other on one amplifier."""
 
     @property
     def share(self) -> float:
@@ -73,9 +76,13 @@ class Modulation(Section):
     """
 
     frequencies_hz: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=8)]
+    """Modulation frequencies, used one after the other."""
     light: Literal["sine", "square"] = "sine"
-    contrast: PositiveFraction = 1.0  # half the swing of the power over its mean
+    """Wave form of the light."""
+    contrast: PositiveFraction = 1.0
+    """Half the swing of the power over its mean."""
     taps: Taps = Taps()
+    """The demodulating windows."""
 
     @model_validator(mode="after")
     def _frequencies_differ(self) -> Modulation:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from scipy.constants import elementary_charge
 
 from reconstruction.arrays import Floats
@@ -18,6 +18,8 @@ from spisim.instrument.sensors import AnySensor
 
 #: No lens is faster: the sine of its cone would exceed 1.
 MIN_F_NUMBER = 0.5
+#: From the projector; farther is no part of one instrument.
+MAX_DISTANCE_M = 100.0
 
 
 class Amplifier(Section):
@@ -29,9 +31,13 @@ class Amplifier(Section):
     """
 
     noise_pa_per_sqrt_hz: NonNegative
+    """One-sided noise of the current before it."""
     bandwidth_hz: Positive | None = None
+    """Its pole; without, none that matters."""
     coupling: Literal["dc", "ac"] = "dc"
+    """Whether the mean current gets through."""
     low_cut_hz: Positive | None = None
+    """What changes more slowly is taken off; goes with coupling `ac`."""
 
     @model_validator(mode="after")
     def _low_cut_goes_with_ac(self) -> Amplifier:
@@ -53,8 +59,11 @@ class Adc(Section):
     """Analogue-to-digital converter, scaled to primary photo-electrons."""
 
     bits: Annotated[int, Field(ge=1, le=31)]
-    full_scale_electrons: Positive
+    """Resolution."""
+    full_scale_electrons: Annotated[Number, Field(gt=0, le=1e18)]
+    """Primary electrons that fill the range."""
     offset_counts: Annotated[int, Field(ge=0)]
+    """Count of no charge, below the count of saturation."""
 
     @model_validator(mode="after")
     def _offset_leaves_room(self) -> Adc:
@@ -98,15 +107,24 @@ class Detector(Section):
     The lens is told by its f-number or by the diameter of its aperture; étendue gives the other.
     """
 
-    field_of_view_deg: Annotated[Number, Field(gt=0, le=180)]  # full angle of a hard-edged cone
-    vignetting: NonNegative = 0.0  # m: the response falls off with cosᵐ inside the cone
+    field_of_view_deg: Annotated[Number, Field(gt=0, le=180)]
+    """Full angle of a hard-edged cone."""
+    vignetting: NonNegative = 0.0
+    """Exponent m of the response's fall with cosᵐ inside the cone."""
     f_number: Annotated[Number, Field(ge=MIN_F_NUMBER)] | None = None
+    """Of the lens; its diameter follows from étendue. This or `aperture_diameter_mm`."""
     aperture_diameter_mm: Positive | None = None
+    """Diameter of the entrance aperture. This or `f_number`."""
     lens_transmittance: PositiveFraction
+    """Share of the light that gets through the lens."""
     sensor: AnySensor
+    """What turns light into electrons."""
     amplifier: Amplifier | None = None
+    """Amplifier of a photodiode; single-photon diodes have none."""
     adc: Adc | None = None
+    """Converter of a photodiode; single-photon diodes have none."""
     positions_m: tuple[Vector, ...]
+    """Where the photodiodes are, optical frame."""
 
     @property
     def aperture_area_m2(self) -> float:
@@ -159,6 +177,16 @@ class Detector(Section):
             )
         return self
 
+    @field_validator("positions_m")
+    @classmethod
+    def _near_the_projector(cls, positions: tuple[Vector, ...]) -> tuple[Vector, ...]:
+        for position in positions:
+            if math.hypot(*position) > MAX_DISTANCE_M:
+                raise InputError(
+                    f"should be within {MAX_DISTANCE_M:g} m of the projector, the origin"
+                )
+        return positions
+
     @model_validator(mode="after")
     def _charge_is_amplified_and_converted(self) -> Detector:
         counts = self.sensor.counts
@@ -176,6 +204,7 @@ class BucketDetector(Detector):
     """
 
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=64)]
+    """Where the photodiodes are, optical frame; their currents add up."""
 
 
 class TofDetector(Detector):
@@ -186,6 +215,7 @@ class TofDetector(Detector):
     """
 
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=4)]
+    """Where they are, optical frame; four, in the order of the lasers, or one for all."""
 
     @property
     def shared(self) -> bool:

@@ -31,8 +31,10 @@ SETTLING_TIMES = 5
 class EyeSafety(Section):
     """The classes that the maker declares; `spisim budget` computes and compares them."""
 
-    laser_class: Literal["1", "3R", "3B", "4"] | None = None  # IEC 60825-1
-    risk_group: Literal["exempt", "1", "2", "3"] | None = None  # IEC 62471, of the projector
+    laser_class: Literal["1", "3R", "3B", "4"] | None = None
+    """By IEC 60825-1."""
+    risk_group: Literal["exempt", "1", "2", "3"] | None = None
+    """Of the projector, by IEC 62471."""
 
 
 def _pattern_period(fields: dict[str, Any]) -> float:
@@ -48,14 +50,23 @@ class Instrument(Section):
     """
 
     wavelength_nm: Annotated[Number, Field(ge=800, le=1600)]
+    """Of lasers and patterns; within the filter's band."""
     projector: Projector
+    """The LED array."""
     plan: Plan
+    """The patterns that it shows."""
     filter: Filter
+    """The band-pass in front of all detectors."""
     detector: BucketDetector
+    """The single-pixel detector of the patterns."""
     lasers: Lasers
+    """The four beams."""
     tof: AnyTof
+    """How the four spots are ranged."""
     eye_safety: EyeSafety = EyeSafety()
+    """What the maker declares; it is compared, and changes nothing else."""
     exposure_time_s: Positive = Field(default_factory=_pattern_period)
+    """The end of a pattern's period, in which the detector collects; all of it without."""
 
     @property
     def text(self) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -41,7 +42,9 @@ class Spectrum(Section):
     """Emission of an LED, Gaussian over wavelength."""
 
     peak_nm: Positive
+    """Wavelength of the peak."""
     fwhm_nm: Positive
+    """Full width at half maximum."""
 
     def density(self, wavelength_nm: Floats) -> Floats:
         """Share of the power per nanometre."""
@@ -63,20 +66,34 @@ class Projector(Section):
     `in_band_fraction`.
     """
 
-    shape: tuple[Count, Count]  # (H, W) virtual pixels, square ones
-    fov_deg: Annotated[Number, Field(gt=0, lt=180)]  # full angle across the width
-    power_w: Positive  # radiant, with all pixels on
+    shape: tuple[Count, Count]
+    """[rows, columns] of virtual pixels, which are square."""
+    fov_deg: Annotated[Number, Field(gt=0, lt=180)]
+    """Full angle across the width."""
+    power_w: Positive
+    """Radiant power with all pixels on."""
     in_band_fraction: PositiveFraction | None = None
+    """Share of the power within the filter's band. This or `spectrum`."""
     spectrum: Spectrum | None = None
-    pattern_rate_hz: Positive
-    settling_time_s: NonNegative = 0.0  # time constant with which a pattern appears
-    on_off_contrast: Annotated[Number, Field(gt=1)] | None = None  # None: dark pixels are black
-    nonuniformity: Annotated[Number, Field(ge=0, le=0.5)] = 0.0  # rms spread of the pixels' power
-    nonuniformity_seed: Annotated[int, Field(ge=0)] = 0  # another array for each
-    falloff: NonNegative = 0.0  # exponent n of cosⁿθ across the field; 4 for a lens without aids
-    lens_radius_m: NonNegative = 0.0  # 0: a pinhole, sharp everywhere
-    focus_m: Positive = 1.0  # distance at which a lens is sharp
-    modulation: Modulation | None = None  # of the array itself: taps per pattern
+    """Emission of the LEDs. This or `in_band_fraction`."""
+    pattern_rate_hz: Annotated[Number, Field(gt=0, le=1e8)]
+    """Patterns per second."""
+    settling_time_s: NonNegative = 0.0
+    """Time constant with which a pattern appears; a fifth of its period at most."""
+    on_off_contrast: Annotated[Number, Field(gt=1)] | None = None
+    """Power of a lit pixel over that of a dark one; without, dark ones are black."""
+    nonuniformity: Annotated[Number, Field(ge=0, le=0.5)] = 0.0
+    """Rms spread of the pixels' power over its mean."""
+    nonuniformity_seed: Annotated[int, Field(ge=0)] = 0
+    """Another array for each."""
+    falloff: NonNegative = 0.0
+    """Exponent n of cosⁿθ across the field; 4 for a lens without aids."""
+    lens_radius_m: Annotated[Number, Field(ge=0, le=1)] = 0.0
+    """Radius of the lens; 0 is a pinhole, sharp everywhere."""
+    focus_m: Positive = 1.0
+    """Distance at which the lens is sharp."""
+    modulation: Modulation | None = None
+    """Modulation of the array itself, whose detector then gives taps for every pattern."""
 
     @property
     def pixel_shares(self) -> Floats:
@@ -152,14 +169,23 @@ class Plan(Section):
     """
 
     patterns: Count | None = None
+    """How many, the first of the `order`."""
     order: str | None = None
+    """Name of an order of the basis, see below."""
     polarity: Annotated[Polarity | tuple[int, ...], BeforeValidator(_polarity)]
+    """Each pattern and its complement, each once, or a sign for each entry of `index`."""
     index: Annotated[tuple[RowNumber, ...], Field(min_length=1)] | None = None
+    """Numbers of the rows to show, in place of `patterns` and `order`."""
     layout: str | None = None
+    """What `index` counts: the basis's own order (natural), or an order by name."""
     basis: str = "hadamard"
+    """Name of a basis of patterns, see below."""
     patterns_file: Path | None = None
+    """NPY file of transmittances (patterns, rows, columns), or a capture; beside this file."""
     interleave: Annotated[Count, Field(le=MAX_INTERLEAVED)] = 1
+    """Frames until patterns repeat."""
     common: Annotated[Number, Field(ge=0, le=1)] = 0.5
+    """Share of the patterns that all of these frames show."""
 
     def cycle(self, shape: tuple[int, int]) -> tuple[PatternPlan, ...]:
         """The plans of successive frames, over and over; InputError where there are none."""
@@ -205,6 +231,8 @@ class Plan(Section):
 
     @model_validator(mode="after")
     def _rows_are_told_once(self) -> Plan:
+        if self.index is not None and 1 == len(set(self.index)) < len(self.index):
+            raise InputError(f"index shows row {self.index[0]} alone, which makes no image")
         if self.index is None:
             missing = [name for name in ("patterns", "order") if getattr(self, name) is None]
             if missing:
@@ -244,17 +272,22 @@ class Filter(Section):
     """The band-pass in front of all detectors, as a box."""
 
     band_nm: tuple[Positive, Positive]
+    """[lowest, highest] wavelength."""
     transmittance: PositiveFraction
+    """Within the band; nothing passes outside."""
 
 
 class Lasers(Section):
     """Four beams that leave from the projector's pinhole, Gaussian in angle and place."""
 
-    power_w: Positive  # each; mean of continuous light, peak of a pulse
-    divergence_mrad: NonNegative = 0.0  # standard deviation per axis
-    waist_mm: NonNegative = 0.0  # standard deviation per axis of the place of exit
-    # azimuth to the right, then elevation up
+    power_w: Positive
+    """Power of each; mean of continuous light, peak of a pulse."""
+    divergence_mrad: Annotated[Number, Field(ge=0, le=1000)] = 0.0
+    """Standard deviation of the angle, per axis."""
+    waist_mm: Annotated[Number, Field(ge=0, le=1000)] = 0.0
+    """Standard deviation of the place of exit, per axis."""
     directions_deg: Annotated[tuple[tuple[Angle, Angle], ...], Field(min_length=4, max_length=4)]
+    """Four times [azimuth to the right, elevation up]."""
 
     @property
     def directions(self) -> Floats:
@@ -268,3 +301,13 @@ class Lasers(Section):
             ],
             axis=-1,
         )
+
+    @model_validator(mode="after")
+    def _four_different_directions(self) -> Lasers:
+        for one, other in combinations(range(4), 2):
+            if self.directions_deg[one] == self.directions_deg[other]:
+                raise InputError(
+                    f"directions_deg: spots {one} and {other} point the same way, "
+                    f"{list(self.directions_deg[one])}"
+                )
+        return self

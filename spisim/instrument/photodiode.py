@@ -31,7 +31,8 @@ LARGE_MEAN = 1e12
 class Photodiode(Sensor):
     """A sensor whose charge is amplified and converted."""
 
-    responsivity_a_per_w: Spectral  # at unit gain
+    responsivity_a_per_w: Spectral
+    """At unit gain; one value, or rows of wavelength in nm and value."""
 
     def electrons_per_joule(self, wavelength_nm: ArrayLike) -> Floats:
         """Primary electrons per joule on the photodiode."""

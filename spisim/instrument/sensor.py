@@ -82,7 +82,9 @@ class Sensor(Section, ABC):
     """Whether it counts pulses, instead of integrating charge for amplifier and converter."""
 
     photoactive_area_mm2: Positive
+    """Area of one photodiode."""
     fill_factor: PositiveFraction = 1.0
+    """Part of the area that detects."""
 
     if TYPE_CHECKING:  # fields of some sensors, which properties here would stand in the way of
 

@@ -24,7 +24,7 @@ from spisim.scene.placing import Meshes, radians
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
 from spisim.scene.setting import Setting
-from spisim.scene.soundness import warn_of_odd_sizes, warn_of_unsound_meshes
+from spisim.scene.soundness import warn_of_odd_daylight, warn_of_odd_sizes, warn_of_unsound_meshes
 from spisim.scene.volumes import make_volume, warn_of_overlap
 from spisim.scene.warning import SceneWarning
 
@@ -95,9 +95,10 @@ def check_drone(scene: Scene, source: Path | str) -> None:
 
 
 def warn_of_oddities(scene: Scene) -> None:
-    """SceneWarning of unsound meshes, odd sizes, volumes that overlap, and unnatural media."""
+    """SceneWarning of unsound meshes, odd sizes and daylight, overlaps, and unnatural media."""
     warn_of_unsound_meshes(scene)
     warn_of_odd_sizes(scene)
+    warn_of_odd_daylight(scene)
     warn_of_overlap(scene.volumes)
     parts = scene.atmosphere.parts or (scene.atmosphere,)
     for medium in (*parts, *(volume.medium for volume in scene.volumes)):

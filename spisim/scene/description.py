@@ -14,6 +14,7 @@ from spisim.atmosphere.sections.fog import Fog
 from spisim.atmosphere.structure import Structure
 from spisim.atmosphere.weather import Weather
 from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector, named
+from spisim.scene.bsdf import BSDFS, MIN_RETRO_ROUGHNESS, MIN_SPECULAR
 from spisim.scene.lamp_fields import AnyLamp
 
 
@@ -27,12 +28,19 @@ class DroneDescription(Section):
     """
 
     position_m: Vector
+    """Where the projector's pinhole is, in world coordinates."""
     look_at_m: Vector
+    """A point in the middle of the field; another one than the position."""
     up: Vector = (0.0, 0.0, 1.0)
+    """Direction that is up in the picture; not along the line of sight."""
     offset_m: Vector = (0.0, 0.0, 0.0)
+    """Moved by so much from there: [forward, left, up] of the drone."""
     turn_deg: Vector = (0.0, 0.0, 0.0)
+    """Then turned about itself: [roll, pitch, yaw]."""
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    """How it flies while it records, along the world's axes."""
     angular_velocity_deg_s: Vector = (0.0, 0.0, 0.0)
+    """How it turns meanwhile, about the world's axes through the drone."""
 
 
 class Moment(DroneDescription):
@@ -43,6 +51,7 @@ class Moment(DroneDescription):
     """
 
     time_s: NonNegative
+    """So long after the poses that the file gives."""
 
 
 class Pose(Section):
@@ -52,7 +61,9 @@ class Pose(Section):
     """
 
     rotate_deg: Vector = (0.0, 0.0, 0.0)
+    """[roll, pitch, yaw] about the fixed axes x, then y, then z, right-handed."""
     translate_m: Vector = (0.0, 0.0, 0.0)
+    """Moved by so much, after it is turned."""
 
 
 class ObjectDescription(Pose):
@@ -64,46 +75,62 @@ class ObjectDescription(Pose):
     """
 
     name: Name
+    """What messages and other sections call it; no two objects share one."""
     material: Name
+    """A name of the table of materials, or of the scene's own `materials`."""
     scale: Positive = 1.0
+    """Factor on all lengths, before the pose."""
     instances: Annotated[tuple[Pose, ...], Field(min_length=1)] | None = None
+    """A copy for each pose; one copy without."""
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
+    """How it moves while the instrument records, along the world's axes."""
     angular_velocity_deg_s: Vector = (0.0, 0.0, 0.0)
+    """How it turns meanwhile, about the centre of its bounds."""
 
 
 class MeshObject(ObjectDescription):
     """A mesh file (PLY, OBJ, STL, OFF) in metres, z up; its path is relative to the scene file."""
 
     mesh: Name
+    """PLY, OBJ, STL or OFF file, relative to the scene file."""
 
 
 class BoxObject(ObjectDescription):
     """A box with edges `size_m` along x, y, z, centred on the origin."""
 
     shape: Literal["box"]
+    """Told by this word."""
     size_m: tuple[Positive, Positive, Positive]
+    """Edges along x, y and z."""
 
 
 class RectangleObject(ObjectDescription):
     """A rectangle with edges `size_m` along x and y, centred on the origin, facing z."""
 
     shape: Literal["rectangle"]
+    """Told by this word."""
     size_m: tuple[Positive, Positive]
+    """Edges along x and y."""
 
 
 class SphereObject(ObjectDescription):
     """A sphere centred on the origin."""
 
     shape: Literal["sphere"]
+    """Told by this word."""
     radius_m: Positive
+    """Radius."""
 
 
 class CylinderObject(ObjectDescription):
     """A closed cylinder about z, centred on the origin."""
 
     shape: Literal["cylinder"]
+    """Told by this word."""
     radius_m: Positive
+    """Radius."""
     height_m: Positive
+    """Length along z."""
 
 
 SHAPES = ("box", "rectangle", "sphere", "cylinder")
@@ -152,6 +179,11 @@ FractionSpectrum = Annotated[
 ]
 
 
+def _up_to_1(least: float) -> Any:
+    """An optional field whose bounds the model of the surface sees to, told in the JSON Schema."""
+    return Field(None, json_schema_extra={"minimum": least, "maximum": 1})
+
+
 class MaterialDescription(Section):
     """A material of this scene's own; `source` says where its values come from.
 
@@ -160,17 +192,29 @@ class MaterialDescription(Section):
     """
 
     reflectance: FractionSpectrum | None = None
+    """Share of the light that is reflected; left out where it follows from refraction."""
     source: Name
-    bsdf: str = "diffuse"
-    roughness: Number | None = None
+    """Where the values are from."""
+    bsdf: str = Field("diffuse", json_schema_extra={"enum": list(BSDFS)})
+    """Model of how the surface scatters."""
+    roughness: Number | None = _up_to_1(MIN_RETRO_ROUGHNESS)
+    """Width α of the GGX distribution of slopes; at least 0.01 but for `retroreflector`."""
     ior: NumberSpectrum | None = None
+    """Refractive index relative to air; above 1 to 5, of a coat to 3."""
     eta: NumberSpectrum | None = None
+    """Real part of a metal's refractive index; above 0."""
     k: NumberSpectrum | None = None
-    metallic: Number | None = None
-    specular: Number | None = None
-    returned: NumberSpectrum | None = None
+    """Imaginary part of a metal's refractive index; above 0."""
+    metallic: Number | None = _up_to_1(0)
+    """Share of metal in `principled`."""
+    specular: Number | None = _up_to_1(MIN_SPECULAR)
+    """Gloss of `principled`; 0.5 is a refractive index of 1.5."""
+    returned: NumberSpectrum | None = _up_to_1(0)
+    """Share that a `retroreflector` sends back to the source."""
     texture: Name | None = None
+    """Picture that multiplies what is reflected, PNG or NPY; the mesh has coordinates for it."""
     opacity: Fraction | Name | None = None
+    """Share of the surface that is there, or a picture of it."""
 
     def parameters(self) -> dict[str, Spectrum]:
         """Parameters of the model, as far as given."""
@@ -186,8 +230,11 @@ class VolumeDescription(Fog):
     """
 
     name: Name
+    """What messages call it; no two volumes share one."""
     density: Name | None = None
+    """NPY file of relative densities (nz, ny, nx); not beside `structure`."""
     structure: Structure | None = None
+    """Patches, layer or plume to make the density from; the same everywhere without."""
 
     @model_validator(mode="after")
     def _one_density(self) -> VolumeDescription:
@@ -200,25 +247,30 @@ class BoxVolume(Pose, VolumeDescription):
     """A box with edges `size_m`, centred on the origin before its pose."""
 
     size_m: tuple[Positive, Positive, Positive]
+    """Edges along x, y and z."""
 
 
 class BallVolume(Pose, VolumeDescription):
     """A ball centred on the origin before its pose."""
 
     radius_m: Positive
+    """Radius."""
 
 
 class MeshVolume(Pose, VolumeDescription):
     """What a closed mesh encloses, scaled and then posed; light does not notice the mesh itself."""
 
     mesh: Name
+    """Closed mesh, a file relative to the scene file."""
     scale: Positive = 1.0
+    """Factor on all lengths, before the pose."""
 
 
 class ObjectVolume(VolumeDescription):
     """What an object encloses, milk in a glass, and moves with it; its mesh has to be closed."""
 
     object: Name
+    """Name of an object of the scene, whose mesh is closed."""
 
 
 #: How a volume is told apart, by the field that gives its shape.
@@ -243,12 +295,19 @@ class AmbientDescription(Section):
     """Daylight: `sun_klx` on a surface that faces the sun, `sky_klx` on the ground."""
 
     sun_klx: NonNegative = 0.0
-    sun_direction: Vector = (0.0, 0.0, -1.0)  # from the sun into the scene
+    """Illuminance of a surface that faces the sun; 100 is a clear noon."""
+    sun_direction: Vector = (0.0, 0.0, -1.0)
+    """From the sun into the scene, world axes."""
     sky_klx: NonNegative = 0.0
+    """Illuminance of the ground under a uniform sky, without the sun."""
 
 
 _SECTIONS: dict[str, Any] = {
-    name: (Annotated[Weather, named(WEATHER, name)] | None, None) for name in WEATHER
+    name: (
+        Annotated[Weather, named(WEATHER, name)] | None,
+        Field(None, description=f"{name.capitalize()} that fills all of the air."),
+    )
+    for name in WEATHER
 }
 #: What fills all of the air: a section for each kind of weather.
 Air: Any = create_model(
@@ -265,20 +324,30 @@ class Surroundings(Air):
     """
 
     description: str = ""
+    """A line for lists of scenes."""
     materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
+    """Materials of this scene's own, by name; they come before those of the table."""
     material_swaps: dict[Name, Name] = Field(default_factory=dict)
+    """Materials in place of others, wherever those are used."""
     volumes: tuple[AnyVolume, ...] = ()
+    """Fog or smoke in parts of space."""
     lamps: tuple[AnyLamp, ...] = ()
+    """Steady light besides sun and sky."""
     moment: Moment | None = None
+    """A moment of a flight, instead of the file's own poses."""
 
 
 class SceneDescription(Surroundings):
     """A whole scene file."""
 
     name: Name
+    """What captures and reports call the scene."""
     drone: DroneDescription
+    """Where the instrument is."""
     objects: Annotated[tuple[AnyObject, ...], Field(min_length=1)]
+    """What light meets."""
     ambient: AmbientDescription = AmbientDescription()
+    """Daylight."""
 
 
 class DrawnDescription(Surroundings):
@@ -289,9 +358,16 @@ class DrawnDescription(Surroundings):
     """
 
     family: Name
+    """Name of a family; `spisim scenes list` has them."""
     seed: Annotated[int, Field(ge=0)] = 0
+    """Another world for each."""
     name: Name | None = None
+    """What captures and reports call the scene; the family's name and seed without."""
     parameters: dict[Name, Any] = Field(default_factory=dict)
+    """Parameters of the family that are not to be drawn; `spisim scenes list FAMILY`."""
     drone: dict[Name, Any] = Field(default_factory=dict)
+    """Fields of `drone` in place of those drawn, see below."""
     objects: tuple[AnyObject, ...] = ()
+    """Objects in addition to those drawn."""
     ambient: dict[Name, Any] = Field(default_factory=dict)
+    """Fields of `ambient` in place of those drawn, see below."""

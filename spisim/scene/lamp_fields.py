@@ -20,6 +20,7 @@ class LampDescription(Section):
     STRENGTHS: ClassVar[tuple[str, ...]]
 
     name: Name
+    """What messages call it; no two lamps share one."""
 
     @model_validator(mode="after")
     def _one_strength(self) -> LampDescription:
@@ -44,10 +45,15 @@ class AreaLampDescription(LampDescription):
     STRENGTHS = ("radiance_w_per_m2_sr", "power_w", "luminous_flux_lm")
 
     type: Literal["area"]
+    """Told by this word."""
     object: Name
+    """Name of the object whose surface shines."""
     radiance_w_per_m2_sr: Positive | None = None
+    """Radiance of the surface within the band."""
     power_w: Positive | None = None
+    """Power of the whole surface within the band."""
     luminous_flux_lm: Positive | None = None
+    """Luminous flux of the whole surface, taken for daylight's."""
 
 
 class PointLampDescription(LampDescription):
@@ -56,10 +62,15 @@ class PointLampDescription(LampDescription):
     STRENGTHS = ("intensity_w_per_sr", "power_w", "luminous_flux_lm")
 
     type: Literal["point"]
+    """Told by this word."""
     position_m: Vector
+    """Where it is, world coordinates."""
     intensity_w_per_sr: Positive | None = None
+    """Radiant intensity within the band."""
     power_w: Positive | None = None
+    """Power in all directions together, within the band."""
     luminous_flux_lm: Positive | None = None
+    """Luminous flux, taken for daylight's."""
 
 
 class SpotLampDescription(LampDescription):
@@ -72,13 +83,21 @@ class SpotLampDescription(LampDescription):
     STRENGTHS = ("intensity_w_per_sr", "power_w", "luminous_flux_lm")
 
     type: Literal["spot"]
+    """Told by this word."""
     position_m: Vector
+    """Where it is, world coordinates."""
     direction: Vector
+    """Axis of the cone, in which the light goes."""
     cutoff_deg: Annotated[Number, Field(gt=0, le=90)] = 20.0
+    """From the axis to where the light ends."""
     beam_deg: Annotated[Number, Field(ge=0, le=90)] | None = None
-    intensity_w_per_sr: Positive | None = None  # on the axis
+    """From the axis to where it begins to fall; three quarters of the cutoff without."""
+    intensity_w_per_sr: Positive | None = None
+    """Radiant intensity on the axis, within the band."""
     power_w: Positive | None = None
+    """Power of the whole cone within the band."""
     luminous_flux_lm: Positive | None = None
+    """Luminous flux of the whole cone, taken for daylight's."""
 
     @model_validator(mode="after")
     def _beam_within_cutoff(self) -> SpotLampDescription:
@@ -97,9 +116,13 @@ class DirectionalLampDescription(LampDescription):
     STRENGTHS = ("irradiance_w_per_m2", "illuminance_klx")
 
     type: Literal["directional"]
-    direction: Vector  # in which the light goes
+    """Told by this word."""
+    direction: Vector
+    """In which the light goes."""
     irradiance_w_per_m2: Positive | None = None
+    """On a surface that faces it, within the band."""
     illuminance_klx: Positive | None = None
+    """On a surface that faces it, taken for daylight's."""
 
 
 class EnvironmentLampDescription(LampDescription):
@@ -113,10 +136,15 @@ class EnvironmentLampDescription(LampDescription):
     STRENGTHS = ("radiance_w_per_m2_sr", "luminance_kcd_per_m2")
 
     type: Literal["environment"]
+    """Told by this word."""
     radiance_w_per_m2_sr: Positive | None = None
+    """From everywhere, within the band."""
     luminance_kcd_per_m2: Positive | None = None
+    """From everywhere, taken for daylight's."""
     picture: Name | None = None
+    """PNG or NPY file (h, w) of the whole sphere, which multiplies it."""
     rotate_deg: Vector = (0.0, 0.0, 0.0)
+    """Turns the picture, as objects are turned."""
 
 
 AnyLamp = Annotated[

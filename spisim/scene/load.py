@@ -41,8 +41,8 @@ def load_scene(
     YAML, fields that are unknown, missing or out of range, a mesh that is missing or unusable, an
     unknown material or unfit pictures, densities and phase functions, two objects or volumes of one
     name, a drone inside an object, and a family that cannot be drawn so. Warns with SceneWarning of
-    meshes that are no sound surfaces or of odd sizes, volumes that overlap, and weather that nature
-    does not have.
+    meshes that are no sound surfaces or of odd sizes, volumes that overlap, and daylight and
+    weather that nature does not have.
     """
     file = find_named(str(path), scenes_folder(), "scene")
     text = read_text(file)

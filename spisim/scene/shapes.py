@@ -1,5 +1,6 @@
 """Meshes of objects, from files and from simple shapes."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,8 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
         )
     if suffix not in FORMATS:
         raise InputError(f"mesh {path.name!r} has an unknown format; known: {' '.join(FORMATS)}")
+    if suffix == ".obj":
+        check_obj_indices(path.read_bytes(), f"mesh {path.name!r}")
     try:
         mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
     # trimesh's parsers raise whatever their parsing runs into.
@@ -104,6 +107,16 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
         )
     if not mesh.area > 0:
         raise InputError(f"mesh {name!r} has no area: all its triangles are degenerate")
+
+
+def check_obj_indices(data: bytes, name: str) -> None:
+    """InputError for vertex 0 in an OBJ file, whose vertices count from 1.
+
+    trimesh takes it for the last one.
+    """
+    if zero := re.search(rb"^[ \t]*f[ \t](?:[^\r\n]*[ \t])?0+(?=[/\s]|\Z)", data, re.M):
+        line = data.count(b"\n", 0, zero.end()) + 1
+        raise InputError(f"{name}: line {line}: a face of vertex 0; an OBJ file counts from 1")
 
 
 def check_triangles(count: int) -> None:

@@ -1,5 +1,7 @@
 """Meshes that should be closed surfaces and are not, or face the wrong way, or are of odd sizes.
 
+Daylight that the Earth does not have is told, too.
+
 Every surface is lit and seen from both sides, so an unclosed mesh still renders. But it has no
 inside: glass has no thickness there, and nobody can tell whether the drone is in it.
 """
@@ -19,6 +21,8 @@ from spisim.scene.warning import SceneWarning
 THIN_M = 0.001
 #: Beyond this single precision, in which light is traced, is poor: it tells 1 mm apart.
 FAR_M = 10_000.0
+#: The sun above the atmosphere gives a surface that faces it 134 klx.
+MOST_KLX = 150.0
 
 
 def warn_of_unsound_meshes(scene: Scene) -> None:
@@ -56,6 +60,23 @@ def warn_of_odd_sizes(scene: Scene) -> None:
             SceneWarning,
             stacklevel=2,
         )
+
+
+def warn_of_odd_daylight(scene: Scene) -> None:
+    """SceneWarning of a sun that is brighter than ours, and of one below the horizon."""
+    ambient = scene.ambient
+    told = [
+        f"{name} {value:g} is more than the {MOST_KLX:g} klx that daylight has at most"
+        for name, value in (("sun_klx", ambient.sun_klx), ("sky_klx", ambient.sky_klx))
+        if value > MOST_KLX
+    ]
+    if ambient.sun_klx > 0 and ambient.sun_direction[2] > 0:
+        told.append(
+            "sun_direction goes upwards: it is from the sun into the scene, so the sun stands "
+            "below the horizon"
+        )
+    if told:
+        warnings.warn(f"scene {scene.name!r}: {'; '.join(told)}", SceneWarning, stacklevel=2)
 
 
 NON_MANIFOLD = "edges shared by more than two triangles"

@@ -59,7 +59,7 @@ class Recording:
             rr.save(path, recording=self._stream)
         self._space = Space(rr, self._stream)
         self._begun_ns: int | None = None
-        self._number = 0
+        self.frames = 0
 
     def add(self, sight: Sight) -> None:
         """Add a frame."""
@@ -71,8 +71,8 @@ class Recording:
             style_ranges(self._rerun, stream)
         seconds = (sight.shot.stamp_ns - self._begun_ns) / 1e9
         stream.set_time("time", duration=np.timedelta64(round(1e9 * seconds), "ns"))
-        stream.set_time("frame", sequence=self._number)
-        self._number += 1
+        stream.set_time("frame", sequence=self.frames)
+        self.frames += 1
         self._space.draw(sight)
         draw_pictures(self._rerun, stream, sight)
         draw_readings(self._rerun, stream, sight)

@@ -242,7 +242,7 @@ def test_what_is_unlike_all_it_learned_from_gets_the_anchored_map(capture, weigh
     strict = DepthNetwork(weights | {"limits": np.zeros((2, len(FEATURES)))})
     monkeypatch.setattr(learned, "shipped", lambda: strict)
     found, plain = solved(capture)
-    assert "anchored on the spots, not learned: level = " in found.note
+    assert "anchored on the spots, not learned: share = " in found.note
     assert found.nothing is None
     np.testing.assert_array_equal(found.depth_m, plain.depth_m)
 
@@ -339,6 +339,15 @@ def test_features_are_as_many_as_their_names(weights):
     assert weights["limits"].shape == (2, len(FEATURES))
 
 
+def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, monkeypatch):
+    usual = ["learned", "anchored", "nearest"]
+    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual
+    monkeypatch.setattr(learned, "WEIGHTS", learned.WEIGHTS.with_name("missing.npz"))
+    learned.shipped.cache_clear()
+    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual[1:]
+    learned.shipped.cache_clear()
+
+
 def test_measured_depths_join_by_inverse_variance():
     ours = DepthEstimate(
         np.array([[2.0, np.nan, 3.0]]), np.array([[0.2, 0.2, 0.2]]), np.array([[0.1, 0.9, 0.1]])
@@ -348,4 +357,4 @@ def test_measured_depths_join_by_inverse_variance():
     mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / (1 / 0.04 + 1 / 0.01)
     np.testing.assert_allclose(found.depth_m, [[np.exp(mean), 5.0, 3.0]])
     np.testing.assert_allclose(found.deviation, [[(1 / 0.04 + 1 / 0.01) ** -0.5, 0.1, 0.2]])
-    np.testing.assert_allclose(found.nothing, [[0.1, 0.5, 0.1]])
+    np.testing.assert_allclose(found.nothing, [[0.1, learned.LIKELY, 0.1]])

@@ -156,3 +156,20 @@ def test_readings_that_tell_no_image_are_told(capture: Capture) -> None:
         replace(capture, plan=lonely, buckets=two, spots=None, truth=None)
     )
     assert warning.startswith("there is no image: the background cannot be removed")
+
+
+def test_patterns_that_are_all_the_same_are_told(capture: Capture) -> None:
+    same = PatternPlan(
+        capture.plan.shape,
+        np.zeros(128, np.int32),
+        np.ones(128, np.int8),
+        "natural",
+        capture.plan.patterns,
+    )
+    buckets = replace(
+        capture.buckets,
+        counts=capture.buckets.counts[:, :128],
+        saturated=capture.buckets.saturated[:, :128],
+    )
+    warnings = capture_warnings(replace(capture, plan=same, buckets=buckets, spots=None))
+    assert "all 128 exposures show pattern 0: there is no image in them" in warnings

@@ -97,6 +97,20 @@ def test_garbage_is_no_mesh(tmp_path: Path, name: str) -> None:
         load_mesh(path)
 
 
+@pytest.mark.parametrize("face", ["0 1 2", "1 2 0", "1/1 0/2 2/3", "1//1 2//1 00//1"])
+def test_an_obj_file_has_no_vertex_0(tmp_path: Path, face: str) -> None:
+    path = tmp_path / "zero.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 10 10 10\nf 1 2 3\nf {face}\n")
+    with pytest.raises(InputError, match=r"zero\.obj': line 6: a face of vertex 0"):
+        load_mesh(path)
+
+
+def test_zeros_elsewhere_in_an_obj_file_are_fine(tmp_path: Path) -> None:
+    path = tmp_path / "fine.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n# f 0 1 2\n" + "v 0 0 1\n" * 7 + "f 10 2 3\n")
+    assert len(load_mesh(path).faces) == 1
+
+
 def test_truncated_mesh(tmp_path: Path) -> None:
     whole = (scenes_folder() / "meshes" / "pallet.ply").read_bytes()
     path = tmp_path / "half.ply"

@@ -165,7 +165,7 @@ def test_all_are_all_that_there_are_the_usual_first(capture):
     assert list(result.images)[:3] == ["edge-preserving", "pursuit", "zero-filled"]
     assert set(result.images) == set(IMAGE_METHODS) - {"recursive"}  # which needs earlier frames
     assert next(iter(result.rangings)) == "cw"
-    assert list(result.depths)[:2] == ["anchored", "nearest"]
+    assert list(result.depths)[:2] == ["anchored", "nearest"]  # of unlike recordings not learned
     assert "dense" not in result.depths  # there are no taps of every pattern
 
 

@@ -105,3 +105,23 @@ def test_what_is_too_far_away_to_trace_is_refused(load: Load, nonsense: str) -> 
         InputError, match=r"\(box\): reaches 1e\+30.* m from the origin; at most 1e"
     ):
         load(with_objects(f"name: box, shape: box, size_m: [2, 2, 2], {nonsense}, material: brick"))
+
+
+@pytest.mark.parametrize(
+    ("ambient", "told"),
+    [
+        ("sun_klx: 1.0e+9, sun_direction: [0, 0, -1]", "sun_klx 1e+09 is more"),
+        ("sky_klx: 200", "sky_klx 200 is more than the 150 klx that daylight has at most"),
+        ("sun_klx: 90, sun_direction: [1, 0, 0.1]", "the sun stands below the horizon"),
+    ],
+)
+def test_daylight_that_the_earth_does_not_have_is_told(load: Load, ambient: str, told: str) -> None:
+    with pytest.warns(SceneWarning) as caught:
+        load(f"{with_objects()}ambient: {{{ambient}}}\n")
+    (warning,) = caught
+    assert told in str(warning.message)
+
+
+@pytest.mark.parametrize("ambient", ["sun_klx: 130, sky_klx: 20", "sun_direction: [0, 0, 1]"])
+def test_daylight_as_it_is_is_fine(load: Load, ambient: str) -> None:
+    without_warning(load, f"{with_objects()}ambient: {{{ambient}}}\n")

@@ -1,5 +1,7 @@
 """Methods of making depth maps, one module each."""
 
+from collections.abc import Callable
+
 from ...capture import Setup
 from ...errors import InputError
 from ...registry import Registry
@@ -23,3 +25,12 @@ def depth_method(name: str, setup: Setup) -> DepthMethod:
 def lacks(method: DepthMethod, setup: Setup) -> tuple[Need, ...]:
     """What a method needs and a recording has not."""
     return tuple(need for need in method.needs if getattr(setup, need) is None)
+
+
+def unlike(method: DepthMethod, setup: Setup) -> str | None:
+    """Why a method has nothing of its own to tell of a recording, as far as it says; None else.
+
+    A method that was made for some recordings alone tells so by a method of this name.
+    """
+    told: Callable[[Setup], str | None] | None = getattr(method, "unlike", None)
+    return None if told is None else told(setup)

@@ -13,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ...capture import Setup
 from ...capture.readings.cw import CwSpots
 from ...errors import InputError
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
-from ..network import DepthNetwork, load
+from ..network import DepthNetwork, load, of_view
 from ..observer import Observer
-from ..shown import inputs_of
+from ..shown import inputs_of, of_share
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
 
@@ -33,17 +34,29 @@ class Learned:
     title = "learned"
     needs: tuple[Need, ...] = ("optics", "spots")
 
+    def unlike(self, setup: Setup) -> str | None:
+        """Why no frame of a recording is like those learned from, in words; None if some may be."""
+        if not isinstance(setup.spots, CwSpots):
+            return "learned from spots of continuous wave alone"
+        assert setup.optics is not None
+        shape = setup.plan.shape
+        share = of_share(setup.plan.exposures / (shape[0] * shape[1]))
+        try:
+            network = shipped()
+        except InputError as error:
+            return str(error)
+        return network.outside(
+            {"share": share} | of_view(shape, setup.optics, setup.spots.directions)
+        )
+
     def compile(self, context: Context) -> DepthSolver:
         """Solver of one recording's frames."""
         anchored = ANCHORED.compile(context)
-        try:
-            if not isinstance(context.setup.spots, CwSpots):
-                raise InputError("learned from spots of continuous wave alone")
-            network = shipped()
-        except InputError as error:
-            return _Instead(anchored, str(error))
+        unlike = self.unlike(context.setup)
+        if unlike is not None:
+            return _Instead(anchored, unlike)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
-        return LearnedSolver(network, Observer.of(context.setup), anchored, dense)
+        return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense)
 
 
 class LearnedSolver:
@@ -100,7 +113,7 @@ def joined(found: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
         found,
         depth_m=np.where(either, np.exp(log / total), np.nan),
         deviation=np.where(either, total**-0.5, found.deviation),
-        nothing=None if nothing is None else np.where(known & ~seen, 1 - LIKELY, nothing),
+        nothing=None if nothing is None else np.where(known & ~seen, LIKELY, nothing),
     )
 
 

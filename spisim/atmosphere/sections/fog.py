@@ -27,9 +27,15 @@ class PhaseDescription(Section):
     """
 
     g: Annotated[Number, Field(gt=-1, lt=1)] | None = None
+    """Mean cosine of the Henyey-Greenstein function; beside a table, what its mean cosine should
+    be.
+    """
     table: Name | None = None
+    """File of two columns: cosine or angle in degrees, and value."""
     unit: Literal["relative", "1/sr"] = "relative"
+    """Whether the table's values are absolute."""
     blend: Annotated[tuple[BlendPart, ...], Field(min_length=1)] | None = None
+    """Several phase functions, weighted."""
 
     @model_validator(mode="after")
     def _one_way(self) -> PhaseDescription:
@@ -58,6 +64,7 @@ class BlendPart(PhaseDescription):
     """A phase function's share of a blend; the weights sum to 1."""
 
     weight: Positive
+    """Share of this one; they sum to 1."""
 
 
 class DropletDescription(Section):
@@ -69,12 +76,19 @@ class DropletDescription(Section):
     """
 
     alpha: Number | None = None
+    """Exponent of the radius in the modified gamma distribution."""
     gamma: Number | None = None
+    """Exponent of the radius in its exponential."""
     mode_radius_um: Number | None = None
+    """Radius at its peak."""
     median_diameter_um: Number | None = None
+    """Diameter that half of the particles are below, of the log-normal one."""
     sigma_g: Number | None = None
+    """Its geometric standard deviation; above 1."""
     n: Number | None = None
+    """Real part of the particles' refractive index; water's without."""
     k: Number = 0.0
+    """Its imaginary part; goes with `n`."""
 
     @model_validator(mode="after")
     def _one_way(self) -> DropletDescription:
@@ -114,14 +128,23 @@ class Fog(Weather):
     """
 
     visibility_m: Positive | None = None
+    """Meteorological range at 550 nm, by `definition`."""
     liquid_water_g_per_m3: Positive | None = None
+    """Liquid water content; alone, or beside the visibility that it must fit."""
     kind: str = "moderate-radiation"
+    """Name of its droplets' sizes; for fog by visibility or water."""
     droplets: DropletDescription | None = None
+    """Sizes of its own in place of a `kind`."""
     definition: str = "koschmieder"
+    """What visibility means: a contrast of 2 % (koschmieder) or of 5 % (mor)."""
     extinction_per_m: NonNegative | None = None
+    """Extinction, for a medium by its coefficients."""
     albedo: Fraction = 1.0
+    """Share of the light met that is scattered; goes with `extinction_per_m`."""
     g: Annotated[Number, Field(gt=-1, lt=1)] = 0.0
+    """Mean cosine of the scattering angle (Henyey-Greenstein); goes with `extinction_per_m`."""
     phase: AnyPhase | None = None
+    """Form of the phase function by name, or, with `extinction_per_m`, the function itself."""
 
     def made(self, folder: Path, wavelength_nm: float) -> Atmosphere:
         """The medium; one by its coefficients is the same at every wavelength."""

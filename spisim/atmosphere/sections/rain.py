@@ -14,7 +14,9 @@ class Rain(Falling):
 
     of_medium = frozenset({"diffraction"})
     kind: str = "marshall-palmer"
+    """Distribution of drop sizes."""
     diffraction: Diffraction = "remove"
+    """Whether light bent by a milliradian counts as lost; goes with `medium`."""
 
     def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
         """The mean over very many drops, or single ones; see `Weather.made`."""

@@ -19,10 +19,15 @@ class Snow(Falling):
     of_medium = frozenset({"kind"})
     of_drops = Falling.of_drops | {"flake_density_kg_m3", "fall_speed_m_s"}
     kind: str = "wet"
-    albedo: Fraction | None = None  # by the absorption of ice
+    """wet or dry; goes with `medium`."""
+    albedo: Fraction | None = None
+    """Share of the light met that is scattered; by the absorption of ice without."""
     g: Annotated[Number, Field(gt=-1, lt=1)] = SNOW_G
+    """Mean cosine of the scattering angle."""
     flake_density_kg_m3: Positive = FLAKE_KG_PER_M3
+    """Density of flakes; goes with `drops`."""
     fall_speed_m_s: Positive = FLAKE_SPEED_M_S
+    """Speed at which flakes fall; goes with `drops`."""
 
     def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
         """The mean over very many flakes, or single ones; see `Weather.made`."""

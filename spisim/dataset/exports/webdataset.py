@@ -26,14 +26,16 @@ def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -
 
     A sample is `000123.h5` (its capture), `000123.json` (index, scene and parameters) and its
     sidecars. Equal samples give byte-equal shards; each appears whole or not at all. Raises
-    InputError for a set without samples, shards of none, a folder that holds other shards or cannot
-    be written into, and captures that are missing.
+    InputError for a set without samples, shards of none, a folder that lies in the set,
+    holds other shards or cannot be written into, and captures that are missing.
     """
     folder = Path(folder)
     if not samples:
         raise InputError(f"{samples.folder}: there is no finished sample to export")
     if shard_size < 1:
         raise InputError(f"shard_size should be at least 1; found {shard_size}")
+    if folder.resolve().is_relative_to(samples.folder.resolve()):
+        raise InputError(f"{folder} lies in the data set {samples.folder}; choose another folder")
     require_folder(folder)
     batches = [
         list(range(start, min(start + shard_size, len(samples))))

@@ -18,9 +18,13 @@ class Apd(Photodiode):
     """
 
     type: Literal["apd"]
-    dark_current_na: NonNegative  # at the operating gain, taken as multiplied altogether
+    """Told by this word."""
+    dark_current_na: NonNegative
+    """Dark current at the operating gain, taken as multiplied altogether."""
     gain: Annotated[Number, Field(ge=1)]
-    ionisation_ratio: Annotated[Number, Field(ge=0, le=1)]  # k of holes to electrons, or inverse
+    """Electrons per primary electron."""
+    ionisation_ratio: Annotated[Number, Field(ge=0, le=1)]
+    """k of holes to electrons, or its inverse, whichever is below 1."""
 
     @property
     def excess_noise_factor(self) -> float:

@@ -12,7 +12,9 @@ class Pin(Photodiode):
     """Photodiode without gain."""
 
     type: Literal["pin"]
+    """Told by this word."""
     dark_current_na: NonNegative
+    """Dark current."""
 
     @property
     def gain(self) -> float:

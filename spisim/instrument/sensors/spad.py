@@ -42,11 +42,17 @@ class Spad(Sensor):
 
     counts: ClassVar[bool] = True
     type: Literal["spad"]
+    """Told by this word."""
     detection_efficiency: Spectral
+    """Detections per photon; one value, or rows of wavelength in nm and value."""
     dark_count_rate_hz: NonNegative
+    """Dark counts, without their after-pulses."""
     dead_time_s: NonNegative
+    """For which it is blind after a detection."""
     afterpulse_probability: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    """Chance that a detection is followed by a false one."""
     jitter_fwhm_s: NonNegative = 0.0
+    """Full width at half maximum of the time stamp's error, Gaussian."""
 
     @property
     def gain(self) -> float:

@@ -28,10 +28,13 @@ class CwTof(Section):
     """Continuous wave: the phase of modulated light, from four taps per frequency."""
 
     method: Literal["cw"]
+    """Told by this word."""
     modulation: Modulation
-    # accumulated by each tap, for one frame: at all frequencies, or at each of them
+    """Of the lasers."""
     periods: Count | Annotated[tuple[Count, ...], Field(min_length=1)]
+    """Accumulated by each tap for one frame: at all frequencies, or at each of them."""
     detector: TofDetector
+    """The photodiodes of the spots."""
 
     @property
     def unambiguous_range_m(self) -> float:

@@ -34,13 +34,21 @@ class DirectTof(Section):
     """
 
     method: Literal["dtof"]
+    """Told by this word."""
     pulse_fwhm_s: Positive
+    """Full width at half maximum of the pulse of light, Gaussian."""
     pulses: Count
+    """Pulses for one frame."""
     repetition_rate_hz: Positive
+    """Pulses per second; the gate fits between them."""
     bin_width_s: Positive
+    """Width of the histogram's bins."""
     bins: Annotated[int, Field(ge=3, le=2**20)]
+    """Bins of the histogram, which are the gate."""
     threshold_sigma: Annotated[Number, Field(ge=1)] | None = None
+    """Threshold of a photodiode over the rms noise of its current."""
     detector: TofDetector
+    """The detectors of the spots."""
 
     @property
     def gate_s(self) -> float:

@@ -30,13 +30,21 @@ class PulsedTof(Section):
     """
 
     method: Literal["pulsed"]
-    pulse_width_s: Positive  # at half height; of each window too
+    """Told by this word."""
+    pulse_width_s: Positive
+    """Width of the pulse at half its height, and of each window."""
     rise_time_s: NonNegative = 0.0
+    """In which the pulse rises, and falls."""
     windows: Annotated[int, Field(ge=2, le=64)] = 2
+    """Windows for the echo, one after the other."""
     gate_delay_s: NonNegative = 0.0
+    """From the start of the pulse to the first window."""
     pulses: Count
+    """Pulses for one frame."""
     repetition_rate_hz: Positive
+    """Pulses per second."""
     detector: TofDetector
+    """The photodiodes of the spots."""
 
     @property
     def window_starts_s(self) -> tuple[float, ...]:

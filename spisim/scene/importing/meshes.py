@@ -22,7 +22,7 @@ from spisim.scene.importing.model import (
     with_texture_coordinates,
 )
 from spisim.scene.importing.shapes import as_mesh
-from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, texture_coordinates
+from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, check_obj_indices, texture_coordinates
 
 #: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
 CUT_SHORT = "string or file could not be read to its end"
@@ -31,6 +31,7 @@ CUT_SHORT = "string or file could not be read to its end"
 def read_obj(path: Path, folders: Folders) -> Content:
     """Parts of an OBJ file, one per object and material."""
     text = _text(path)
+    check_obj_indices(text.encode(), str(path))
     _refuse_relative_indices(text, path)
     content = Content()
     colors = _material_library(text, path, folders, content)

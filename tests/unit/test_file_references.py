@@ -1,0 +1,107 @@
+"""References of scene and instrument files: of today's program, complete, their examples right."""
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import pytest
+import yaml
+from pydantic import BaseModel, TypeAdapter
+
+import file_references
+from spisim.atmosphere.sections import WEATHER
+from spisim.config import Section
+from spisim.instrument import Instrument
+from spisim.instrument.sensors import SENSORS
+from spisim.instrument.tofs import TOFS
+from spisim.scene.description import DrawnDescription, SceneDescription
+
+EXAMPLES = yaml.safe_load(file_references.EXAMPLES.read_text(encoding="utf-8"))
+ROOTS = [SceneDescription, DrawnDescription, Instrument]
+
+
+def below(section: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    for each in section.__subclasses__():
+        yield each
+        yield from below(each)
+
+
+def sections() -> dict[str, type[BaseModel]]:
+    """Those that scene and instrument files are made of, by name."""
+    for registry in (WEATHER, SENSORS, TOFS):
+        list(registry.values())  # loads them
+    found = {each.__name__: each for each in below(Section) if "families" not in each.__module__}
+    return {name: found[name] for name in definitions()}
+
+
+def definitions() -> dict[str, Any]:
+    found = {}
+    for root in ROOTS:
+        schema = TypeAdapter(root).json_schema()
+        found |= {**schema.pop("$defs"), root.__name__: schema}
+    return found
+
+
+def test_the_pages_are_those_of_the_program() -> None:
+    for path, text in file_references.pages().items():
+        message = f"{path.name}: run python tools/file_references.py"
+        assert path.read_text(encoding="utf-8") == text, message
+
+
+def test_every_field_is_described() -> None:
+    bare = [
+        f"{name}.{field}"
+        for name, section in definitions().items()
+        for field, told in section["properties"].items()
+        if not told.get("description")
+    ]
+    assert not bare
+
+
+def test_bounds_are_those_of_json_schema() -> None:
+    angle = definitions()["Projector"]["properties"]["fov_deg"]
+    assert (angle["exclusiveMinimum"], angle["exclusiveMaximum"]) == (0, 180)
+    assert definitions()["AmbientDescription"]["properties"]["sun_klx"]["minimum"] == 0
+    left = {"gt", "ge", "lt", "le"}
+    assert not [told for told in every_part(definitions()) if left & told.keys()]
+
+
+def every_part(told: Any) -> Iterator[dict[str, Any]]:
+    if isinstance(told, dict):
+        yield told
+    for part in told.values() if isinstance(told, dict) else told if isinstance(told, list) else ():
+        yield from every_part(part)
+
+
+def test_every_example_is_read_by_its_section() -> None:
+    by_name = sections()
+    for name, fields in EXAMPLES.items():
+        section = by_name[name]
+        section.model_rebuild()
+        known = section.model_fields
+        for field, value in fields.items():
+            if field in known:  # sections that are alike share their examples
+                wanted = Annotated[known[field].annotation, None, *known[field].metadata]
+                TypeAdapter(wanted).validate_python(value)
+
+
+def test_every_field_that_holds_no_section_has_an_example() -> None:
+    for path, page in file_references.pages().items():
+        rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| `")]
+        bare = [row[0] for row in rows if len(row) == 6 and "section" not in row[2] and not row[4]]
+        assert not bare, path.name
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("velocity_m_s", "m/s"),
+        ("angular_velocity_deg_s", "°/s"),
+        ("sun_klx", "klx"),
+        ("radiance_w_per_m2_sr", "W/(m² sr)"),
+        ("time_s", "s"),
+        ("albedo", ""),
+        ("gain", ""),
+    ],
+)
+def test_units_are_read_off_names(name: str, unit: str) -> None:
+    assert file_references.unit(name, {"type": "number"}) == unit
