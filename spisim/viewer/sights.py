@@ -47,8 +47,9 @@ def sights_of_captures(
     eyes = _Eyes(methods or {})
     next_ns = 0
     for path in paths:
+        capture = read_capture(path)
         with naming(path):
-            for sight in eyes.of(read_capture(path), path.stem, path.parent, next_ns):
+            for sight in eyes.of(capture, path.stem, path.parent, next_ns):
                 yield sight
                 period_ns = round(1e9 * _period_s(sight.setup))
                 next_ns = sight.shot.stamp_ns + period_ns - period_ns // 2
