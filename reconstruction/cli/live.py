@@ -20,7 +20,8 @@ from .reconstruct import OVERWRITE, STATIONS, names
 EXAMPLE = "python -m reconstruction live tcp-listen://:5800 --to latest --to flight.h5"
 SINKS = (
     "FOLDER (the latest result), FILE.h5 (captures), FILE.stream (frames as they came), "
-    "FILE.jsonl or - (results, a line each), an address as for SOURCE (results), window"
+    "FILE.jsonl or - (results, a line each), FILE.mcap (messages of ROS 2), an address as for "
+    "SOURCE (results), window"
 )
 
 EXPECTED = ("received", "reconstructed", "connections")

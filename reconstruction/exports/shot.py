@@ -1,16 +1,18 @@
 """One frame as other programs take it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from ..capture import Optics, Spots
+from ..capture import Optics, Setup, Spots
 from ..depth import pixel_rays
 from ..errors import InputError
 from ..ranging import Ranges
+from ..result import Result
 
 
 class Intrinsics(NamedTuple):
@@ -44,6 +46,21 @@ class Shot:
     pose: Floats | None = None
     ranges: Ranges | None = None
     spots: Spots | None = None
+    warnings: Sequence[str] = ()
+
+    @classmethod
+    def of(cls, result: Result, setup: Setup, stamp_ns: int, pose: Floats | None = None) -> Self:
+        """What the default methods found in a frame of a recording."""
+        return cls(
+            stamp_ns=stamp_ns,
+            image=result.image,
+            depth_m=result.depth_m,
+            optics=setup.optics,
+            pose=pose,
+            ranges=result.ranges,
+            spots=setup.spots,
+            warnings=result.warnings,
+        )
 
     @property
     def shape(self) -> tuple[int, int]:

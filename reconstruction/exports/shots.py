@@ -52,15 +52,8 @@ def shots_of(
                 if placed is not None and placed.time_s is not None:
                     stamp_ns = round(1e9 * placed.time_s)
                 result = reconstruct(capture.frame(number))
-                yield Shot(
-                    stamp_ns,
-                    result.image,
-                    result.depth_m,
-                    capture.setup.optics,
-                    None if placed is None else placed.pose,
-                    result.ranges,
-                    capture.setup.spots,
-                )
+                pose = None if placed is None else placed.pose
+                yield Shot.of(result, capture.setup, stamp_ns, pose)
                 next_ns = stamp_ns + period_ns // 2
 
 

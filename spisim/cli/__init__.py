@@ -30,6 +30,7 @@ from . import (
     simulate,
     study,
     transport,
+    view,
     weather,
 )
 from .console import fail, warn
@@ -121,6 +122,7 @@ COMMANDS = (
     reconstruct,
     evaluate,
     export,
+    view,
     fly,
     serve,
     study,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .console import print_json, progress_bar, say
+from .console import print_json, progress_bar, results, say
 from .inputs import captures_in
 from .options import Bar, Json, Methods, Overwrite
 
@@ -22,8 +22,7 @@ def _list(wanted: bool) -> None:
     if wanted:
         from reconstruction.exports import EXPORTS
 
-        for name, form in EXPORTS.loadable():
-            say(f"{name}: {form.title}")
+        results.print("\n".join(f"{name}: {form.title}" for name, form in EXPORTS.loadable()))
         raise typer.Exit
 
 

@@ -25,6 +25,8 @@ COMMANDS = [
     "transport",
     "reconstruct",
     "evaluate",
+    "export",
+    "view",
     "fly",
     "serve",
     "budget",

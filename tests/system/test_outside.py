@@ -92,12 +92,14 @@ def python(folder, *arguments):
 
 
 def test_schemas_and_lists_know_it(folder):
-    lists = ("schema instrument", "schema scene", "scenes list", "dataset export --formats")
-    instruments, scenes, families, formats = run(folder, *lists)
+    lists = ("schema instrument", "schema scene", "scenes list", "dataset export --formats",
+             "export --formats")  # fmt: skip
+    instruments, scenes, families, formats, files = run(folder, *lists)
     assert '"cooled"' in instruments
     assert '"dust"' in scenes
     assert "closet" in families
     assert "csv" in formats
+    assert "rows: ranges as rows" in files
 
 
 def test_its_modules_may_be_imported_first(folder):

@@ -1,12 +1,15 @@
 """Scenes out to Blender and Gazebo and in again: the same triangles, names and materials."""
 
 from pathlib import Path
+from xml.etree.ElementTree import parse
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from foreign import assert_same, taken
 from reconstruction.errors import InputError
+from spisim.instrument.gazebo import MODEL, sensor_elements
 from spisim.scene import Scene, load_scene
 from spisim.scene.exporting import export_scene
 from spisim.scene.shapes import texture_coordinates
@@ -56,6 +59,39 @@ def test_daylight_of_gazebo(tmp_path: Path, scene: Scene) -> None:
     ambient = taken(tmp_path / "out.sdf").written.scene.ambient
     assert (ambient.sun_klx, ambient.sky_klx) == pytest.approx((40, 10))
     np.testing.assert_allclose(ambient.sun_direction, (0.6, 0, -0.8), atol=1e-6)
+
+
+def test_a_world_has_the_instruments_sensors(tmp_path: Path, scene: Scene, paper) -> None:
+    """With the geometry that the instrument's file tells; an import takes no notice of them."""
+    sensors = sensor_elements(paper, scene.drone_pose)
+    export_scene(scene, tmp_path / "out.sdf", further=sensors)
+    report = taken(tmp_path / "out.sdf")
+    assert len(report.written.scene.objects) == len(scene.objects)
+    assert not report.warnings
+    bare = taken(export_scene(scene, tmp_path / "bare.sdf")[0], overwrite=True)
+    assert report.notes == bare.notes
+    model = parse(tmp_path / "out.sdf").find(f".//model[@name='{MODEL}']")
+    body = posed(model.findtext("pose"))
+    assert body @ [0, 0, 0, 1] == pytest.approx([-4, 0, 1.5, 1])
+    camera = model.find(".//sensor[@type='rgbd_camera']/camera")
+    assert float(camera.findtext("horizontal_fov")) == pytest.approx(np.radians(20))
+    assert [camera.findtext(f"image/{side}") for side in ("width", "height")] == ["64", "64"]
+    rays = model.findall(".//sensor[@type='gpu_lidar']")
+    forward = [(body @ posed(ray.findtext("pose")))[:3, 0] for ray in rays]
+    expected = paper.lasers.directions @ scene.drone_pose[:3, :3].T
+    np.testing.assert_allclose(forward, expected, atol=1e-12)
+    assert float(rays[0].findtext("lidar/range/max")) == pytest.approx(10)
+    with pytest.raises(InputError, match=r"\.glb has no sensors; those go into worlds of Gazebo"):
+        export_scene(scene, tmp_path / "out.glb", further=sensors)
+
+
+def posed(text: str) -> np.ndarray:
+    """Pose of SDFormat as a matrix: x, y, z, then angles about the fixed x, y, z."""
+    numbers = np.array(text.split(), float)
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler("xyz", numbers[3:]).as_matrix()
+    matrix[:3, 3] = numbers[:3]
+    return matrix
 
 
 def test_what_is_there_stays(tmp_path: Path, scene: Scene) -> None:

@@ -10,21 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from ...files import mark
+from ..clouds import POINT, organised
 from ..export import KIND, Export
 from ..pictures import require_depths
 from ..poses import quaternion_of
 from ..shot import Shot
-
-POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
-
-
-def organised(shot: Shot) -> np.ndarray:
-    """Points (H, W) of `POINT`: metres in the optical frame, and the image's values."""
-    points = np.empty(shot.shape, POINT)
-    for axis, values in zip("xyz", np.moveaxis(shot.points_m, -1, 0), strict=True):
-        points[axis] = values
-    points["intensity"] = shot.image
-    return points
 
 
 def write_pcd(shots: Iterable[Shot], folder: Path) -> None:

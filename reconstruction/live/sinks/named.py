@@ -11,6 +11,7 @@ from ..framing import MAGIC
 from ..links import NewFile, is_link, outlet_to
 from .latest import LatestResult
 from .lines import KIND, JsonLines
+from .mcap import McapRecord
 from .messages import MessageSink
 from .records import CaptureRecord, StreamRecord
 from .sink import Sink
@@ -18,10 +19,12 @@ from .window import WindowSink
 
 WINDOW = "window"
 STREAM = ".stream"
+MCAP = ".mcap"
 ENDINGS = {
     ".jsonl": "results, a line each",
     ".h5 or .hdf5": "captures of the frames",
     STREAM: "the frames as they came",
+    MCAP: "results as messages of ROS 2",
 }
 
 
@@ -40,6 +43,8 @@ def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) ->
         output = Output(path, "stream", sign=MAGIC.decode())
         require_outputs([output], read, overwrite=overwrite)
         return StreamRecord(NewFile(path))
+    if path.suffix == MCAP:
+        return McapRecord(path, read, overwrite=overwrite)
     if path.suffix == ".jsonl":
         require_outputs([Output(path, KIND)], read, overwrite=overwrite)
         return JsonLines(lambda: _opened(path))

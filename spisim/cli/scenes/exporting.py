@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ..console import print_json, say
-from ..inputs import scene_with
+from ..inputs import instrument_with, scene_with
 from ..options import Json, Overwrite, SceneArgument
 from ..outputs import files_read
 
@@ -19,6 +19,13 @@ def command(
         Path,
         typer.Option("--output", "-o", metavar="FILE", help=".glb (Blender) or .sdf (Gazebo)."),
     ],
+    instrument: Annotated[
+        str | None,
+        typer.Option(
+            help="Put an instrument's camera and four rays into a world of Gazebo, where the drone "
+            "is: an instrument file, or the name of a preset."
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -28,12 +35,17 @@ def command(
     light, daylight goes along to Gazebo. Weather, motion and textures stay behind.
     """
     from reconstruction.errors import InputError
+    from spisim.instrument.gazebo import sensor_elements
     from spisim.scene.exporting import export_scene
 
     place, _ = scene_with(str(scene), 1550.0, None, clear=False)
-    if output.exists() and any(output.samefile(path) for path in files_read(scene)):
+    named = [scene] if instrument is None else [scene, instrument]
+    if output.exists() and any(output.samefile(path) for path in files_read(*named)):
         raise InputError(f"{output} is read by this command; give its output another name")
-    files = export_scene(place, output, overwrite)
+    sensors = []
+    if instrument is not None:
+        sensors = sensor_elements(instrument_with(instrument), place.drone_pose)
+    files = export_scene(place, output, overwrite, sensors)
     if json:
         print_json({"written": files, "objects": len(place.objects)})
         return

@@ -2,8 +2,9 @@
 
 import secrets
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from reconstruction.errors import InputError, nearest
 from reconstruction.files import write_atomically
@@ -12,23 +13,28 @@ from spisim.scene.exporting.sdf import sdf_files
 from spisim.scene.model import Scene
 from spisim.scene.write import check_meshes, mesh_folder
 
-#: By suffix: the file of a scene by its name, and those of its folder of meshes by theirs.
-FORMATS: Mapping[str, Callable[[Scene, str], tuple[bytes, dict[str, bytes]]]] = {
+#: By suffix: the file of a scene, and those of its folder of meshes by their names.
+FORMATS: Mapping[str, Callable[[Scene, str, Sequence[Element]], tuple[bytes, dict[str, bytes]]]] = {
     ".glb": glb_files,
     ".sdf": sdf_files,
 }
 
 
-def export_scene(scene: Scene, output: Path, overwrite: bool = False) -> list[Path]:
+def export_scene(
+    scene: Scene, output: Path, overwrite: bool = False, further: Sequence[Element] = ()
+) -> list[Path]:
     """Write a scene as it stands now; the files written.
 
-    Raises InputError for a suffix of no format in `FORMATS`, and where a file is there unless it
+    A world of Gazebo has `further` elements too, such as sensors. Raises InputError for a suffix of
+    no format in `FORMATS`, or one that has no such elements, and where a file is there unless it
     may be replaced; a folder of meshes is only if all in it was written here.
     """
     suffix, folder = output.suffix.lower(), mesh_folder(output)
     if suffix not in FORMATS:
         raise InputError(f"{output}: unknown format {suffix!r}: {nearest(suffix, FORMATS)}")
-    text, meshes = FORMATS[suffix](scene, folder.name)
+    if further and suffix != ".sdf":
+        raise InputError(f"{output}: {suffix} has no sensors; those go into worlds of Gazebo, .sdf")
+    text, meshes = FORMATS[suffix](scene, folder.name, further)
     for path in (output, *([folder] if meshes else [])):
         if path.exists() and not overwrite:
             raise InputError(f"{path} exists; --overwrite replaces it")

@@ -1,5 +1,8 @@
 """Scenes as binary glTF: one node and mesh for each object, metres, y up."""
 
+from collections.abc import Sequence
+from xml.etree.ElementTree import Element
+
 import numpy as np
 import trimesh
 
@@ -11,8 +14,10 @@ from spisim.scene.shapes import texture_coordinates
 FROM_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
-def glb_files(scene: Scene, folder: str) -> tuple[bytes, dict[str, bytes]]:
-    """The GLB file of a scene, with nothing beside it.
+def glb_files(
+    scene: Scene, folder: str, further: Sequence[Element] = ()
+) -> tuple[bytes, dict[str, bytes]]:
+    """The GLB file of a scene, with nothing beside it nor `further` in it.
 
     Materials are grey by their reflectance at the scene's wavelength and have their names; textures
     stay behind, texture coordinates go along.

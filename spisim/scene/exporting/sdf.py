@@ -1,6 +1,6 @@
 """Scenes as worlds of Gazebo: SDFormat 1.9, a static model and an OBJ file for each object."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import trimesh
@@ -13,13 +13,18 @@ from spisim.scene.write import MESH
 LIBRARY = "materials.mtl"
 
 
-def sdf_files(scene: Scene, folder: str) -> tuple[bytes, dict[str, bytes]]:
+def sdf_files(
+    scene: Scene, folder: str, further: Sequence[Element] = ()
+) -> tuple[bytes, dict[str, bytes]]:
     """The world file of a scene, and its meshes and materials by their names in `folder`.
+
+    The world has the `further` elements too.
 
     Poses are those of the middle of each object's bounds; daylight is what an import makes of it.
     """
     root = Element("sdf", version="1.9")
     world = SubElement(root, "world", name=scene.name)
+    world.extend(further)
     _add_daylight(world, scene.ambient)
     files = {LIBRARY: _library(scene)}
     for number, thing in enumerate(scene.objects):

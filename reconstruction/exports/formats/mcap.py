@@ -1,0 +1,32 @@
+"""A recording of ROS 2: clouds, images, ranges, frames of reference and diagnostics, in one MCAP.
+
+`ros2 bag play`, Foxglove and whatever else reads MCAP take it; see `ros` for what is in it.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from ...errors import InputError
+from ..export import Export
+from ..mcap_file import McapFile, check_libraries
+from ..ros import frame_messages, static_messages
+from ..shot import Shot
+
+
+def write_mcap(shots: Iterable[Shot], path: Path) -> None:
+    """Write a file; InputError where there is nothing to write, or a library is missing."""
+    file = McapFile(path)
+    try:
+        spots, begun = None, False
+        for shot in shots:
+            if not begun or shot.spots is not spots:
+                file.write(static_messages(shot), shot.stamp_ns)
+            spots, begun = shot.spots, True
+            file.write(frame_messages(shot), shot.stamp_ns)
+        if not begun:
+            raise InputError("there is nothing to export")
+    finally:
+        file.close()
+
+
+EXPORT = Export("MCAP of ROS 2 messages", write_mcap, ".mcap", check_libraries)

@@ -1,0 +1,116 @@
+"""MCAP files (mcap.dev) of messages of ROS 2, as rosbag2 plays them."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..files import mark
+from .export import KIND
+from .ros import Message
+
+LATCHED = """- history: keep_last
+  depth: 1
+  reliability: reliable
+  durability: transient_local
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: automatic
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+"""
+"""How rosbag2 is told to publish for those too that come later."""
+MISSING = "MCAP files need two libraries: pip install './reconstruction[ros]' or 'spisim[ros]'"
+
+
+class Libraries(NamedTuple):
+    """What writes the container, and what knows and encodes messages."""
+
+    writer: Any
+    types: Any
+
+
+def libraries() -> Libraries:
+    """The libraries; InputError where they are not installed."""
+    try:
+        from mcap.writer import Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ModuleNotFoundError:
+        raise InputError(MISSING) from None
+    return Libraries(Writer, get_typestore(Stores.ROS2_JAZZY))
+
+
+def check_libraries() -> None:
+    """Raise InputError where they are not installed."""
+    libraries()
+
+
+class McapFile:
+    """A file that is written message by message; definitions of their types go along.
+
+    Types are those of ROS 2 Jazzy. Raises InputError without the libraries, OSError where the file
+    cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        writer, self._types = libraries()
+        self._file: IO[bytes] = path.open("wb")
+        self._writer = writer(self._file)
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._sequence: dict[str, int] = {}
+        self._writer.start(profile="ros2", library="spisim")
+        self._writer.add_metadata(mark(KIND), {})
+
+    def write(self, messages: Iterable[Message], log_ns: int) -> None:
+        """Add messages that came at a time, in nanoseconds since 1970 or since the beginning."""
+        for message in messages:
+            channel = self._channel(message)
+            sequence = self._sequence[message.topic] = self._sequence.get(message.topic, -1) + 1
+            made = _made(self._types, message.type, message.fields)
+            data = bytes(self._types.serialize_cdr(made, message.type))
+            self._writer.add_message(channel, log_ns, data, log_ns, sequence)
+
+    def close(self) -> None:
+        """Write the index, and close it."""
+        if not self._file.closed:
+            try:
+                self._writer.finish()
+            finally:
+                self._file.close()
+
+    def _channel(self, message: Message) -> int:
+        if message.type not in self._schemas:
+            text, _ = self._types.generate_msgdef(message.type, ros_version=2)
+            schema = self._writer.register_schema(message.type, "ros2msg", text.encode())
+            self._schemas[message.type] = schema
+        if message.topic not in self._channels:
+            schema = self._schemas[message.type]
+            quality = {"offered_qos_profiles": LATCHED if message.latched else ""}
+            channel = self._writer.register_channel(message.topic, "cdr", schema, quality)
+            self._channels[message.topic] = channel
+        return self._channels[message.topic]
+
+
+def _made(types: Any, kind: str, fields: Mapping[str, Any]) -> Any:
+    """A message of the library's own classes."""
+    _, definitions = types.fielddefs[kind]
+    values = {name: _value(types, kind, fields[name]) for name, kind in definitions}
+    return types.types[kind](**values)
+
+
+def _value(types: Any, definition: Any, value: Any) -> Any:
+    """A field; its definition is (1, (base, _)), (2, name), or (3 or 4, (definition, length))."""
+    node, told = int(definition[0]), definition[1]
+    if node == 1:
+        return value
+    if node == 2:
+        return _made(types, told, value)
+    inner = told[0]
+    if int(inner[0]) == 2:
+        return [_made(types, inner[1], each) for each in value]
+    if isinstance(value, bytes):
+        return np.frombuffer(value, np.uint8)
+    return np.array(value, dtype=inner[1][0])

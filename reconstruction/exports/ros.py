@@ -1,0 +1,231 @@
+"""Shots as messages of ROS 2, in plain words: nested mappings, for whatever sends or stores them.
+
+Frames are those of REP 103 (x forward, y left, z up; optical ones x right, y down, z forward) and
+REP 105: map, odom, base_link where poses are known, and from base_link on camera_link,
+camera_optical_frame, and spot_0 to spot_3, along whose x axes the ranges are. Depth images are as
+REP 118 says: 32FC1, metres along the optical axis, nan where there is none.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from .clouds import POINT, organised
+from .poses import OPTICAL_IN_BODY, quaternion_of
+from .shot import Shot
+
+BASE, CAMERA, OPTICAL = "base_link", "camera_link", "camera_optical_frame"
+INFRARED = 1
+"""radiation_type of sensor_msgs/Range."""
+FLOAT32 = 7
+"""datatype of sensor_msgs/PointField."""
+OK, WARN, ERROR, STALE = range(4)
+"""level of diagnostic_msgs/DiagnosticStatus."""
+BEAM_SIGMAS = 4.0
+"""The full width of a Gaussian beam to 1/e² of its peak, in standard deviations."""
+AMISS = ("lost", "late", "corrupted", "refused", "strangers", "dropped", "failed")
+"""Counts of a stream that had better not rise."""
+
+
+class Message(NamedTuple):
+    """A message on a topic; one that is ``latched`` is for those too that come later."""
+
+    topic: str
+    type: str
+    fields: Mapping[str, Any]
+    latched: bool = False
+
+
+def static_messages(shot: Shot) -> Iterator[Message]:
+    """Where camera and spots are on the drone, which is the same for all frames of a recording."""
+    frames = [
+        _transform(shot.stamp_ns, BASE, CAMERA, np.eye(4)),
+        _transform(shot.stamp_ns, CAMERA, OPTICAL, OPTICAL_IN_BODY),
+    ]
+    if shot.spots is not None:
+        frames += [
+            _transform(shot.stamp_ns, OPTICAL, spot_frame(k), along(direction))
+            for k, direction in enumerate(shot.spots.directions)
+        ]
+    yield Message("/tf_static", "tf2_msgs/msg/TFMessage", {"transforms": frames}, latched=True)
+
+
+def frame_messages(shot: Shot) -> Iterator[Message]:
+    """What a frame shows: poses, image, depth, cloud, ranges, diagnostics."""
+    if shot.pose is not None:
+        body = shot.pose @ OPTICAL_IN_BODY.T
+        frames = [
+            _transform(shot.stamp_ns, "map", "odom", np.eye(4)),
+            _transform(shot.stamp_ns, "odom", BASE, body),
+        ]
+        yield Message("/tf", "tf2_msgs/msg/TFMessage", {"transforms": frames})
+    yield Message("/camera/image", "sensor_msgs/msg/Image", _image(shot, shot.image))
+    if shot.optics is not None:
+        info = _camera_info(shot)
+        yield Message("/camera/camera_info", "sensor_msgs/msg/CameraInfo", info)
+        if shot.depth_m is not None:
+            depth = _image(shot, shot.depth_m)
+            yield Message("/camera/depth/image_rect", "sensor_msgs/msg/Image", depth)
+            yield Message("/camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", info)
+            yield Message("/camera/points", "sensor_msgs/msg/PointCloud2", _cloud(shot))
+    if shot.ranges is not None:
+        for k in range(len(shot.ranges.status)):
+            yield Message(f"/camera/spot_{k}/range", "sensor_msgs/msg/Range", _range(shot, k))
+    yield _diagnostics(shot.stamp_ns, ranging_status(shot))
+
+
+def state_message(
+    stamp_ns: int, numbers: Mapping[str, Any], before: Mapping[str, Any] | None
+) -> Message:
+    """How a stream is, by the names of `reconstruction.live.State`, now and ``before``."""
+    risen = [
+        name for name in AMISS if numbers[name] > (0 if before is None else before[name])
+    ]  # fmt: skip
+    level, told = OK, "frames come"
+    if risen or numbers["trouble"]:
+        level, told = WARN, numbers["trouble"] or f"more frames are {', '.join(risen)}"
+    if not np.isfinite(numbers["age_s"]):
+        level, told = STALE, numbers["trouble"] or "no frame yet"
+    values = {name: f"{value}" for name, value in numbers.items() if name != "trouble"}
+    return _diagnostics(stamp_ns, _status("spisim: stream", level, told, values))
+
+
+def spot_frame(number: int) -> str:
+    """Name of the frame of a spot."""
+    return f"spot_{number}"
+
+
+def along(direction: Floats) -> Floats:
+    """Pose (4, 4) at the origin of an optical frame whose x axis is a direction (3,)."""
+    forward = direction / np.linalg.norm(direction)
+    up = np.cross(forward, (-1.0, 0.0, 0.0))  # x right, y down: left is -x
+    up /= np.linalg.norm(up)
+    pose = np.eye(4)
+    pose[:3, :3] = np.column_stack([forward, np.cross(up, forward), up])
+    return pose
+
+
+def _header(stamp_ns: int, frame: str) -> dict[str, Any]:
+    seconds, nanoseconds = divmod(stamp_ns, 10**9)
+    return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": frame}
+
+
+def _transform(stamp_ns: int, parent: str, child: str, pose: Floats) -> dict[str, Any]:
+    """The child's pose (4, 4) in the parent."""
+    translation = dict(zip("xyz", pose[:3, 3].tolist(), strict=True))
+    rotation = dict(zip("xyzw", quaternion_of(pose[:3, :3]).tolist(), strict=True))
+    return {
+        "header": _header(stamp_ns, parent),
+        "child_frame_id": child,
+        "transform": {"translation": translation, "rotation": rotation},
+    }
+
+
+def _image(shot: Shot, values: NDArray[np.float32]) -> dict[str, Any]:
+    height, width = shot.shape
+    return {
+        "header": _header(shot.stamp_ns, OPTICAL),
+        "height": height,
+        "width": width,
+        "encoding": "32FC1",
+        "is_bigendian": 0,
+        "step": 4 * width,
+        "data": values.astype("<f4").tobytes(),
+    }
+
+
+def _camera_info(shot: Shot) -> dict[str, Any]:
+    height, width = shot.shape
+    matrix = shot.intrinsics.matrix
+    return {
+        "header": _header(shot.stamp_ns, OPTICAL),
+        "height": height,
+        "width": width,
+        "distortion_model": "plumb_bob",
+        "d": [0.0] * 5,
+        "k": matrix.ravel().tolist(),
+        "r": np.eye(3).ravel().tolist(),
+        "p": np.column_stack([matrix, np.zeros(3)]).ravel().tolist(),
+        "binning_x": 0,
+        "binning_y": 0,
+        "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
+    }
+
+
+def _cloud(shot: Shot) -> dict[str, Any]:
+    height, width = shot.shape
+    points = organised(shot)
+    names = POINT.names or ()
+    return {
+        "header": _header(shot.stamp_ns, OPTICAL),
+        "height": height,
+        "width": width,
+        "fields": [
+            {"name": name, "offset": 4 * k, "datatype": FLOAT32, "count": 1}
+            for k, name in enumerate(names)
+        ],
+        "is_bigendian": False,
+        "point_step": POINT.itemsize,
+        "row_step": width * POINT.itemsize,
+        "data": points.tobytes(),
+        "is_dense": bool(np.isfinite(points["z"]).all()),
+    }
+
+
+def _range(shot: Shot, spot: int) -> dict[str, Any]:
+    """Of a spot that has none nan, for no signal in fog is no free way (cf. REP 117).
+
+    Too close is -inf; a variance of 0 is one that is not known.
+    """
+    assert shot.ranges is not None
+    status = shot.ranges.status[spot]
+    range_m, variance = np.nan, 0.0
+    if status == "ok":
+        range_m, variance = shot.ranges.range_m[spot], shot.ranges.sigma_m[spot] ** 2
+    elif status == "too close":
+        range_m = -np.inf
+    divergence = np.nan if shot.spots is None else shot.spots.beam_divergence_rad
+    return {
+        "header": _header(shot.stamp_ns, spot_frame(spot)),
+        "radiation_type": INFRARED,
+        "field_of_view": float(BEAM_SIGMAS * divergence) if np.isfinite(divergence) else 0.0,
+        "min_range": 0.0,
+        "max_range": float("inf"),
+        "range": float(range_m),
+        "variance": float(variance),
+    }
+
+
+def ranging_status(shot: Shot) -> dict[str, Any]:
+    """Which spots have a range and why the others have none; fog; what else is to be known."""
+    values: dict[str, str] = {}
+    level, told = OK, "no time of flight"
+    if shot.ranges is not None:
+        seen = shot.ranges.status.count("ok")
+        told = f"{seen} of {len(shot.ranges.status)} spots have a range"
+        level = OK if seen == len(shot.ranges.status) else WARN if seen else ERROR
+        values |= {f"spot {k}": status for k, status in enumerate(shot.ranges.status)}
+        if shot.ranges.fog is not None:
+            values["fog: extinction, 1/m"] = f"{shot.ranges.fog.extinction_per_m:.6g}"
+    if shot.warnings:
+        level = max(level, WARN)
+        values |= {f"warning {k}": text for k, text in enumerate(shot.warnings, 1)}
+    return _status("spisim: ranging", level, told, values)
+
+
+def _status(name: str, level: int, told: str, values: Mapping[str, str]) -> dict[str, Any]:
+    return {
+        "level": level,
+        "name": name,
+        "message": told,
+        "hardware_id": "spisim",
+        "values": [{"key": key, "value": value} for key, value in values.items()],
+    }
+
+
+def _diagnostics(stamp_ns: int, status: Mapping[str, Any]) -> Message:
+    fields = {"header": _header(stamp_ns, ""), "status": [status]}
+    return Message("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", fields)

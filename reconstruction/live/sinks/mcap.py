@@ -1,0 +1,67 @@
+"""Results as messages of ROS 2 in an MCAP file."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...exports import EXPORTS, Shot, check_export
+from ...exports.mcap_file import McapFile
+from ...exports.ros import frame_messages, state_message, static_messages
+from ..results import Outcome, State
+from ..setups import StreamSetup
+from .sink import Sink
+
+
+class McapRecord(Sink):
+    """Stamps are of the sender's clock where it tells any, times of receipt of this machine's."""
+
+    def __init__(
+        self,
+        path: Path,
+        read: Sequence[Path] = (),
+        *,
+        overwrite: bool = False,
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._path = path
+        self._read = read
+        self._overwrite = overwrite
+        self._clock_ns = clock_ns
+        self._file: McapFile | None = None
+        self._stream: StreamSetup | None = None
+        self._before: Mapping[str, Any] | None = None
+        self._last_ns = 0
+
+    def check(self) -> None:
+        check_export(EXPORTS["mcap"], self._path, self._read, overwrite=self._overwrite)
+
+    def result(self, outcome: Outcome) -> None:
+        now_ns = self._now_ns()
+        setup = outcome.stream.setup
+        shot = Shot.of(outcome.result, setup, outcome.time_ns or now_ns)
+        file = self._opened()
+        if outcome.stream is not self._stream:
+            self._stream = outcome.stream
+            file.write(static_messages(shot), now_ns)
+        file.write(frame_messages(shot), now_ns)
+
+    def state(self, state: State) -> None:
+        now_ns = self._now_ns()
+        self._opened().write([state_message(now_ns, state.numbers, self._before)], now_ns)
+        self._before = state.numbers
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+
+    def _opened(self) -> McapFile:
+        if self._file is None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = McapFile(self._path)
+        return self._file
+
+    def _now_ns(self) -> int:
+        """Never before what was written last, however the clock is set."""
+        self._last_ns = max(self._clock_ns(), self._last_ns)
+        return self._last_ns

@@ -1,0 +1,162 @@
+"""`spisim view`: captures, flights, data sets and streams in Rerun."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from reconstruction.errors import InputError
+
+from .console import print_json, say, warn
+from .inputs import captures_in
+from .options import Json, Methods, Overwrite, number_option
+
+if TYPE_CHECKING:
+    from spisim.viewer import Recording, Sight
+
+EXAMPLE = "spisim view foggy.h5"
+MANIFEST = "manifest.sqlite"
+
+
+def command(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A capture, the folder of a flight, a data set, or a stream: tcp://HOST:PORT, "
+            "tcp-listen://:PORT, udp://:PORT, serial://…, FILE.stream.",
+            show_default=False,
+        ),
+    ],
+    save: Annotated[
+        Path | None,
+        typer.Option(metavar="RRD", help="Write a recording instead, for `rerun FILE.rrd`."),
+    ] = None,
+    frames: Annotated[int | None, number_option(1, 10**9, "End after so many frames.")] = None,
+    image: Methods = None,
+    ranging: Methods = None,
+    depth: Methods = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Show scene, drone, spots, clouds, images and readings over time, in the viewer Rerun.
+
+    Of a stream the frames come as they are reconstructed, until it ends or Ctrl-C.
+    """
+    from reconstruction.cli.reconstruct import names
+    from reconstruction.live.links import is_link
+
+    methods = {"image": names(image), "ranging": names(ranging), "depth": names(depth)}
+    streamed = is_link(source) or Path(source).suffix == ".stream"
+    _check(source, save, overwrite)
+    with _recording(save) as recording:
+        if streamed:
+            _follow(source, recording, frames, methods)
+        else:
+            _show(_sights(Path(source), methods), recording, frames)
+    if json:
+        print_json({"written": [] if save is None else [save], "frames": recording.frames})
+    elif save is not None:
+        say(f"Wrote {save}. Look at it: rerun {save}")
+
+
+def _check(source: str, save: Path | None, overwrite: bool) -> None:
+    from reconstruction.files import require_outputs
+    from spisim.viewer.recording import check_viewer, library, recording_output
+
+    try:
+        library()
+    except InputError as error:
+        raise InputError(f"{error}. {_report_of(Path(source))}") from None
+    if save is None:
+        check_viewer()
+    else:
+        require_outputs([recording_output(save)], [Path(source)], overwrite=overwrite)
+
+
+def _report_of(source: Path) -> str:
+    """Where there is a page to look at without the viewer, or how to make one."""
+    pages = (source.with_suffix(".html"), source / "report.html", source / "flight.gif")
+    for page in pages:
+        if page.is_file():
+            return f"Without it there is {page.resolve().as_uri()}"
+    if (source / MANIFEST).is_file():
+        return f"Without it: spisim dataset sheet {source} -o sheet.html"
+    return f"Without it: spisim reconstruct {source} -o result, which writes result/report.html"
+
+
+@contextmanager
+def _recording(save: Path | None) -> Iterator[Recording]:
+    """One that is shown, or that takes its name when it is whole."""
+    from spisim.viewer import Recording
+
+    if save is None:
+        recording = Recording()
+        try:
+            yield recording
+        finally:
+            recording.close()
+        return
+    save.parent.mkdir(parents=True, exist_ok=True)
+    stage = save.with_name(f".{save.stem}.{secrets.token_hex(4)}.tmp{save.suffix}")
+    try:
+        recording = Recording(stage)
+        try:
+            yield recording
+        finally:
+            recording.close()
+        stage.replace(save)
+    finally:
+        stage.unlink(missing_ok=True)
+
+
+def _sights(source: Path, methods: dict[str, Any]) -> Iterator[Sight]:
+    from spisim.dataset import open as open_data_set
+    from spisim.viewer import sights_of_captures, sights_of_samples
+
+    if (source / MANIFEST).is_file():
+        return sights_of_samples(open_data_set(source), methods)
+    return sights_of_captures(captures_in([source]), methods)
+
+
+def _show(sights: Iterator[Sight], recording: Recording, frames: int | None) -> None:
+    from itertools import islice
+    from warnings import catch_warnings, simplefilter
+
+    with catch_warnings(record=True) as odd:
+        simplefilter("always", UserWarning)
+        for sight in islice(sights, frames):
+            recording.add(sight)
+    warn(dict.fromkeys(str(warning.message) for warning in odd))
+
+
+def _follow(source: str, recording: Recording, frames: int | None, methods: dict[str, Any]) -> None:
+    import threading
+
+    from reconstruction.live import Loop, Reception
+    from reconstruction.live.links import source_at
+    from reconstruction.reconstructor import USUAL_IMAGES
+    from spisim.viewer import StreamViewer
+
+    viewer = StreamViewer(recording, source)
+    reception = Reception(source_at(source), recorders=[viewer.frame])
+    chosen = methods | {"image": methods["image"] or USUAL_IMAGES[0]}
+    loop = Loop(reception, results=[viewer.result], **chosen)
+    receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
+    receiving.start()
+    try:
+        loop.run(frames)
+    except KeyboardInterrupt:
+        say("")
+    finally:
+        reception.stop()
+        receiving.join(5.0)
+    if not reception.counts.reconstructed:
+        raise InputError(
+            f"{source}: no frame was reconstructed: {reception.trouble or 'none came'}"
+        )

@@ -1,0 +1,175 @@
+"""The viewer: what is in a recording of Rerun, read back by its own tools, and what is refused."""
+
+import re
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from captures import make_spots
+from datasets import make_set
+from exported import with_scene
+from reconstruction import write_capture
+from spisim.cli import app
+from spisim.viewer.readings import phasors_of
+from spisim.viewer.sights import sights_of_captures
+from streams import film, messages
+
+
+def view(*words):
+    return CliRunner().invoke(app, ["view", *map(str, words)], env={"COLUMNS": "200"})
+
+
+def entities(path):
+    """Paths of all entities of a recording, as Rerun's own program prints them."""
+    pytest.importorskip("rerun")
+    program = [sys.executable, "-m", "rerun_cli", "rrd", "print", str(path)]
+    run = subprocess.run(program, capture_output=True, text=True, check=True, timeout=600)
+    return set(re.findall(r" rows \(.*?\) - (/.*?) - ", run.stdout))
+
+
+@pytest.fixture(scope="module")
+def folder(capture, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("views")
+    recording = with_scene(film(capture, 3))
+    write_capture(replace(recording, truth=capture.truth), folder / "hall.h5")
+    (folder / "hall.stream").write_bytes(b"".join(messages(recording)))
+    return folder
+
+
+SEEN = {
+    *("/images/image", "/depth/depth", "/notes", "/readings/patterns", "/phasors/10\\ MHz"),
+    *(f"/{name}/spot_{k}" for name in ("ranges", "sigmas", "readings/taps") for k in range(4)),
+    *(f"/world/drone{part}" for part in ("", "/body", "/projector", "/cloud")),
+    *(f"/world/drone/spots/{part}" for part in ("beams", "measured", "sigma")),
+}
+TRUE = {"/images/truth", "/depth/truth", "/world/drone/truth", "/world/drone/spots/truth"}
+
+
+def test_a_capture_is_shown_with_its_scene_and_truth(folder, tmp_path):
+    run = view(folder / "hall.h5", "--save", tmp_path / "hall.rrd")
+    assert run.exit_code == 0, run.output
+    found = entities(tmp_path / "hall.rrd")
+    assert found >= SEEN | TRUE
+    assert any(each.startswith("/world/scene/000") for each in found)
+    assert [path.name for path in tmp_path.iterdir()] == ["hall.rrd"]
+    assert view(folder / "hall.h5", "--save", tmp_path / "hall.rrd").exit_code == 0  # its own
+    (tmp_path / "mine.rrd").write_text("mine")
+    run = view(folder / "hall.h5", "--save", tmp_path / "mine.rrd")
+    assert run.exit_code == 2
+    assert "exists and is not an earlier recording of Rerun" in run.output
+
+
+def test_a_stream_is_shown_as_it_comes(folder, tmp_path):
+    run = view(folder / "hall.stream", "--save", tmp_path / "live.rrd")
+    assert run.exit_code == 0, run.output
+    found = entities(tmp_path / "live.rrd")
+    assert found >= SEEN
+    assert not found & TRUE
+
+
+def test_a_data_set_is_shown_sample_by_sample(capture, tmp_path):
+    make_set(tmp_path / "walls", with_scene(capture), done=3)
+    run = view(tmp_path / "walls", "--save", tmp_path / "walls.rrd", "--frames", "2")
+    assert run.exit_code == 0, run.output
+    assert entities(tmp_path / "walls.rrd") >= SEEN | TRUE
+
+
+def test_times_and_places_are_those_of_the_scene(folder):
+    sights = list(sights_of_captures([folder / "hall.h5"]))
+    period_ns = round(1e9 * 2 * 128 / 15_000)
+    assert np.diff([each.shot.stamp_ns for each in sights]).tolist() == pytest.approx(
+        [period_ns] * 2, abs=2
+    )
+    for each in sights:
+        expected = each.scene.drone_pose_at(each.since_s)
+        assert each.shot.pose == pytest.approx(expected, abs=1e-12)
+    assert [each.truth is not None for each in sights] == [True, False, False]
+
+
+def test_phasors_are_of_the_taps(capture):
+    ((hertz, phasors),) = phasors_of(capture.spots).items()
+    assert hertz == 10e6
+    path = 2 * np.array([4.2, 4.7, 4.3, 4.8])
+    expected = 1e5 * np.exp(2j * np.pi * 10e6 * path / 299_792_458)
+    assert phasors == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["pulsed", "dtof"])
+def test_other_readings_are_shown_as_they_are(method, capture, tmp_path):
+    spots = make_spots(method)
+    readings = {"taps": spots.taps[:1]} if method == "pulsed" else {"counts": spots.counts[:1]}
+    spots = replace(spots, saturated=spots.saturated[:1], **readings)
+    source = replace(capture.provenance, scene="", source="hardware")
+    recorded = replace(capture, spots=spots, provenance=source, truth=None)
+    write_capture(recorded, tmp_path / "a.h5")
+    run = view(tmp_path / "a.h5", "--save", tmp_path / "a.rrd")
+    assert run.exit_code == 0, run.output
+    kind = "taps" if method == "pulsed" else "histograms"
+    assert f"/readings/{kind}/spot_3" in entities(tmp_path / "a.rrd")
+
+
+def test_a_scene_whose_meshes_are_gone_is_left_out_and_told(capture, tmp_path):
+    text = ("name: s\ndrone: {position_m: [0, 0, 0], look_at_m: [1, 0, 0]}\n"
+            "objects: [{name: a, mesh: gone.ply, material: concrete}]\n")  # fmt: skip
+    write_capture(with_scene(capture, text), tmp_path / "a.h5")
+    with warnings.catch_warnings(record=True) as odd:
+        warnings.simplefilter("always")
+        (sight,) = sights_of_captures([tmp_path / "a.h5"])
+    assert sight.scene is None
+    assert sight.shot.pose[:3, 2] == pytest.approx([1, 0, 0])
+    assert any("shown without its surroundings" in str(each.message) for each in odd)
+
+
+def test_without_rerun_it_says_how_to_get_it_and_where_the_report_is(folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    run = view(folder / "hall.h5")
+    assert run.exit_code == 2
+    assert "pip install 'spisim[viewer]'" in run.output
+    assert "spisim reconstruct" in run.output
+    (folder / "hall.html").write_text("page")
+    assert (folder / "hall.html").as_uri() in view(folder / "hall.h5").output
+
+
+def test_without_a_display_it_says_how_to_save(folder, monkeypatch):
+    pytest.importorskip("rerun")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    run = view(folder / "hall.h5")
+    assert run.exit_code == 2
+    assert "there is no display to open the viewer on; --save FILE.rrd" in run.output
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("none.h5", "no such capture file"),
+        ("empty", "there is no capture"),
+        ("tpc://rig:1", "unknown kind of address 'tpc': did you mean 'tcp'"),
+        ("hall.h5", "'.rd' is no ending of a recording of Rerun"),
+    ],
+)
+def test_what_cannot_be_shown_is_told(source, message, folder, tmp_path, monkeypatch):
+    pytest.importorskip("rerun")
+    monkeypatch.chdir(folder)
+    Path("empty").mkdir(exist_ok=True)
+    save = tmp_path / ("a.rd" if source == "hall.h5" else "a.rrd")
+    run = view(source, "--save", save)
+    assert run.exit_code == 2
+    assert message in run.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_data_set_without_samples_is_told(capture, tmp_path):
+    pytest.importorskip("rerun")
+    make_set(tmp_path / "none", capture, done=0, failed=1)
+    run = view(tmp_path / "none", "--save", tmp_path / "a.rrd")
+    assert run.exit_code == 2
+    assert "no finished sample to look at" in run.output
+    assert not (tmp_path / "a.rrd").exists()
