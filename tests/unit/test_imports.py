@@ -35,6 +35,7 @@ def test_its_distribution_asks_for_what_it_imports() -> None:
         "serial_port.py": "serial",
         "drawing.py": "window",
         "completion.py": "completion",
+        "mcap_file.py": "ros",
     }
     modules = {"PyWavelets": "pywt", "pyserial": "serial"}
     for path in sorted((ROOT / "reconstruction").rglob("*.py")):
