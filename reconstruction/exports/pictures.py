@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..files import mark
-from ..outputs.png import png
+from ..png import png
 from .export import KIND
 
 MOST_MM = 2**16 - 1

@@ -7,7 +7,6 @@ cannot be told apart make the one pulse wider, and its range less certain.
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 from scipy.special import ndtr
 
 from ...arrays import Floats
@@ -97,6 +96,8 @@ class _Around:
 
         It has more than ``least`` (B,) arrivals per cycle in the bins of its window.
         """
+        from scipy.ndimage import uniform_filter1d  # slow to import
+
         found, expected, needed = (
             self.window * uniform_filter1d(self._watched * each, self.window, mode="constant")
             for each in (rate, model, least)

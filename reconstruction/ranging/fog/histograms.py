@@ -8,7 +8,6 @@ front of it, and a steady background. Counts are binomial among the cycles that 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 from scipy.special import ndtr
 
 from ...arrays import Floats, Mask
@@ -119,6 +118,8 @@ def _without_target(
     templates: HistogramTemplates, rate: Floats, watched: Floats, cycles: int
 ) -> tuple[Floats, Floats, Floats]:
     """Backscattering and background (4, K) of all but what sticks out; bins' variance (4, B)."""
+    from scipy.ndimage import uniform_filter1d  # slow to import
+
     smooth = uniform_filter1d(rate, SMOOTH_BINS, axis=-1, mode="nearest")
     variance = (np.maximum(smooth, 0) + 1 / cycles) / np.maximum(watched, 1)
     kept = np.ones((*templates.fog.shape[:2], rate.shape[-1]), bool)
@@ -145,6 +146,8 @@ def _search(
     usable: Mask,
 ) -> tuple[Places, Places, Places]:
     """Spot, extinction and bin of peaks above fog and background, by the deviance of Poisson."""
+    from scipy.ndimage import uniform_filter1d  # slow to import
+
     beta, background, _ = fitted
     model = beta[..., None] * templates.fog + background[..., None]
     window = 2 * int(np.ceil(REACH * templates.width)) + 1

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import null_space
 from scipy.special import chdtri, ndtr
 
 from ...arrays import Floats, Mask
@@ -124,7 +123,7 @@ def echo_combinations(
             "the energy of the laser in each reading, or its contrast, is not known (nan), and "
             "ranging in fog needs it: echoes of different readings are compared"
         )
-    free = null_space(spots.steady.T).T
+    free = _unmoved(spots.steady)
     left, strength, _ = np.linalg.svd(free @ told, full_matrices=False)
     combine: Floats = left[:, strength > 1e-9 * strength[0]].T @ free
     known = np.isfinite(spots.electrons_per_joule)
@@ -134,3 +133,10 @@ def echo_combinations(
         return combine @ (electrons * spots.response(path_m))
 
     return combine, response
+
+
+def _unmoved(steady: Floats) -> Floats:
+    """Orthonormal combinations (n, readings) of readings in which steady light cancels."""
+    _, strength, combinations = np.linalg.svd(steady.T)
+    tiny = np.finfo(np.float64).eps * max(steady.shape) * strength.max()
+    return np.asarray(combinations[np.count_nonzero(strength > tiny) :])

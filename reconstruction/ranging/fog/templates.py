@@ -75,15 +75,9 @@ def _uneven(density: Floats) -> Floats:
     """
     cells = density.reshape(*density.shape[:2], -1, INTEGRATION_STEPS).sum(axis=-1)
     fade = np.exp(-STEP_M / PATCH_M)
-    carried = np.zeros(cells.shape[:2])
-    total = np.zeros((*cells.shape[:2], cells.shape[1]))
-    found = []
-    for number in range(cells.shape[-1]):
-        cell = cells[..., number]
-        carried *= fade
-        shared = np.einsum("si,sj->sij", cell, carried)
-        total = total + shared + shared.swapaxes(1, 2) + np.einsum("si,sj->sij", cell, cell)
-        carried += cell
-        if number % PATCH_STEP == 0:
-            found.append(total)
-    return UNEVENNESS**2 * np.stack(found, axis=1)
+    carried = np.zeros_like(cells)
+    for number in range(1, cells.shape[-1]):
+        carried[..., number] = fade * (carried[..., number - 1] + cells[..., number - 1])
+    shared = np.einsum("sik,sjk->skij", cells, carried)
+    grown = shared + shared.swapaxes(2, 3) + np.einsum("sik,sjk->skij", cells, cells)
+    return UNEVENNESS**2 * np.cumsum(grown, axis=1)[:, ::PATCH_STEP]
