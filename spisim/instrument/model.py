@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import lru_cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -143,10 +143,10 @@ class Instrument(Section):
         """The patterns of the first frame."""
         return self.pattern_plans[0]
 
-    @cached_property
+    @property
     def pattern_plans(self) -> tuple[PatternPlan, ...]:
         """The patterns of successive frames, over and over: one plan where all show the same."""
-        return self.plan.cycle(self.projector.shape)
+        return _cycle(self.plan, self.projector.shape)
 
     @property
     def pattern_period_s(self) -> float:
@@ -325,3 +325,9 @@ class Instrument(Section):
                 f"{self.exposure_time_s:.4g}; at least {1 / self.exposure_time_s:.4g}"
             )
         return self
+
+
+@lru_cache(maxsize=16)
+def _cycle(plan: Plan, shape: tuple[int, int]) -> tuple[PatternPlan, ...]:
+    """Made once: every frame asks for it."""
+    return plan.cycle(shape)

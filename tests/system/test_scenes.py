@@ -19,12 +19,14 @@ INSTRUMENT = spisim.load_instrument("paper")
 def go_through(scene: Scene) -> None:
     """Render, reconstruct and evaluate; nothing warns, and everything has a value."""
     simulation = spisim.simulate(scene, INSTRUMENT, spp=8, seed=1)
-    # So few paths make no truth.
     warned = simulation_warnings(INSTRUMENT, simulation.transport)
-    assert [each for each in warned if "true image" not in each] == []
-    # A plain wall has hardly an image, nor has what dense smoke leaves of a tunnel.
+    few_paths = ("true image", "light's own noise")
+    assert [each for each in warned if not any(words in each for words in few_paths)] == []
+    # A plain wall has hardly an image, nor has what dense smoke leaves of a tunnel. Spots on edges
+    # have two echoes.
     warned = capture_warnings(simulation.capture)
-    assert [each for each in warned if "hardly an image" not in each] == []
+    known = ("hardly an image", "further echoes bias it")
+    assert [each for each in warned if not any(words in each for words in known)] == []
     metrics = evaluate(reconstruct(simulation.capture), simulation.capture)
     assert metrics["images"]["pursuit"]["nrmse"] is not None
     assert metrics["depths"]["anchored"]["mae_m"] is not None
