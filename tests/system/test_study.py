@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+from scipy.stats import t
 from typer.testing import CliRunner
 
 from spisim.cli import app
@@ -56,6 +57,12 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+def of_two(values: list[float]) -> tuple[float, float]:
+    """Student's interval of the mean of two."""
+    low, high = t.interval(0.95, 1, sum(values) / 2, abs(values[0] - values[1]) / 2)
+    return float(low), float(high)
+
+
 def test_tables_have_all_samples_and_means_within_their_intervals(folder: Path) -> None:
     samples = rows(folder / "out/results.csv")
     assert [row["scene.fog.visibility_m"] for row in samples] == ["10", "1000"] * 2
@@ -69,7 +76,7 @@ def test_tables_have_all_samples_and_means_within_their_intervals(folder: Path) 
             if sample["scene.fog.visibility_m"] == row["scene.fog.visibility_m"]
         ]
         assert float(row["mean"]) == pytest.approx(sum(values) / 2)
-        assert (float(row["low"]), float(row["high"])) == pytest.approx((min(values), max(values)))
+        assert (float(row["low"]), float(row["high"])) == pytest.approx(of_two(values))
 
 
 def test_what_is_random_is_equal_within_a_round(folder: Path) -> None:
@@ -84,9 +91,7 @@ def test_what_is_random_is_equal_within_a_round(folder: Path) -> None:
         row for row in rows(folder / "out/differences.csv") if row["metric"] == "range_bias_m"
     )
     assert float(told["mean"]) == pytest.approx(sum(differences) / 2)
-    assert (float(told["low"]), float(told["high"])) == pytest.approx(
-        (min(differences), max(differences))
-    )
+    assert (float(told["low"]), float(told["high"])) == pytest.approx(of_two(differences))
 
 
 def test_dense_fog_pulls_ranges_of_a_near_wall_closer(folder: Path) -> None:
