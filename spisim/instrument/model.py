@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from typing import Annotated, Any, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -143,10 +143,16 @@ class Instrument(Section):
         """The patterns of the first frame."""
         return self.pattern_plans[0]
 
-    @property
+    @cached_property
     def pattern_plans(self) -> tuple[PatternPlan, ...]:
         """The patterns of successive frames, over and over: one plan where all show the same."""
-        return _cycle(self.plan, self.projector.shape)
+        return self.plan.cycle(self.projector.shape)
+
+    def __copy__(self) -> Self:
+        """Without patterns: a copy may get another plan."""
+        copied = super().__copy__()
+        copied.__dict__.pop("pattern_plans", None)
+        return copied
 
     @property
     def pattern_period_s(self) -> float:
@@ -325,9 +331,3 @@ class Instrument(Section):
                 f"{self.exposure_time_s:.4g}; at least {1 / self.exposure_time_s:.4g}"
             )
         return self
-
-
-@lru_cache(maxsize=16)
-def _cycle(plan: Plan, shape: tuple[int, int]) -> tuple[PatternPlan, ...]:
-    """Made once: every frame asks for it."""
-    return plan.cycle(shape)

@@ -379,6 +379,7 @@ def test_ranges_that_a_spot_may_have_are_printed(path, tmp_path, monkeypatch, ca
             return lambda spots: AMBIGUOUS
 
     monkeypatch.setitem(RANGING_METHODS._loaded, "unsure", Unsure())
+    monkeypatch.setenv("COLUMNS", "120")
     arguments = [str(path), "-o", str(tmp_path / "out"), "--ranging", "unsure"]
     assert main(arguments) == 0
     lines = capsys.readouterr().out.splitlines()
