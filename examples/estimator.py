@@ -4,7 +4,7 @@
     python examples/estimator.py -o out/estimator
 
 Makes the data set of estimator.yaml (run again, it only goes on), then fits principal components
-of the readings and of the depth map that `reconstruct` gives, and a kernel ridge regression on them
+of the readings and of the depth map `anchored`, and a kernel ridge regression on them
 and the ranges, and compares. Takes about 4 minutes on two cores.
 """
 
@@ -154,7 +154,7 @@ def compare(samples: DataSet) -> dict[str, dict[str, Errors]]:
     readings, true_m = load(unseen)
     maps = {
         "learned": estimator.predict(readings),
-        "anchored (default)": readings.depth_m,
+        "anchored": readings.depth_m,
         "nearest spot": readings.depth_nearest_m,
     }
     families = np.array([sample.parameters["scene"] for sample in unseen])
