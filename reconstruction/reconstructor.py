@@ -1,6 +1,7 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
@@ -15,7 +16,8 @@ from .depth import (
     View,
     depth_method,
     lacks,
-    range_over_depth,
+    nearest_obstacle,
+    pixel_rays,
     unlike,
 )
 from .errors import InputError
@@ -76,9 +78,11 @@ class Reconstructor:
         self._depths = {
             name: depth_method(name, setup).compile(context) for name in _depth_names(depth, setup)
         }
+        self._rays: Floats | None = None
         self._stretch: Image | None = None
         if setup.optics is not None:
-            self._stretch = range_over_depth(setup.optics, setup.plan.shape).astype(np.float32)
+            self._rays = pixel_rays(setup.optics, setup.plan.shape)
+            self._stretch = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
 
     def __call__(self, frame: Frames) -> Result:
         """Reconstruct one frame; InputError if nothing in it is usable."""
@@ -165,6 +169,7 @@ class Reconstructor:
             depths=_single({name: each.depth_m for name, each in maps.items()}),
             depth_deviations=_single({name: each.deviation for name, each in maps.items()}),
             nothings=_single({name: each.nothing for name, each in maps.items()}),
+            obstacles_m=self._obstacles_m(maps),
             range_over_depth=self._stretch,
             timings_s=timings,
             unit=frame.buckets.unit,
@@ -189,6 +194,16 @@ class Reconstructor:
         if not readings.decoder.level:  # the darkest pixel is taken to be dark
             image = image - image.min()
         return Estimate(image, deviation, estimate.note)
+
+    def _obstacles_m(self, maps: Mapping[str, DepthEstimate]) -> dict[str, float]:
+        """Nearest obstacle ahead by each method, left out where no depth is known at all."""
+        found = {}
+        for name, each in maps.items():
+            if each.obstacle_m is not None:
+                found[name] = each.obstacle_m
+            elif self._rays is not None and np.isfinite(each.depth_m).any():
+                found[name] = nearest_obstacle(each.depth_m, self._rays)
+        return found
 
     @property
     def _shape(self) -> tuple[int, int]:
@@ -328,7 +343,7 @@ def _checked_depths(who: str, found: Any, shape: tuple[int, int]) -> DepthEstima
         nothing = _checked(f"{who}, of nothing within reach,", nothing, shape)
         if not ((nothing >= 0) & (nothing <= 1)).all():
             raise InputError(f"{who} gave probabilities of nothing within reach beyond 0 to 1")
-    return DepthEstimate(depth_m, deviation, nothing, found.note)
+    return replace(found, depth_m=depth_m, deviation=deviation, nothing=nothing)
 
 
 def _checked_ranges(name: str, ranges: Any) -> Ranges:

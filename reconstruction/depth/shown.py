@@ -189,6 +189,16 @@ NUMBERS = (
     *("veil", "darkest"),
 )
 MAPS = 16
+_LOGARITHMS = {
+    "level": (USUAL_M, 1, " m"),
+    "deviation": (1.0, 4, ""),
+    "deviation fitted": (1.0, 4, ""),
+    "noise": (1.0, 4, ""),
+    "share": (1.0, 4, ""),
+    "extinction": (CLEAR_PER_M, 4, " per m"),
+    "reach": (10.0, 1, " m"),
+}
+"""Of those of `NUMBERS` that are logarithms: of which multiple, by what divided, in which unit."""
 
 
 def _anchored(shown: Shown, spots: Anchors, places: Floats) -> tuple[Floats, Floats]:
@@ -231,6 +241,13 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) 
         np.log1p(np.clip(np.percentile(shown.image, DARK) / bright, -0.5, 1)),
     ]
     return np.array(numbers, np.float32)
+
+
+def plainly(name: str, number: float) -> str:
+    """One of `NUMBERS`, or another, in the units of what it tells."""
+    multiple, divided_by, unit = _LOGARITHMS.get(name, (None, 1, ""))
+    value = number if multiple is None else multiple * np.exp(divided_by * number)
+    return f"{value:.3g}{unit}"
 
 
 def of_share(share: float) -> float:
