@@ -29,8 +29,9 @@ class Result:
     ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
     method finds any. By those methods that can tell, ``depth_deviations`` is the standard deviation
     of ln depth, nan where there is no depth, and ``nothings`` the probability that there is nothing
-    within reach (see `DepthEstimate`). ``range_over_depth`` (H, W): length of each pixel's ray per
-    unit of depth, None where the optics are unknown.
+    within reach (see `DepthEstimate`); ``obstacles_m`` by all of them is the depth of the nearest
+    obstacle ahead (see `nearest_obstacle`), nan without one. ``range_over_depth`` (H, W): length of
+    each pixel's ray per unit of depth, None where the optics are unknown.
     ``timings_s``: seconds per stage; ``notes``: what the user must know of some images, ranges and
     depths, by stage, as "depth anchored" or "ranging cw". ``recording``: the digest of the
     readings, ``frame`` their number in the capture and ``patterns`` the number of distinct ones
@@ -49,6 +50,7 @@ class Result:
     patterns: int
     depth_deviations: Mapping[str, Image] = field(default_factory=dict)
     nothings: Mapping[str, Image] = field(default_factory=dict)
+    obstacles_m: Mapping[str, float] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -117,6 +119,11 @@ class Result:
     def nothing(self) -> Image | None:
         """Probability of nothing within reach, None where the default method cannot tell."""
         return self.nothings.get(next(iter(self.depths), ""))
+
+    @property
+    def obstacle_m(self) -> float | None:
+        """Depth of the nearest obstacle ahead, nan without one; None without depths."""
+        return self.obstacles_m.get(next(iter(self.depths), ""))
 
     @property
     def range_m(self) -> Image | None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..capture import Capture, check_frames, first_patterns, open_capture
-from ..depth import DEPTH_METHODS
+from ..depth import DEPTH_METHODS, REACH_M
 from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
 from ..evaluation import method_title, no_range
@@ -140,10 +140,19 @@ def _told(result: Result, capture: Capture, files: dict[str, Path]) -> Iterator[
     elif not result.depths:
         yield "no depth map: no spot has a range, or the optics are not known"
     for name, share in _coverage(result).items():
-        yield f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels"
+        ahead = _ahead(result.obstacles_m.get(name))
+        yield f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels{ahead}"
     yield ", ".join(f"{stage} {1e3 * s:.1f} ms" for stage, s in result.timings_s.items())
     for path in files.values():
         yield f"wrote {path}"
+
+
+def _ahead(obstacle_m: float | None) -> str:
+    if obstacle_m is None:
+        return ""
+    if np.isnan(obstacle_m):
+        return f", no obstacle ahead within {REACH_M:g} m"
+    return f", nearest obstacle ahead {obstacle_m:.2f} m"
 
 
 def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:

@@ -13,7 +13,7 @@ from reconstruction.errors import InputError
 from spisim.dataset.folder import Layout, Sound, has_its_size
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import Say, opened
-from spisim.dataset.plan import PlannedSet
+from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.dataset.sample import is_out_of_space
 from spisim.dataset.workers import Executor

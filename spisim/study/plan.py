@@ -26,7 +26,8 @@ from spisim.config import (
 )
 from spisim.config.distributions import KINDS
 from spisim.config.messages import show
-from spisim.dataset.plan import Plan, PlannedSet, is_field
+from spisim.dataset.plan import Plan, is_field
+from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import flat
 from spisim.study.metrics import Metric
 
