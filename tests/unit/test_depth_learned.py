@@ -359,7 +359,8 @@ def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, m
 def test_who_reconstructs_is_told_why_it_is_left_out(capture, tmp_path, capsys):
     spots = replace(capture.spots, directions=COLLINEAR)
     write_capture(replace(capture, spots=spots), tmp_path / "line.h5")
-    assert main([str(tmp_path / "line.h5"), "-o", str(tmp_path / "told")]) == 0
+    told = [str(tmp_path / "line.h5"), "-o", str(tmp_path / "told")]
+    assert main(told) == 0
     assert "depth, learned: not of this recording (spots off a line = " in capsys.readouterr().out
     assert (
         main([str(tmp_path / "line.h5"), "-o", str(tmp_path / "told"), "--depth", "nearest"]) == 0
