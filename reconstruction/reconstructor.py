@@ -1,5 +1,6 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, get_args
@@ -42,6 +43,8 @@ from .ranging import (
 from .result import BASELINE, Image, Result
 from .timing import timed
 
+logger = logging.getLogger(__name__)
+
 Names = str | Sequence[str] | None
 """Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
 
@@ -83,6 +86,10 @@ class Reconstructor:
         if setup.optics is not None:
             self._rays = pixel_rays(setup.optics, setup.plan.shape)
             self._stretch = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
+        logger.info(
+            "methods of image: %s; of ranging: %s; of depth: %s",
+            *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
+        )
 
     def __call__(self, frame: Frames) -> Result:
         """Reconstruct one frame; InputError if nothing in it is usable."""
@@ -162,6 +169,7 @@ class Reconstructor:
             if found is not None:
                 maps[name] = _checked_depths(f"depth method {name!r}", found, self._shape)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
+        logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
             images=_single(images),
             deviations=_single(deviations),
