@@ -299,14 +299,20 @@ def _rangings(names: Names, setup: Setup) -> dict[str, RangingSolver]:
     }
 
 
+def left_out(setup: Setup) -> dict[str, str]:
+    """Of the usual depth methods those that a recording does not suit, by name, and why."""
+    fit = (name for name in USUAL_DEPTHS if not lacks(DEPTH_METHODS[name], setup))
+    told = {name: unlike(DEPTH_METHODS[name], setup) for name in fit}
+    return {name: why for name, why in told.items() if why is not None}
+
+
 def _depth_names(names: Names, setup: Setup) -> list[str]:
     def fits(name: str) -> bool:
         return not lacks(DEPTH_METHODS[name], setup)
 
-    def suits(name: str) -> bool:
-        return fits(name) and unlike(DEPTH_METHODS[name], setup) is None
-
-    return _listed(names, list(filter(suits, USUAL_DEPTHS)), DEPTH_METHODS, fits)
+    unsuited = left_out(setup)
+    usual = [name for name in USUAL_DEPTHS if fits(name) and name not in unsuited]
+    return _listed(names, usual, DEPTH_METHODS, fits)
 
 
 def _listed(
