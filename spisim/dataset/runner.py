@@ -46,6 +46,11 @@ class State:
         """Samples not tried yet."""
         return self.samples - self.done - self.failed
 
+    @property
+    def share(self) -> float:
+        """Of the samples, those that are tried."""
+        return 1 - self.missing / self.samples
+
 
 def run_dataset(
     planned: PlannedSet,

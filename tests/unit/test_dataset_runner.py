@@ -28,6 +28,7 @@ def test_all_is_made_and_noted(planned: PlannedSet, tmp_path: Path) -> None:
     run = Run(planned, folder)
     assert (run.state.done, run.state.failed, run.state.missing) == (5, 0, 0)
     assert [state.done for state in run.states] == [0, 1, 2, 3, 4, 5]
+    assert run.states[2].share == 0.4
     assert (folder / "plan.yaml").read_text() == PLAN
     told = rows(folder, '"index", status, scene, parameters, file, bytes, attempts, error')
     text = json.dumps({"x": 1})
