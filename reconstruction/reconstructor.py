@@ -1,5 +1,6 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, get_args
@@ -42,6 +43,8 @@ from .ranging import (
 from .result import BASELINE, Image, Result
 from .timing import timed
 
+logger = logging.getLogger(__name__)
+
 Names = str | Sequence[str] | None
 """Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
 
@@ -83,6 +86,10 @@ class Reconstructor:
         if setup.optics is not None:
             self._rays = pixel_rays(setup.optics, setup.plan.shape)
             self._stretch = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
+        logger.info(
+            "methods of image: %s; of ranging: %s; of depth: %s",
+            *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
+        )
 
     def __call__(self, frame: Frames) -> Result:
         """Reconstruct one frame; InputError if nothing in it is usable."""
@@ -162,6 +169,7 @@ class Reconstructor:
             if found is not None:
                 maps[name] = _checked_depths(f"depth method {name!r}", found, self._shape)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
+        logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
             images=_single(images),
             deviations=_single(deviations),
@@ -291,14 +299,20 @@ def _rangings(names: Names, setup: Setup) -> dict[str, RangingSolver]:
     }
 
 
+def left_out(setup: Setup) -> dict[str, str]:
+    """Of the usual depth methods those that a recording does not suit, by name, and why."""
+    fit = (name for name in USUAL_DEPTHS if not lacks(DEPTH_METHODS[name], setup))
+    told = {name: unlike(DEPTH_METHODS[name], setup) for name in fit}
+    return {name: why for name, why in told.items() if why is not None}
+
+
 def _depth_names(names: Names, setup: Setup) -> list[str]:
     def fits(name: str) -> bool:
         return not lacks(DEPTH_METHODS[name], setup)
 
-    def suits(name: str) -> bool:
-        return fits(name) and unlike(DEPTH_METHODS[name], setup) is None
-
-    return _listed(names, list(filter(suits, USUAL_DEPTHS)), DEPTH_METHODS, fits)
+    unsuited = left_out(setup)
+    usual = [name for name in USUAL_DEPTHS if fits(name) and name not in unsuited]
+    return _listed(names, usual, DEPTH_METHODS, fits)
 
 
 def _listed(

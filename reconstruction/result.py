@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .capture import Unit
 from .notebook import picture, shown
+from .plotting import draw_map, panels
 from .ranging import Ranges
 
 Image = NDArray[np.float32]
@@ -69,6 +71,24 @@ class Result:
                 facts[f"spot {spot}"] = known if status == "ok" else status
         facts |= {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
         return shown("Result", facts, pictures)
+
+    def plot(self) -> Any:
+        """Draw image, depth map and ranges with their sigma, those of them that there are.
+
+        Returns the axes of Matplotlib, (panels,). InputError if there is no Matplotlib.
+        """
+        depth_m, ranges = self.depth_m, self.ranges
+        image, *others = axes = panels(1 + (depth_m is not None) + (ranges is not None))
+        draw_map(image, self.image, f"image, {next(iter(self.images))}", f"{self.unit}s")
+        if depth_m is not None:
+            draw_map(others.pop(0), depth_m, f"depth, {next(iter(self.depths))}", "m", "viridis_r")
+        if ranges is not None:
+            spots = np.arange(len(ranges.status))
+            others[0].errorbar(spots, ranges.range_m, ranges.sigma_m, fmt="o", capsize=4)
+            others[0].set(title=f"ranges, {next(iter(self.rangings))}", ylabel="m")
+            others[0].set_xticks(spots, [f"spot {spot}" for spot in spots])
+            others[0].set_xlim(-0.5, len(spots) - 0.5)
+        return axes
 
     @property
     def image(self) -> Image:

@@ -69,10 +69,15 @@ class SceneSource(Section):
     """
 
     scene: Name | None = None
+    """A shipped scene by its name, or a file beside the plan. This or `family`."""
     family: Name | None = None
+    """A family to draw from. This or `scene`."""
     parameters: dict[Name, Drawn] = Field(default_factory=dict)
+    """The family's own: values, or what they are drawn from."""
     distinct: Annotated[Count, Field(le=SCENE_SEEDS)] | None = None
+    """How many scenes of the family there are, which come again; one for each sample without."""
     weight: NonNegative = 1.0
+    """How often, next to the weights of the others."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> SceneSource:
@@ -101,8 +106,11 @@ class Keep(Section):
     """What is stored with the readings."""
 
     truth: bool = True
-    transport: bool = False  # image and its errors, as OpenEXR beside the capture
-    histograms: bool = False  # of the four spots over path length, as NPZ beside the capture
+    """What is true of each frame, which evaluation needs."""
+    transport: bool = False
+    """The transport image and its errors, as OpenEXR beside the capture."""
+    histograms: bool = False
+    """The four spots' light over path length, as NPZ beside the capture."""
 
 
 class Plan(Section):
@@ -120,21 +128,37 @@ class Plan(Section):
     """
 
     name: Name
+    """Of the data set."""
     description: str = ""
+    """What it is for, in words."""
     samples: Annotated[Count, Field(le=MAX_SAMPLES)] | None = None
+    """How many; each combination of the grids once without."""
     seed: Seed = 0
+    """Of all that is random."""
     scenes: Annotated[tuple[SceneSource, ...], Field(min_length=1)]
+    """Scene files and families; which one a sample has is drawn by their weights."""
     every_scene: bool = False
+    """Whether the scenes are a grid, each made with every combination of the others."""
     poses: AnyPoses = Poses()
+    """How many poses each scene is seen from, or a section that also says how far apart."""
     vary: dict[Name, Openable] = Field(default_factory=dict)
+    """Fields of scene and instrument, `scene.…` and `instrument.…`, or bundles of them."""
     materials: dict[Name, Openable] = Field(default_factory=dict)
+    """Materials in place of those of these names, in all scenes that have them."""
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
+    """A preset or a file beside the plan, or a grid of them."""
     wavelength_nm: Annotated[Any, BeforeValidator(_wavelengths)] = None
+    """What the instrument is built for: a number, a distribution or a grid. Scenes follow."""
     light: LightSource = "traced"
+    """Traced, or a fast stand-in."""
     spp: Annotated[Count, Field(le=2**20)] | None = None
+    """Light paths per virtual pixel and strategy. This or `transport_noise_share`."""
     transport_noise_share: Annotated[Number, Field(ge=1e-3, le=10)] | None = None
+    """Error of the light, as a share of the detectors' noise; 0.3 without `spp`."""
     frames: Count = 1
+    """Frames of every capture."""
     keep: Keep = Keep()
+    """What is stored with the readings."""
 
     @model_validator(mode="before")
     @classmethod

@@ -9,8 +9,9 @@ from scipy.special import expit
 import worlds
 from convolutions import convolved, shuffled, unshuffled
 from instruments import changed
-from reconstruction import Capture, Reconstructor
+from reconstruction import Capture, Reconstructor, write_capture
 from reconstruction.capture import Optics, Setup
+from reconstruction.cli import main
 from reconstruction.depth import (
     Context,
     DepthEstimate,
@@ -353,6 +354,18 @@ def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, m
     learned.shipped.cache_clear()
     assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual[1:]
     learned.shipped.cache_clear()
+
+
+def test_who_reconstructs_is_told_why_it_is_left_out(capture, tmp_path, capsys):
+    spots = replace(capture.spots, directions=COLLINEAR)
+    write_capture(replace(capture, spots=spots), tmp_path / "line.h5")
+    told = [str(tmp_path / "line.h5"), "-o", str(tmp_path / "told")]
+    assert main(told) == 0
+    assert "depth, learned: not of this recording (spots off a line = " in capsys.readouterr().out
+    assert (
+        main([str(tmp_path / "line.h5"), "-o", str(tmp_path / "told"), "--depth", "nearest"]) == 0
+    )
+    assert "learned" not in capsys.readouterr().out
 
 
 def test_measured_depths_join_by_inverse_variance():

@@ -1,6 +1,7 @@
 """Two distributions for single numbers: scipy.special takes longer to load than a frame."""
 
 import math
+from functools import cache
 
 
 def normal_share(deviations: float) -> float:
@@ -8,6 +9,7 @@ def normal_share(deviations: float) -> float:
     return math.erfc(-deviations / math.sqrt(2)) / 2
 
 
+@cache
 def chi_squared_limit(freedom: int, share: float) -> float:
     """What chi squared of so many degrees of freedom exceeds with a probability 0 < share < 1."""
     below, above = 0.0, float(freedom)
