@@ -42,8 +42,9 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     """A value with its unit, as "7.26 µW"; a dash where there is none."""
     if value is None or not math.isfinite(value):
         return "–"
-    prefix = Prefix.of([float(f"{value:.{digits}g}")], unit)
-    number = value / prefix.factor
+    rounded = float(f"{value:.{digits}g}")
+    prefix = Prefix.of([rounded], unit)
+    number = rounded / prefix.factor
     places = max(0, digits - 1 - math.floor(math.log10(abs(number)))) if number else 0
     return f"{number:,.{places}f} {prefix.unit}".strip().replace("-", "−")
 
