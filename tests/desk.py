@@ -40,7 +40,7 @@ MITSUBA = """<scene version="3.0.0"><shape type="cube"><bsdf type="diffuse"/></s
 TAKEN = (
     *("capture.h5", "truth.exr", "overview.png", "report.html", "result.h5", "cloud.ply"),
     *("image.png", "depth.png", "image_pursuit.png", "depth_nearest.png", "flight.gif"),
-    *("flight.png", "flight.csv", "capture-0000.h5", "results.csv", "summary.csv", "study.yaml"),
+    *("flight.html", "flight.csv", "capture-0000.h5", "results.csv", "summary.csv", "study.yaml"),
     *("differences.csv", "fig2.png", "table2.png", "shard-000000.tar", "plan.yaml"),
     *("manifest.sqlite", "scene.yaml", "sheet.html", "view.png", "budget.png", "light.npz"),
 )

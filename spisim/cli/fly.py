@@ -52,12 +52,13 @@ def command(
 ) -> None:
     """Fly a path: one capture per instant, with the drone's motion, then image and depth of each.
 
-    Writes capture-0000.h5 and so on, an animation, a contact sheet and a table. Captures that the
+    Writes capture-0000.h5 and so on, a page, an animation and a table. Captures that the
     folder has of the same flight are kept, so that an interrupted flight goes on where it was.
     """
     from reconstruction.files import require_outputs
     from spisim.dataset.flight import instants, kept_captures
-    from spisim.report.flight import flight_outputs, write_animation, write_sheet, write_table
+    from spisim.report.flight import flight_outputs, write_animation, write_table
+    from spisim.report.flight_page import write_flight
     from spisim.scene import check_clear_path, load_trajectory
 
     files = flight_outputs(output)
@@ -77,13 +78,13 @@ def command(
                 capture = _record(output, instant, carried, spp, _part(advance, done, share))
             seen.append(_look(instant, capture, output))
             advance(done + share)
-    animation, sheet, table = (file.path for file in files)
+    animation, page, table = (file.path for file in files)
     write_animation(animation, seen, rate)
-    write_sheet(sheet, seen)
+    write_flight(page, place.name, seen, rate)
     write_table(table, seen)
     warnings = _warnings(seen)
     warn(warnings)
-    written = [*(output / instant.file for instant in flight), animation, sheet, table]
+    written = [*(output / instant.file for instant in flight), animation, page, table]
     if json:
         report = {"written": written, "captures": len(flight), "kept": len(kept)}
         print_json(report | {"duration_s": trajectory.duration_s, "warnings": oddities + warnings})
@@ -91,7 +92,7 @@ def command(
     old = f" ({len(kept)} of them kept)" if kept else ""
     names = ", ".join(file.path.name for file in files)
     say(f"Wrote {len(flight)} captures{old}, {names} to {output}.")
-    say(f"Look at it: {animation.resolve().as_uri()}")
+    say(f"Look at it: {page.resolve().as_uri()}")
 
 
 def _part(advance: Callable[[float], None], done: float, share: float) -> Callable[[float], None]:

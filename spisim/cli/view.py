@@ -81,7 +81,7 @@ def _check(source: str, save: Path | None, overwrite: bool) -> None:
 
 def _report_of(source: Path) -> str:
     """Where there is a page to look at without the viewer, or how to make one."""
-    pages = (source.with_suffix(".html"), source / "report.html", source / "flight.gif")
+    pages = (source.with_suffix(".html"), source / "report.html", source / "flight.html")
     for page in pages:
         if page.is_file():
             return f"Without it there is {page.resolve().as_uri()}"

@@ -2,25 +2,24 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result, capture_warnings
 from reconstruction.arrays import Floats
-from reconstruction.capture import Setup, Spots
+from reconstruction.capture import Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.depth import REACH_M
-from reconstruction.errors import InputError
 from reconstruction.evaluation import method_title
-from spisim.config import load_yaml
 
+from .buildup import build_up
 from .comparison import compared_methods
-from .page import duration, length, number, write_page
+from .facts import Metrics, cards_of, facts_of, media_of, quality_of
+from .inline import plot_in_page
+from .page import duration, write_page
 from .pictures import (
-    data_address,
     depth_scale,
     deviation_scale,
     error_scale,
@@ -29,11 +28,9 @@ from .pictures import (
     spot_marks,
     view_scale,
 )
+from .space import Space
 from .spot_plots import SpotHistograms, arrival_figure, light_figure
-from .style import file_of, plot_style
-
-Metrics = Mapping[str, Any]
-Cards = list[tuple[str, str, str]]
+from .style import plot_style
 
 MEDIUM = {
     "": "where",
@@ -82,6 +79,8 @@ def write_report(
     true_m = None if truth is None else _within_reach(truth.depth_m)
     errors = {} if true_m is None else {name: depth - true_m for name, depth in depths.items()}
     spots = capture.spots
+    images = result.images.values() if truth is None else [truth.image]
+    image_scale = intensity_scale(*images, unit=f"{result.unit}s")
     way = None if truth is None or spots is None else _path_lengths(spots, truth.spot_range_m)
     write_page(
         path,
@@ -92,21 +91,19 @@ def write_report(
         result=result,
         truth=truth,
         metrics=metrics,
-        cards=_cards(capture, result, metrics),
+        cards=cards_of(capture, result, metrics),
         warnings=[*capture_warnings(capture, result.frame), *result.warnings],
         view=view,
         view_scale=None if view is None else view_scale(view),
-        facts=_facts(capture),
+        facts=facts_of(capture),
         medium=MEDIUM,
         media=media_of(capture),
         marks=spot_marks(capture),
         images=[
-            (method_title("images", name), image, _quality(metrics, name))
+            (method_title("images", name), image, quality_of(metrics, name))
             for name, image in result.images.items()
         ],
-        image_scale=intensity_scale(
-            *(result.images.values() if truth is None else [truth.image]), unit=f"{result.unit}s"
-        ),
+        image_scale=image_scale,
         depths=depths,
         nothings=nothings,
         deviations=deviations,
@@ -119,101 +116,18 @@ def write_report(
         errors=errors,
         error_scale=error_scale(*errors.values()),
         rangings={method_title("spots", name): ranges for name, ranges in result.rangings.items()},
-        arrivals=_plot(
-            arrival_figure(spots, result.frame, way) if isinstance(spots, HistogramSpots) else None
-        ),
-        light=_plot(None if transport is None else light_figure(transport, way)),
+        arrivals=_arrivals(spots, result.frame, way),
+        light=None
+        if transport is None
+        else plot_in_page("light", lambda width_in: light_figure(transport, way, width_in)),
+        growth=build_up(capture, result, None if truth is None else truth.image, image_scale),
+        space=Space.of(capture, result),
         compared=[] if metrics is None else compared_methods(metrics),
-        seconds=dict(timings or {}) | dict(result.timings_s),
+        seconds={
+            step.replace("_", " "): duration(float(f"{taken_s:.3g}"))
+            for step, taken_s in (dict(timings or {}) | dict(result.timings_s)).items()
+        },
     )
-
-
-def media_of(capture: Capture) -> list[Mapping[str, Any]]:
-    """What hung in the air of a simulation: `media` of its settings; none of other recordings."""
-    try:
-        settings = load_yaml(capture.provenance.settings, "settings")
-    except InputError:  # of another program
-        return []
-    media = settings.get("media") if isinstance(settings, dict) else None
-    return [one for one in media if isinstance(one, dict)] if isinstance(media, list) else []
-
-
-def _cards(capture: Capture, result: Result, metrics: Metrics | None) -> Cards:
-    """The figures that tell how good the reconstruction is."""
-    plan = capture.plan
-    patterns = f"{plan.sampled} of {plan.pixels} patterns, {plan.exposures} exposures"
-    cards = [(f"{100 * plan.sampling_ratio:.3g} %", "sampling ratio", patterns)]
-    frame_s = plan.exposures * capture.buckets.pattern_period_s
-    reconstructed = f"{1e3 * sum(result.timings_s.values()):.0f} ms"
-    if np.isfinite(frame_s):
-        cards.append((f"{1 / frame_s:.3g} Hz", "frame rate", f"reconstructed in {reconstructed}"))
-    else:
-        cards.append((reconstructed, "to reconstruct", "frame rate not known"))
-    return cards if metrics is None else cards + _quality_cards(metrics)
-
-
-def _quality_cards(metrics: Metrics) -> Cards:
-    """Of each station the first method's figure, and those of the others."""
-    cards = []
-    for station, key, label, written in (
-        ("images", "correlation", "image correlation", lambda value: number(value, 3)),
-        ("depths", "mae_m", "mean depth error", length),
-    ):
-        told = {name: written(figures[key]) for name, figures in metrics[station].items()}
-        others = [f"{method_title(station, name)} {value}" for name, value in told.items()][1:]
-        cards += [(value, label, ", ".join(others)) for value in list(told.values())[:1]]
-    for spots in list(metrics["spots"].values())[:1]:
-        errors = [abs(spot["error_m"]) for spot in spots if spot["error_m"] is not None]
-        largest = length(max(errors, default=None))
-        cards.insert(1, (largest, "largest range error", f"of {len(errors)} measured spots"))
-    return cards
-
-
-def _quality(metrics: Metrics | None, method: str) -> str:
-    if metrics is None:
-        return ""
-    figures = metrics["images"][method]
-    gain = figures["gain_db"]
-    return (
-        f"correlation {number(figures['correlation'], 3)}, "
-        f"gain {'–' if gain is None else f'{gain:+.1f} dB'}"
-    )
-
-
-def _facts(capture: Capture) -> dict[str, str]:
-    """How the capture was recorded."""
-    provenance, plan, buckets = capture.provenance, capture.plan, capture.buckets
-    height, width = plan.shape
-    noise = buckets.noise_electrons
-    facts = {
-        "source": provenance.source,
-        "software": provenance.software,
-        "seed": "–" if provenance.seed is None else str(provenance.seed),
-        "frames": str(capture.frames),
-        "virtual pixels": f"{width} × {height}",
-        "patterns": f"{plan.sampled} of {plan.pixels}, {plan.basis}, {plan.order}",
-        "exposures": str(plan.exposures),
-        **_of_several_frames(capture.setup),
-        "exposure time": duration(buckets.exposure_time_s),
-        "duration": duration(plan.exposures * buckets.pattern_period_s),
-        "electronics noise": (
-            f"{noise:,.0f} electrons rms per exposure" if np.isfinite(noise) else "not known"
-        ),
-        "saturated readings": str(int(np.count_nonzero(~buckets.usable))),
-    }
-    if capture.spots is not None:
-        facts["time of flight"] = capture.spots.summary
-    if capture.pattern_taps is not None:
-        facts["of every pattern"] = capture.pattern_taps.summary
-    return facts
-
-
-def _of_several_frames(setup: Setup) -> dict[str, str]:
-    """What frames that show different patterns show together."""
-    if not setup.later_plans:
-        return {}
-    shown = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
-    return {"of several frames": f"{shown} patterns, which {len(setup.plans)} frames deal out"}
 
 
 def _within_reach(depth_m: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -228,5 +142,7 @@ def _path_lengths(spots: Spots, range_m: Floats) -> Floats:
     return range_m + back
 
 
-def _plot(figure: Figure | None) -> str | None:
-    return None if figure is None else data_address(file_of(figure, "plot", "svg"), "image/svg+xml")
+def _arrivals(spots: Spots | None, frame: int, way: Floats | None) -> Markup | None:
+    if not isinstance(spots, HistogramSpots):
+        return None
+    return plot_in_page("arrivals", lambda width_in: arrival_figure(spots, frame, way, width_in))

@@ -11,7 +11,7 @@ from reconstruction import InputError, Result, evaluate, reconstruct
 from reconstruction.capture import FrameTruth
 from spisim.dataset.reader import DataSet, StoredSample
 
-from .capture import media_of
+from .facts import media_of
 from .page import write_page
 from .pictures import depth_scale, intensity_scale
 

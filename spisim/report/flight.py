@@ -1,4 +1,4 @@
-"""What a flight saw: an animation, a contact sheet and a table."""
+"""What a flight saw: an animation and a table."""
 
 from __future__ import annotations
 
@@ -20,12 +20,9 @@ from reconstruction.files import Output, mark, write_atomically
 from spisim.config import csv_table
 from spisim.dataset.flight import Instant
 
-from .overview import depth_bar
 from .pictures import Scale, depth_scale, intensity_scale, show
-from .style import SPOT_COLOURS, file_of, plot_style
+from .style import SPOT_COLOURS, plot_style
 
-#: Columns of the contact sheet.
-SHEET_COLUMNS = 8
 #: How long the last picture of the animation stays.
 LAST_S = 1.5
 
@@ -36,10 +33,10 @@ TABLE_SIGN = "capture,time_s,position_x_m,"
 
 
 def flight_outputs(folder: Path) -> list[Output]:
-    """Animation, contact sheet and table that a flight leaves in its folder."""
+    """Animation, page and table that a flight leaves in its folder."""
     return [
         Output(folder / "flight.gif", KIND),
-        Output(folder / "flight.png", KIND),
+        Output(folder / "flight.html", KIND),
         Output(folder / "flight.csv", KIND, sign=TABLE_SIGN),
     ]
 
@@ -74,14 +71,15 @@ class Sighting:
 
 
 @dataclass(frozen=True)
-class _Scales:
+class Scales:
     """The same colours for all of a flight."""
 
     image: Scale
     depth: Scale
 
     @classmethod
-    def of(cls, flight: Sequence[Sighting]) -> _Scales:
+    def of(cls, flight: Sequence[Sighting]) -> Scales:
+        """From the truth of all of it."""
         return cls(
             intensity_scale(*(seen.truth.image for seen in flight)),
             depth_scale(*(seen.truth.depth_m for seen in flight)),
@@ -105,8 +103,8 @@ def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> N
 
     In the time of the flight. Raises OSError where it cannot be written.
     """
-    scales = _Scales.of(flight)
-    limits = _map_limits(flight)
+    scales = Scales.of(flight)
+    limits = map_limits(flight)
     pictures = [
         _rendered(_frame(flight[: number + 1], scales, limits)) for number in range(len(flight))
     ]
@@ -123,24 +121,6 @@ def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> N
         comment=mark(KIND),
     )
     write_atomically(path, buffer.getvalue())
-
-
-@plot_style()
-def write_sheet(path: Path, flight: Sequence[Sighting]) -> None:
-    """Write a PNG with some of the instants side by side. Raises OSError."""
-    scales = _Scales.of(flight)
-    columns = min(SHEET_COLUMNS, len(flight))
-    shown = [flight[k] for k in np.linspace(0, len(flight) - 1, columns).round().astype(int)]
-    sheet = Figure(figsize=(0.6 + 1.75 * columns, 5.4), layout="constrained")
-    axes = sheet.subplots(3, columns, squeeze=False)
-    for column, seen in zip(axes.T, shown, strict=True):
-        column[0].set_title(f"{seen.instant.time_s:.2f} s", fontsize=9)
-        for axis, (_, image, scale) in zip(column, scales.panels(seen), strict=True):
-            show(axis, image, scale)
-    for axis, (title, *_) in zip(axes[:, 0], scales.panels(shown[0]), strict=True):
-        axis.set_ylabel(title, fontsize=9)
-    depth_bar(sheet, axes[1:, :], scales.depth, shrink=0.8, aspect=24)
-    write_atomically(path, file_of(sheet, KIND, dpi=110))
 
 
 def write_table(path: Path, flight: Sequence[Sighting]) -> None:
@@ -183,7 +163,7 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.6g}"
 
 
-def _frame(flown: Sequence[Sighting], scales: _Scales, limits: tuple[float, ...]) -> Figure:
+def _frame(flown: Sequence[Sighting], scales: Scales, limits: tuple[float, ...]) -> Figure:
     """One picture of the animation, after all of `flown`."""
     now = flown[-1]
     picture = Figure(figsize=(9.6, 3.05), dpi=100)
@@ -209,7 +189,7 @@ def _frame(flown: Sequence[Sighting], scales: _Scales, limits: tuple[float, ...]
     return picture
 
 
-def _map_limits(flight: Sequence[Sighting]) -> tuple[float, ...]:
+def map_limits(flight: Sequence[Sighting]) -> tuple[float, ...]:
     """(left, right, bottom, top) around paths and measured spots."""
     points = [np.concatenate([seen.pose[None, :3, 3], seen.measured_m]) for seen in flight]
     flat = np.concatenate(points)[:, :2]

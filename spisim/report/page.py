@@ -1,6 +1,9 @@
 """Pages from templates, and numbers as people read them."""
 
-from functools import cache
+from base64 import b64encode
+from dataclasses import dataclass
+from functools import cache, partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +14,38 @@ from markupsafe import Markup
 from reconstruction.files import mark, write_atomically
 from reconstruction.text import printable
 
+from .maps import packed
+from .units import engineering
+
+#: What moves in pages, in this order.
+SCRIPTS = ("pictures", "cloud", "explore", "sequences")
+
 
 def write_page(path: str | Path, kind: str, template: str, **content: Any) -> None:
     """Write a page that needs no other file; all of its content is escaped.
 
     `kind` is what its mark tells. Raises OSError where the file cannot be written.
     """
-    page = _templates().get_template(f"{template}.html").render(content | {"mark": mark(kind)})
+    own = {"mark": mark(kind), "script": page_script()}
+    page = _templates().get_template(f"{template}.html").render(content | own)
     write_atomically(path, page.encode())
+
+
+@dataclass(frozen=True)
+class Script:
+    """What a page runs, and the digest by which it runs nothing else."""
+
+    text: Markup
+    digest: str
+
+
+@cache
+def page_script() -> Script:
+    """The one script of all pages; parts find out by themselves whether they have a place."""
+    folder = Path(__file__).with_name("scripts")
+    parts = [(folder / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
+    text = "(() => {\n" + "\n".join(parts) + "})();"
+    return Script(Markup(text), f"sha256-{b64encode(sha256(text.encode()).digest()).decode()}")
 
 
 @cache
@@ -31,7 +58,15 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         finalize=_shown,
     )
-    templates.filters |= {"number": number, "metres": length, "plain": plain, "capital": capital}
+    templates.filters |= {
+        "number": number,
+        "metres": length,
+        "distance": distance,
+        "electrons": partial(engineering, unit="e⁻"),
+        "plain": plain,
+        "capital": capital,
+        "packed": packed,
+    }
     return templates
 
 
@@ -65,7 +100,14 @@ def length(metres: float | None) -> str:
     """In the unit that suits it; a dash where there is none."""
     if metres is None or not np.isfinite(metres):
         return "–"
-    return f"{100 * metres:.1f} cm" if abs(metres) < 1 else f"{metres:.2f} m"
+    if 0.01 <= abs(metres) < 1:
+        return f"{100 * metres:.1f} cm".replace("-", "−")
+    return engineering(metres, "m")
+
+
+def distance(metres: float | None) -> str:
+    """In metres to the millimetre; a dash where there is none."""
+    return "–" if metres is None or not np.isfinite(metres) else f"{metres:,.3f} m"
 
 
 def duration(seconds: float) -> str:

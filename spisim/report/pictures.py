@@ -18,21 +18,27 @@ from reconstruction.arrays import Floats
 from reconstruction.files import mark, write_atomically
 from reconstruction.outputs.pictures import NOTHING
 
+from .units import Prefix
+
 HORIZON = 10.0
 """What is so many times farther than a quarter of all is not told apart in pictures."""
-MIN_PLAIN = 1e-4
-"""Smaller numbers take an exponent, and much of a narrow scale."""
+MIN_APART = 11.0
+"""Per cent of a scale between its numbers, at least."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """A colour scale that several pictures share."""
+    """A colour scale that several pictures share.
+
+    `meaning`: "probability", or "ln" of logarithms, where that tells more than the unit.
+    """
 
     low: float
     high: float
     colours: str
     unit: str
     exponent: float = 1.0
+    meaning: str = ""
 
     def position(self, values: ArrayLike) -> Floats:
         """Where values lie on the scale, from 0 to 1; what is not finite at 0."""
@@ -64,15 +70,24 @@ class Scale:
         return ", ".join(f"rgb({r} {g} {b})" for r, g, b, _ in stops)
 
     @property
-    def ticks(self) -> Iterator[tuple[float, float]]:
-        """Round numbers on the scale, and where they lie in per cent.
+    def quantity(self) -> str:
+        """What pages make of a number: `meaning`, or else the unit."""
+        return self.meaning or self.unit
 
-        Of tiny numbers, which are long, the two ends alone.
-        """
-        places = 5 if max(abs(self.low), abs(self.high)) >= MIN_PLAIN else 1
-        for value in MaxNLocator(places).tick_values(self.low, self.high):
-            if self.low <= value <= self.high:
-                yield value, 100 * float(self.position(value))
+    @property
+    def prefix(self) -> Prefix:
+        """In which the numbers of the scale are written."""
+        return Prefix.of([self.low, self.high], self.unit)
+
+    @property
+    def ticks(self) -> Iterator[tuple[str, float]]:
+        """Round numbers on the scale in its prefix, and where they lie in per cent."""
+        last = -MIN_APART
+        for value in MaxNLocator(5).tick_values(self.low, self.high):
+            place = 100 * float(self.position(value))
+            if self.low <= value <= self.high and place - last >= MIN_APART:
+                last = place
+                yield self.prefix.write(value), place
 
 
 def intensity_scale(*images: ArrayLike, unit: str = "") -> Scale:
@@ -102,12 +117,12 @@ def error_scale(*images: ArrayLike) -> Scale:
 
 def deviation_scale(*images: ArrayLike) -> Scale:
     """Standard deviations of ln depth; bright is sure."""
-    return Scale(0.0, _percentile(99, *images), "viridis_r", "")
+    return Scale(0.0, _percentile(99, *images), "viridis_r", "", meaning="ln")
 
 
 def probability_scale() -> Scale:
     """From black, 0, to white, 1."""
-    return Scale(0.0, 1.0, "gray", "")
+    return Scale(0.0, 1.0, "gray", "", meaning="probability")
 
 
 def spot_marks(capture: Capture) -> list[tuple[int, float, float]]:

@@ -9,7 +9,9 @@ from scipy.constants import c
 from reconstruction.arrays import Floats
 from reconstruction.capture.readings.dtof import HistogramSpots
 
+from .inline import WIDE_IN
 from .style import SPOT_COLOURS
+from .units import prefix_axis, prefix_log
 
 DECADES = 6  # of light shown below the highest value
 LINEAR_M = 200.0  # longest path on a linear scale
@@ -27,8 +29,10 @@ class SpotHistograms(Protocol):
         """Path length of each bin (bins,), ascending."""
 
 
-def light_figure(transport: SpotHistograms, true_length_m: Floats | None) -> Figure | None:
-    """The share of each laser's power per metre of path length; None without any light.
+def light_figure(
+    transport: SpotHistograms, true_length_m: Floats | None, width_in: float = WIDE_IN
+) -> Figure | None:
+    """Light per metre of path length and watt of each laser; None without any light.
 
     `true_length_m` (4,): the true way to each spot and back, marked by a dashed line.
     """
@@ -42,13 +46,14 @@ def light_figure(transport: SpotHistograms, true_length_m: Floats | None) -> Fig
         shown &= lengths_m <= 1.25 * np.nanmax(true_length_m)
     top = 10.0 ** np.ceil(np.log10(density.max()))
     limits = top / 10**DECADES, top
-    return _figure(
-        lengths_m[shown], density[:, shown], true_length_m, limits, "share of power per m"
-    )
+    curves = lengths_m[shown], density[:, shown], true_length_m, limits
+    figure = _figure(*curves, "light per watt of laser", width_in)
+    prefix_log(figure.axes[0].yaxis, "W/m")
+    return figure
 
 
 def arrival_figure(
-    spots: HistogramSpots, frame: int, true_length_m: Floats | None
+    spots: HistogramSpots, frame: int, true_length_m: Floats | None, width_in: float = WIDE_IN
 ) -> Figure | None:
     """The arrivals in each time bin as recorded, over the path that the time stands for.
 
@@ -62,7 +67,9 @@ def arrival_figure(
         return None
     limits = 0.1, 10.0 ** max(np.ceil(np.log10(counts.max())), 1)
     lengths_m: Floats = np.arange(counts.shape[1], dtype=np.float64) * c * spots.bin_width_s
-    return _figure(lengths_m, counts, true_length_m, limits, "arrivals per bin")
+    figure = _figure(lengths_m, counts, true_length_m, limits, "arrivals per bin", width_in)
+    prefix_log(figure.axes[0].yaxis)
+    return figure
 
 
 def _figure(
@@ -71,9 +78,10 @@ def _figure(
     true_length_m: Floats | None,
     limits: tuple[float, float],
     label: str,
+    width_in: float,
 ) -> Figure:
     """Curves (4, bins) on a logarithmic scale; the path too, where it is long."""
-    figure = Figure(figsize=(9.6, 2.9), layout="constrained")
+    figure = Figure(figsize=(width_in, 2.9), layout="constrained")
     axes = figure.subplots()
     for k, (row, colour) in enumerate(zip(values, SPOT_COLOURS, strict=True)):
         axes.plot(lengths_m, row, color=colour, lw=1.3, label=f"spot {k}")
@@ -84,6 +92,7 @@ def _figure(
     if farthest_m > LINEAR_M:
         axes.set_xscale("log")
     axes.set(ylim=limits, xlim=(1.0 if farthest_m > LINEAR_M else 0, farthest_m))
-    axes.set(xlabel="path length, m", ylabel=label)
-    figure.legend(loc="outside upper right", ncols=len(values))
+    axes.set(ylabel=label)
+    prefix_axis(axes.xaxis, "path length, m")
+    figure.legend(loc="outside upper right", ncols=len(values) if width_in == WIDE_IN else 2)
     return figure

@@ -13,6 +13,8 @@ from reconstruction.text import printable
 
 #: Of the four laser spots, on white; those of the pages are the same.
 SPOT_COLOURS = ("#2f78b7", "#c96a15", "#2f8f62", "#8a5bb8")
+#: Of curves, in turn, as in `plots.mplstyle`.
+CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555")
 
 
 #: What figures are made and saved in, `with plot_style():` or decorated; users' settings are not

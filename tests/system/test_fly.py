@@ -92,8 +92,12 @@ def test_animation_has_a_picture_per_capture_in_the_flights_time(flown: Path) ->
         first = np.asarray(animation.convert("RGB"))
         animation.seek(2)
         assert (np.asarray(animation.convert("RGB")) != first).any()
-    with Image.open(flown / "flight.png") as sheet:
-        assert sheet.width > 500
+
+
+def test_the_page_has_every_capture(flown: Path) -> None:
+    page = (flown / "flight.html").read_text(encoding="utf-8")
+    assert [f"capture-{number:04}.h5</small>" in page for number in range(4)] == [1, 1, 1, 0]
+    assert page.count("<svg") == 3  # the plan, and errors for wide and for narrow windows
 
 
 def test_an_interrupted_flight_goes_on(folder: Path, flown: Path) -> None:

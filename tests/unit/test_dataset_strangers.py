@@ -23,7 +23,7 @@ from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.planned import PlannedSet
 from spisim.dataset.runner import has_space
 from spisim.dataset.status import status_of
-from spisim.report.capture import media_of
+from spisim.report.facts import media_of
 
 
 @pytest.fixture(scope="module")

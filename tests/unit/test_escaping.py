@@ -28,6 +28,7 @@ from spisim.config import csv_table
 from spisim.dataset.records import Record
 from spisim.report import write_report
 from spisim.report.contact_sheet import write_contact_sheet
+from spisim.report.page import page_script
 from spisim.report.study import write_study
 from spisim.study.evaluation import Evaluation
 from spisim.study.results import results_csv, results_of, summary_csv
@@ -58,15 +59,18 @@ class Page(HTMLParser):
         self.text = ""
         page = path.read_text(encoding="utf-8")
         assert STEERING.search(page) is None
-        self.feed(page)
+        assert f"script-src '{page_script().digest}'" in page
+        own = f"<script>{page_script().text}</script>"
+        assert page.count(own) == 1
+        self.feed(page.replace(own, ""))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        assert tag not in {"script", "svg", "iframe", "object", "embed", "form", "a", "link"}
+        assert tag not in {"script", "iframe", "object", "embed", "form", "a", "link", "image"}
         for name, value in attrs:
             assert not name.startswith("on")
             if name in {"src", "href", "action", "data"}:
                 assert value is not None
-                assert value.startswith("data:image/")
+                assert value.startswith("#" if tag == "use" else "data:image/")
 
     def handle_data(self, data: str) -> None:
         self.text += data

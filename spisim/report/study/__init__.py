@@ -6,7 +6,6 @@ from pathlib import Path
 from reconstruction.files import Output, is_marked, write_atomically
 from spisim import __version__
 from spisim.report.page import write_page
-from spisim.report.pictures import data_address
 from spisim.study.metrics import Metric
 from spisim.study.plan import PlannedStudy
 from spisim.study.results import SPOTS_LEFT, Condition, Results, Row
@@ -85,7 +84,7 @@ def write_study_page(path: Path, results: Results, plots: Sequence[Plot]) -> Non
             (len({row.round for row in good}), "rounds", "of other seeds"),
         ],
         warnings=_warnings(results),
-        plots=[(plot.quantity, data_address(plot.svg, "image/svg+xml")) for plot in plots],
+        plots=[(plot.quantity, plot.in_page) for plot in plots],
         parameters=" and ".join(map(axis_label, study.parameters)),
         first=condition_label(study, (None, *first[1:]) if study.x == "scene" else first),
         means=_rows(results, means),

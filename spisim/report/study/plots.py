@@ -3,16 +3,20 @@
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from textwrap import fill
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from spisim.report.inline import WIDE_IN, plot_in_page
 from spisim.report.style import drawn, file_of, plot_style
+from spisim.report.units import prefix_axis
 from spisim.study.metrics import Metric, Quantity
 from spisim.study.results import Condition, Results, Summary
 from spisim.study.statistics import FEW_UNITS, Estimate
@@ -29,6 +33,8 @@ DODGE, BESIDE = 0.012, 0.09
 LOG_FROM = 30
 #: That a line of the legend has room for.
 LEGEND_CHARACTERS = 110
+#: That a line of a name beside an axis has room for.
+NAME_CHARACTERS = 36
 
 #: How marks look, as `errorbar` takes it; of what stands for no group, or for all.
 Look = dict[str, Any]
@@ -37,12 +43,13 @@ NO_GROUP: Look = {"color": "0.25", "marker": "o", "ms": 5}
 
 @dataclass(frozen=True)
 class Plot:
-    """A plot as files, and the quantity that it shows, None for a plot of something else."""
+    """A plot as files and in a page; its quantity is None for a plot of something else."""
 
     name: str
     quantity: Quantity | None
     png: bytes
     svg: bytes
+    in_page: Markup
 
 
 def study_plots(results: Results) -> list[Plot]:
@@ -59,11 +66,14 @@ def study_plots(results: Results) -> list[Plot]:
     ]
 
 
-def saved(name: str, quantity: Quantity | None, draw: Callable[[], Figure]) -> Plot:
-    """A figure in the style of all plots, as files."""
+def saved(name: str, quantity: Quantity | None, draw: Callable[[float], Figure]) -> Plot:
+    """A figure in the style of all plots, which `draw` makes of a width in inches."""
     with plot_style():
-        figure = draw()
-        return Plot(name, quantity, file_of(figure, "study"), file_of(figure, "study", "svg"))
+        figure = draw(WIDE_IN)
+        files = file_of(figure, "study"), file_of(figure, "study", "svg")
+        in_page = plot_in_page(name.replace("_", "-"), draw)
+    assert in_page is not None
+    return Plot(name, quantity, *files, in_page)
 
 
 def group_look(number: int) -> Look:
@@ -94,10 +104,10 @@ def _curves(
     ]
 
 
-def _over_numbers(results: Results, metrics: Sequence[str]) -> Figure:
+def _over_numbers(results: Results, metrics: Sequence[str], width_in: float) -> Figure:
     """Curves over x; combinations without x stand beside its axis."""
     study = results.planned.study
-    figure = Figure(figsize=(8, 4.6), layout="constrained")
+    figure = Figure(figsize=(width_in, 4.6), layout="constrained")
     axes = figure.subplots()
     along = [c for c in results.conditions if c[0] is not None]
     beside = [c for c in results.conditions if c[0] is None]
@@ -128,19 +138,22 @@ def _over_numbers(results: Results, metrics: Sequence[str]) -> Figure:
     for label in axes.get_xticklabels()[len(values) :]:
         label.set(rotation=35, ha="right", rotation_mode="anchor")
     axes.set_xlabel(drawn(axis_label(study.x)))
-    axes.set_ylabel(Metric.of(metrics[0]).quantity.label)
     _scale(axes, results, metrics)
+    prefix_axis(axes.yaxis, Metric.of(metrics[0]).quantity.label)
     _legend(figure, results, metrics, along)
     return figure
 
 
-def _over_names(results: Results, metrics: Sequence[str]) -> Figure:
+def _over_names(results: Results, metrics: Sequence[str], width_in: float) -> Figure:
     """A line of marks for each value of x, from above to below."""
     study = results.planned.study
     names = list(dict.fromkeys(condition[0] for condition in results.conditions))
     curves = _curves(results, metrics, results.conditions)
-    height = 1.6 + len(names) * max(0.3, 0.13 * len(curves))
-    figure = Figure(figsize=(8, height), layout="constrained")
+    told = [study.reference if name is None else brief(name) for name in names]
+    told = [fill(name, int(NAME_CHARACTERS * width_in / WIDE_IN)) for name in told]
+    lines = max(name.count("\n") for name in told) + 1
+    height = 1.6 + len(names) * max(0.3, 0.13 * len(curves), 0.18 * lines)
+    figure = Figure(figsize=(width_in, height), layout="constrained")
     axes = figure.subplots()
     rows = {name: row for row, name in enumerate(names)}
     offsets = np.linspace(-0.32, 0.32, len(curves)) if len(curves) > 1 else [0.0]
@@ -148,15 +161,14 @@ def _over_names(results: Results, metrics: Sequence[str]) -> Figure:
         places = [rows[point.condition[0]] + offset for point in points]
         estimates = [point.estimate for point in points]
         draw_estimates(axes, {**look, "ls": "none"}, places, estimates, along="x")
-    told = [study.reference if name is None else brief(name) for name in names]
     axes.set_yticks(range(len(names)), list(map(drawn, told)))
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.grid(visible=False, axis="y")
     for row in range(1, len(names)):
         axes.axhline(row - 0.5, color="0.9", lw=0.8, zorder=0)
     axes.set_ylabel(drawn(axis_label(study.x)))
-    axes.set_xlabel(Metric.of(metrics[0]).quantity.label)
     _scale(axes, results, metrics, along="x")
+    prefix_axis(axes.xaxis, Metric.of(metrics[0]).quantity.label)
     _legend(figure, results, metrics, results.conditions)
     return figure
 
@@ -218,8 +230,10 @@ def _legend(
 
 def legend_above(figure: Figure, handles: Sequence[Any], labels: Collection[str]) -> None:
     """A legend in as many columns as there is room for."""
-    columns = max(1, min(len(labels), LEGEND_CHARACTERS // (max(map(len, labels)) + 8)))
-    figure.legend(handles, list(map(drawn, labels)), loc="outside upper left", ncols=columns)
+    room = LEGEND_CHARACTERS * figure.get_figwidth() / WIDE_IN
+    columns = max(1, min(len(labels), int(room // (max(map(len, labels)) + 8))))
+    told = [drawn(fill(label, int(room) - 8)) for label in labels]
+    figure.legend(handles, told, loc="outside upper left", ncols=columns)
 
 
 def plain_log(axis: Axis) -> None:

@@ -3,6 +3,7 @@
 from matplotlib.figure import Figure
 
 from reconstruction.evaluation import method_title
+from spisim.report.inline import WIDE_IN
 from spisim.study.profile import CENTRES_M
 from spisim.study.results import Results, Row, over_units
 from spisim.study.statistics import Estimate
@@ -17,14 +18,17 @@ MIN_UNITS = 3
 
 def profile_plot(results: Results) -> Plot:
     """Mean estimated over true depth, one curve for each group, one panel for each method."""
-    return saved(NAME, None, lambda: _figure(results))
+    return saved(NAME, None, lambda width_in: _figure(results, width_in))
 
 
-def _figure(results: Results) -> Figure:
+def _figure(results: Results, width_in: float) -> Figure:
     groups = results.groups()
     methods = list(dict.fromkeys(name for row in results.rows for name in row.profile))
-    figure = Figure(figsize=(4 * max(len(methods), 2), 4.3), layout="constrained")
-    panels = figure.subplots(1, max(len(methods), 1), sharex=True, sharey=True, squeeze=False)[0]
+    count = max(len(methods), 1)
+    columns = min(count, 3 if width_in == WIDE_IN else 1)
+    lines = -(-count // columns)
+    figure = Figure(figsize=(width_in, lines * min(width_in / columns, 4.3)), layout="constrained")
+    panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for axes, method in zip(panels, methods, strict=False):
         for number, (group, rows) in enumerate(groups.items()):
             look = {**group_look(number), "label": group_label(results.planned.study, group)}
@@ -32,7 +36,7 @@ def _figure(results: Results) -> Figure:
             places = [true_m * 1.02**number for true_m in profile]  # side by side
             draw_estimates(axes, look, places, profile.values())
         axes.axline((1, 1), (2, 2), color="0.3", lw=0.8, zorder=0)
-        axes.set(xscale="log", yscale="log", xlabel="true depth, m")
+        axes.set(xscale="log", yscale="log")
         axes.set_title(method_title("depths", method))
         plain_log(axes.xaxis)
         plain_log(axes.yaxis)
@@ -40,7 +44,10 @@ def _figure(results: Results) -> Figure:
     limits = panels[0].dataLim.union([axes.dataLim for axes in panels])
     reach = min(limits.min) / 1.2, max(limits.max) * 1.2
     panels[0].set(xlim=reach, ylim=reach)
-    panels[0].set_ylabel("mean estimated depth, m")
+    for axes in panels[len(methods) :]:
+        axes.set_visible(False)
+    figure.supxlabel("true depth, m", fontsize="medium")
+    figure.supylabel("mean estimated depth, m", fontsize="medium")
     if len(groups) > 1:
         handles, labels = panels[0].get_legend_handles_labels()
         legend_above(figure, handles, labels)

@@ -1,0 +1,113 @@
+"""How an image builds up, pattern by pattern."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction import Capture, Result
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError
+from reconstruction.evaluation import method_title
+from reconstruction.image import CarryingMethod, Imaging, image_method
+from reconstruction.result import BASELINE
+
+from .pictures import Scale
+
+STEPS = 12
+FEWEST = 4
+"""Patterns of the first step, where that many were shown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What is known after the first `patterns`: images (H, W) by method, and the last pattern.
+
+    `last` (H, W) runs from 0 to 1. `likeness`: correlation with the true image, nan where either is
+    flat or nothing is known.
+    """
+
+    patterns: int
+    time_s: float
+    images: dict[str, Floats]
+    last: NDArray[np.float32]
+    likeness: float
+
+
+@dataclass(frozen=True)
+class BuildUp:
+    """Steps, as pictures side by side (`strips`, by title) and what is told of each (`told`)."""
+
+    steps: int
+    strips: dict[str, str]
+    told: list[dict[str, float | None]]
+
+
+def build_up(
+    capture: Capture, result: Result, truth: NDArray[np.floating] | None, scale: Scale
+) -> BuildUp | None:
+    """The default image and the plain one from more and more of the patterns, as they were shown.
+
+    None where there are too few patterns, or where fewer of them do not give an image.
+    """
+    try:
+        steps = list(_steps(capture, result, truth))
+    except InputError:
+        return None
+    if len(steps) < 2:
+        return None
+    patterns = Scale(0.0, 1.0, "gray", "")
+    strips = {
+        method_title("images", name).capitalize(): scale.address(
+            np.hstack([step.images[name] for step in steps])
+        )
+        for name in steps[0].images
+    }
+    last = patterns.address(np.hstack([step.last for step in steps]))
+    told = [
+        {
+            "patterns": step.patterns,
+            "share": step.patterns / capture.plan.pixels,
+            "time_s": step.time_s if np.isfinite(step.time_s) else None,
+            "likeness": round(step.likeness, 4) if np.isfinite(step.likeness) else None,
+        }
+        for step in steps
+    ]
+    return BuildUp(len(steps), {**strips, "The last pattern": last}, told)
+
+
+def _steps(capture: Capture, result: Result, truth: NDArray[np.floating] | None) -> Iterator[Step]:
+    """The first patterns that were shown, as if there had been no others."""
+    name = next(iter(result.images))
+    if isinstance(image_method(name), CarryingMethod):
+        name = BASELINE
+    frame, buckets = result.frame, capture.buckets
+    plan = capture.setup.plan_of(frame)
+    counts = np.unique(np.geomspace(min(FEWEST, plan.sampled), plan.sampled, STEPS).round())
+    for count in counts.astype(int):
+        kept = np.isin(plan.index, plan.distinct[:count])
+        readings = Imaging(plan.only(kept)).of(buckets.usable[frame, kept])
+        if not readings.decoder.index.size:  # all of them saturated
+            continue
+        coefficients = readings.decode(buckets.signal[frame, kept], buckets.variance[frame, kept])
+        images = {
+            each: np.asarray(readings.solver(each)(coefficients).image, np.float64)
+            for each in dict.fromkeys((name, BASELINE))
+        }
+        if not readings.decoder.level:  # the darkest pixel is taken to be dark
+            images = {each: image - image.min() for each, image in images.items()}
+        row = plan.patterns.row(int(plan.distinct[count - 1]))
+        yield Step(
+            int(count),
+            np.count_nonzero(kept) * buckets.pattern_period_s,
+            images,
+            ((row - row.min()) / (np.ptp(row) or 1.0)).astype(np.float32),
+            np.nan if truth is None else _likeness(images[name], truth),
+        )
+
+
+def _likeness(image: Floats, truth: NDArray[np.floating]) -> float:
+    if np.ptp(image) == 0 or np.ptp(truth) == 0:
+        return np.nan
+    return float(np.corrcoef(image.ravel(), truth.ravel())[0, 1])

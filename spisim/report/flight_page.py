@@ -1,0 +1,146 @@
+"""A page about a flight: played, with its errors over time and every capture."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from reconstruction.arrays import Floats
+from spisim import __version__
+
+from .contact_sheet import evenly
+from .flight import KIND, Scales, Sighting, map_limits
+from .inline import WIDE_IN, plot_in_page
+from .page import duration, length, write_page
+from .style import SPOT_COLOURS, plot_style
+from .units import engineering, prefix_axis
+
+#: Captures that are shown; of longer flights so many, evenly.
+MOST = 100
+#: Between pictures that are played.
+PAUSE_MS = 100, 1000
+
+
+@plot_style()
+def write_flight(path: Path, title: str, flight: Sequence[Sighting], rate_hz: float) -> None:
+    """Write a self-contained page of a flight. Raises OSError where it cannot be written."""
+    shown = [flight[k] for k in evenly(len(flight), MOST)]
+    scales = Scales.of(flight)
+    write_page(
+        path,
+        KIND,
+        "flight",
+        title=title,
+        captures=len(flight),
+        cards=_cards(flight, rate_hz),
+        pause_ms=int(np.clip(1000 / rate_hz, *PAUSE_MS)),
+        plan=_plan(shown, map_limits(flight)),
+        depth_scale=scales.depth,
+        errors=plot_in_page("errors", lambda width_in: _error_figure(flight, width_in)),
+        shown=[_told(seen, scales) for seen in shown],
+        software=f"spisim {__version__}",
+    )
+
+
+def _cards(flight: Sequence[Sighting], rate_hz: float) -> list[tuple[str, str, str]]:
+    path = np.array([seen.pose[:3, 3] for seen in flight])
+    way_m = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    errors = _spot_errors(flight)
+    known = np.abs(errors[np.isfinite(errors)])
+    depths = np.array([_depth_error(seen) for seen in flight])
+    times = [seen.instant.time_s for seen in flight]
+    spots = f"{known.size} of {errors.size} spots measured"
+    typical = length(float(np.median(known))) if known.size else "–"
+    mean_m = float(np.nanmean(depths)) if np.isfinite(depths).any() else None
+    return [
+        (str(len(flight)), "captures", f"{rate_hz:.3g} a second"),
+        (duration(times[-1] - times[0]) if len(times) > 1 else "–", "from first to last", ""),
+        (length(way_m), "flown", ""),
+        (typical, "median range error", spots),
+        (length(mean_m), "mean depth error", "of all captures"),
+    ]
+
+
+def _told(seen: Sighting, scales: Scales) -> dict[str, Any]:
+    """Pictures and words of one capture."""
+    time = f"{seen.instant.time_s:.2f} s"
+    error_m = _depth_error(seen)
+    images = next(iter(seen.metrics["images"].values()))
+    return {
+        "time": time,
+        "file": seen.instant.file,
+        "words": f"{time} · mean depth error {length(error_m)}",
+        "panels": scales.panels(seen),
+        "error_m": error_m,
+        "correlation": images["correlation"],
+    }
+
+
+def _plan(shown: Sequence[Sighting], limits: tuple[float, ...]) -> dict[str, Any]:
+    """Path and measured spots from above, in a square of 100 by 100; and a bar of round length."""
+    left, right, bottom, _ = limits
+    scale = 100 / (right - left)
+
+    def placed(point: Floats) -> dict[str, float]:
+        return {
+            "x": round(float(point[0] - left) * scale, 2),
+            "y": round(100 - float(point[1] - bottom) * scale, 2),
+        }
+
+    places = [
+        placed(seen.pose[:2, 3])
+        | {
+            "spots": [
+                placed(spot[:2]) | {"number": number}
+                for number, spot in enumerate(seen.measured_m)
+                if np.isfinite(spot).all()
+            ]
+        }
+        for seen in shown
+    ]
+    bar_m = float(10 ** np.floor(np.log10(0.4 * (right - left))))
+    return {
+        "path": " ".join(f"{place['x']},{place['y']}" for place in places),
+        "places": places,
+        "bar": round(bar_m * scale, 2),
+        "bar_words": engineering(bar_m, "m", 1),
+    }
+
+
+def _error_figure(flight: Sequence[Sighting], width_in: float = WIDE_IN) -> Figure:
+    times = [seen.instant.time_s for seen in flight]
+    figure = Figure(figsize=(width_in, 4.2), layout="constrained")
+    spots, depth = figure.subplots(2, sharex=True)
+    for number, (row, colour) in enumerate(zip(_spot_errors(flight).T, SPOT_COLOURS, strict=True)):
+        spots.plot(times, row, "o-", ms=4, lw=1.3, color=colour, label=f"spot {number}")
+    spots.axhline(0, color="0.5", lw=0.8, zorder=0)
+    prefix_axis(spots.yaxis, "range error, m")
+    depth.plot(times, [_depth_error(seen) for seen in flight], "o-", ms=4, lw=1.3, color="#20262c")
+    depth.set_ylim(bottom=0)
+    prefix_axis(depth.yaxis, "mean depth error, m")
+    prefix_axis(depth.xaxis, "time, s")
+    figure.legend(loc="outside upper right", ncols=4 if width_in == WIDE_IN else 2)
+    figure.align_ylabels()
+    return figure
+
+
+def _spot_errors(flight: Sequence[Sighting]) -> Floats:
+    """(captures, 4) in metres, nan where a spot has no range."""
+    return np.array(
+        [
+            np.full(4, np.nan)
+            if seen.result.ranges is None
+            else np.asarray(seen.result.ranges.range_m) - seen.truth.spot_range_m
+            for seen in flight
+        ]
+    )
+
+
+def _depth_error(seen: Sighting) -> float:
+    """Mean error of the depth map in metres, nan where there is none."""
+    for figures in list(seen.metrics["depths"].values())[:1]:
+        if figures["mae_m"] is not None:
+            return float(figures["mae_m"])
+    return np.nan

@@ -1,0 +1,63 @@
+"""What a page needs to show a depth map as a cloud of points."""
+
+from dataclasses import dataclass
+
+from reconstruction import Capture, Result
+from reconstruction.depth import REACH_M
+
+#: What may be looked at, by the kind of picture.
+KINDS = {
+    "depth": "depth",
+    "image": "image",
+    "error": "error of depth",
+    "deviation": "deviation of depth",
+    "nothing": "probability of nothing",
+}
+
+
+@dataclass(frozen=True)
+class Space:
+    """Size of the maps, half their field of view, and the measured spots in the camera's frame."""
+
+    width: int
+    height: int
+    tan_x: float
+    tan_y: float
+    spots: list[dict[str, object]]
+    kinds: dict[str, str]
+    reach_m: float = REACH_M
+
+    @classmethod
+    def of(cls, capture: Capture, result: Result) -> "Space | None":
+        """None without optics or a depth map."""
+        if capture.optics is None or not result.depths:
+            return None
+        height, width = capture.plan.shape
+        truths = capture.truth
+        there = {
+            "depth": True,
+            "image": True,
+            "error": truths is not None and truths.knows(result.frame),
+            "deviation": bool(result.depth_deviations),
+            "nothing": bool(result.nothings),
+        }
+        return cls(
+            width,
+            height,
+            capture.optics.tan_half_width,
+            capture.optics.tan_half_height,
+            _spots(capture, result),
+            {kind: words for kind, words in KINDS.items() if there[kind]},
+        )
+
+
+def _spots(capture: Capture, result: Result) -> list[dict[str, object]]:
+    if capture.spots is None or result.ranges is None:
+        return []
+    points = result.ranges.range_m[:, None] * capture.spots.directions
+    told = zip(points.tolist(), result.ranges.status, strict=True)
+    return [
+        {"spot": spot, "at": [round(value, 4) for value in at]}
+        for spot, (at, status) in enumerate(told)
+        if status == "ok"
+    ]
