@@ -196,16 +196,16 @@ class Walk:
         densities, mirrors = path.densities, self.world.mirrors
         assert mirrors is not None
         blind = path.active & (densities.ratio * densities.start == 0)
-        plane = mirrors.choose(sampler)
-        end = self.other.connect(lane, plane.image(here.point), sampler)
-        towards, length_m = direction_to(here.point, plane.image(end.point))
+        fold = mirrors.choose(sampler)
+        end = self.other.connect(lane, fold.image_of_vertex(here.point), sampler)
+        towards, length_m = direction_to(here.point, fold.image(end.point))
         lobe = here.lobe(towards, blind & (end.importance > 0))
-        value = path.beta * end.importance * lobe.value / plane.probability
+        value = path.beta * end.importance * lobe.value / fold.probability
         lit = blind & carries_light(value)
         ray = here.si.spawn_ray(towards)
         ray.o = dr.select(here.in_fog, here.point, ray.o)
         media, geometry = self.world.media, self.world.geometry
-        value *= reflected(geometry, media, plane, ray, length_m, sampler, lit)
+        value *= reflected(geometry, media, fold, ray, length_m, sampler, lit)
         self.deposit(
             Contribution(
                 value,
