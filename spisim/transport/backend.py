@@ -49,7 +49,7 @@ def use_threads(count: int) -> None:
 def free_memory() -> None:
     """Give back what Dr.Jit keeps: buffers, and compiled kernels that can be read from disk again.
 
-    Scenes of other kinds of surfaces and media need other kernels, and each is kept with its source.
+    Other kinds of surfaces and media need other kernels, and each is kept with its source.
     """
     dr.flush_malloc_cache()
     if os.access(KERNELS, os.W_OK):
