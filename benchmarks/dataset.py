@@ -22,7 +22,7 @@ import numpy as np
 from options import benchmark_options, finish
 from same_light import same_light
 
-from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
