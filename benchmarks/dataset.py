@@ -45,7 +45,7 @@ transport_noise_share: 0.5
 LARGE_OPERATIONS = 1000
 #: Parts of a sample, by what does them; each stands where it is called from.
 STAGES: dict[str, tuple[str, str]] = {
-    "draw of the plan": ("spisim.dataset.plan", "PlannedSet.sample"),
+    "draw of the plan": ("spisim.dataset.planned", "PlannedSet.sample"),
     "scene and instrument": ("spisim.dataset.sample", "load"),
     "truth": ("spisim.simulation", "ground_truth"),
     "media": ("spisim.transport.solve", "build_world"),

@@ -8,7 +8,7 @@ import numpy as np
 from alternatives import DualVolpath
 
 from spisim.atmosphere import CLEAR
-from spisim.dataset.plan import load_plan
+from spisim.dataset.planned import load_plan
 from spisim.dataset.sample import load
 from spisim.paper.checks import Check, Table
 from spisim.scene import Scene, Volume

@@ -143,8 +143,9 @@ def _off_fog(
 def _low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> tuple[Any, Any, Any, Any]:
     """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
     number: Any = dr.arange(mi.UInt32, replicas * this.lanes)
-    lane, replica = number // replicas, number % replicas
+    beside = dr.opaque(mi.UInt32, replicas)
+    lane, replica = number // beside, number % beside
     cell = this.cell(lane)
     cells = this.lanes // this.samples
-    points = Points.of(lane // cells, cell * replicas + replica, dr.opaque(mi.UInt32, seed))
+    points = Points.of(lane // cells, cell * beside + replica, dr.opaque(mi.UInt32, seed))
     return lane, cell, replica, points

@@ -86,7 +86,8 @@ class Walk:
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
         """Launch one path per lane and deposit what each vertex sends to the other end."""
         number, sampler = lanes(self.replicas * self.this.lanes, seed)
-        lane, replica = number // self.replicas, number % self.replicas
+        replicas = dr.opaque(mi.UInt32, self.replicas)
+        lane, replica = number // replicas, number % replicas
         limit = dr.opaque(mi.UInt32, max_vertices)
         launch = self.this.launch(lane, sampler)._replace(replica=replica)
         path, scale = Path.start(launch), 1 / launch.beta
