@@ -20,8 +20,8 @@ from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.direct import direct_light, mirrored_light
-from spisim.transport.engine.ends import Detectors
 from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.rays import FogRays

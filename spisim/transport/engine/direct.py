@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.ends import Detectors, Projector
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.points import Points

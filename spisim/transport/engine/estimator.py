@@ -13,9 +13,10 @@ from functools import partial
 
 import numpy as np
 
+from spisim.transport.engine.apertures import Detectors, JointDetectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.direct import direct_light, mirrored_light
-from spisim.transport.engine.ends import Detectors, JointDetectors, Projector
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.outputs import Outputs

@@ -16,7 +16,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.engine.ends import Detectors, Projector
+from spisim.transport.engine.apertures import Detectors
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lamps import Lamps, Lit, Met
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light

@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.ends import Connection, Detectors, Launch, Projector
+from spisim.transport.engine.ends import Connection, Launch, Projector
 from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.path import Path, Ratio, quotient
