@@ -259,18 +259,18 @@ def _text(section: Any) -> str:
 
 def _table(section: Any, fields: Mapping[str, Any], examples: Mapping[str, Any]) -> str:
     rows = [
-        "| field | unit | allowed | default | example | what it is |",
+        "| field | what it is | allowed | unit | default | example |",
         "|---|---|---|---|---|---|",
     ]
     for name, told in fields.items():
         needed = name in section.get("required", ())
         cells = [
             f"`{name}`",
-            unit(name, told),
+            told.get("description", "").replace("\n", " "),
             allowed(told),
+            unit(name, told),
             "**needed**" if needed else _default(told),
             _code(examples[name]) if name in examples else "",
-            told.get("description", "").replace("\n", " "),
         ]
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(rows) + "\n"
