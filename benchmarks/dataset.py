@@ -1,4 +1,4 @@
-"""Data sets on two cores: samples per minute, what a second worker brings, memory over time.
+"""Data sets on two cores: samples per minute, memory over time, and whether the light is right.
 
     python benchmarks/dataset.py [--quick] [--json] [--markdown]
 
@@ -20,6 +20,7 @@ from unittest.mock import patch
 
 import numpy as np
 from options import benchmark_options, finish
+from same_light import same_light
 
 from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
@@ -44,11 +45,11 @@ transport_noise_share: 0.5
 LARGE_OPERATIONS = 1000
 #: Parts of a sample, by what does them; each stands where it is called from.
 STAGES: dict[str, tuple[str, str]] = {
-    "draw of the plan": ("spisim.dataset.plan", "PlannedSet.sample"),
+    "draw of the plan": ("spisim.dataset.planned", "PlannedSet.sample"),
     "scene and instrument": ("spisim.dataset.sample", "load"),
     "truth": ("spisim.simulation", "ground_truth"),
     "media": ("spisim.transport.solve", "build_world"),
-    "steady light": ("spisim.transport.solve", "_steady_light"),
+    "steady light": ("spisim.transport.solve", "steady_light"),
     "light of the image": ("spisim.transport.solve", "transport_image"),
     "light of the spots": ("spisim.transport.solve", "spot_histogram"),
     "counts": ("spisim.simulation", "record"),
@@ -61,13 +62,14 @@ class Amounts:
     """How much work each part does."""
 
     alone: int  # samples of one worker
-    settled: int  # after so many of them its memory should grow no more
+    settled: int  # after so many of them, scenes are kept in full and memory should grow no more
     together: int  # samples of two workers
     taken_apart: int  # samples whose time is told part by part
+    compared: int  # small samples whose light is compared with another program's
 
 
-FULL = Amounts(alone=500, settled=50, together=200, taken_apart=60)
-QUICK = Amounts(alone=20, settled=6, together=20, taken_apart=12)
+FULL = Amounts(alone=500, settled=100, together=200, taken_apart=60, compared=100)
+QUICK = Amounts(alone=20, settled=6, together=20, taken_apart=12, compared=10)
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,7 @@ def main() -> int:
         parts = taken_apart(planned, amounts.taken_apart)
         alone = measure(planned, amounts.alone, 1)
         together = measure(planned, amounts.together, 2)
+    light, same = same_light(PLAN, amounts.compared)
     table = Table(
         "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, noise share 0.5:",
         ("workers", "samples", "per minute", "median, s", "slowest, s", "peak memory, MB"),
@@ -119,8 +122,9 @@ def main() -> int:
         Check("samples per minute, two workers", together.per_minute, 300, at_least=True),
         Check("efficiency of two workers", efficiency(alone, together), 0.85, at_least=True),
         Check("growth of a worker's memory, %", growth_percent(alone, amounts.settled), 5),
+        *same,
     ]
-    return finish(options, DOCS, "benchmark", around, [table, *parts], checks)
+    return finish(options, DOCS, "benchmark", around, [table, *parts, light], checks)
 
 
 def measure(planned: PlannedSet, samples: int, workers: int) -> Pace:
@@ -222,9 +226,12 @@ def efficiency(alone: Pace, together: Pace) -> float:
 
 
 def growth_percent(alone: Pace, settled: int) -> float:
-    """Of the peak memory of one worker after its first samples."""
+    """From the samples after the first ones to as many last ones: the median of their peaks.
+
+    Not the largest, which more samples make larger even where nothing is kept of any.
+    """
     peaks = [outcome.peak_memory_mb or 0 for outcome in alone.outcomes]
-    return 100 * (peaks[-1] / peaks[settled - 1] - 1)
+    return 100 * float(np.median(peaks[-settled:]) / np.median(peaks[settled : 2 * settled]) - 1)
 
 
 if __name__ == "__main__":

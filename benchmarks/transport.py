@@ -17,18 +17,18 @@ from itertools import cycle
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from alternatives import DualVolpath, TransientSpots
 from efficiency import Method, Series, measure, ratio, z_score
 from options import benchmark_options, finish
+from room import FOG_KIND, air, box_pose, room
 from scipy.constants import c
 
 import spisim
 from reconstruction.arrays import Floats
 from reconstruction.operators import expose, illumination, make_plan
-from spisim.atmosphere import CLEAR, Atmosphere, fog
+from spisim.atmosphere import CLEAR
 from spisim.paper.checks import Check, Table, surroundings
-from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
+from spisim.scene import Scene, Volume
 from spisim.transport import solve
 from spisim.transport.daylight import projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
@@ -41,7 +41,6 @@ from spisim.transport.world import build_world
 
 DOCS = Path(__file__).parents[1] / "docs" / "transport.md"
 PROMISED_VISIBILITY_M = 50
-FOG_KIND = "moderate-radiation"
 
 INSTRUMENT = spisim.load_instrument("paper")
 PLAN = INSTRUMENT.pattern_plan
@@ -171,7 +170,7 @@ def bucket_methods(
 
 def spots(amounts: Amounts) -> Section:
     """Error² × time of the four laser spots, where mitransient is right about them."""
-    bank = Volume("bank", air(20), _box_pose((5.8, 5.8, 5.5), (0, 0, 5)))
+    bank = Volume("bank", air(20), box_pose((5.8, 5.8, 5.5), (0, 0, 5)))
     rows: list[tuple[str, ...]] = []
     largest_z = 0.0
     title = (
@@ -226,7 +225,7 @@ def steady(amounts: Amounts) -> Section:
     rows, largest_z, told = [], 0.0, []
     for visibility_m in (50, 10, 5):
         # The fog begins 1 m ahead: `volpath` has no finite variance in fog around both ends.
-        bank = Volume("bank", air(visibility_m), _box_pose((5.9, 5.9, 6.9), (0, 0, 4.45)))
+        bank = Volume("bank", air(visibility_m), box_pose((5.9, 5.9, 6.9), (0, 0, 4.45)))
         scene = replace(room(CLEAR), volumes=(bank,))
         world, seeds = build_world(scene), range(amounts.steady_runs)
         power_w = np.full(PROJECTOR.shape, 1 / PROJECTOR.pixels)
@@ -373,31 +372,6 @@ def rounded(value: float) -> str:
     """Two significant digits, without an exponent."""
     text = f"{value:.2g}"
     return f"{float(text):,.0f}" if "e" in text else text
-
-
-def air(visibility_m: float | None) -> Atmosphere:
-    """Fog of this visibility; clear air for None."""
-    return CLEAR if visibility_m is None else fog(visibility_m, FOG_KIND, phase="hg")
-
-
-def room(atmosphere: Atmosphere) -> Scene:
-    """Walls all round, 8 m ahead, 4 m behind, 3 m to the sides; a box at 5 m, a ball at 4 m."""
-    walls = trimesh.creation.box((6, 6, 12)).apply_translation((0, 0, 2))
-    block = trimesh.creation.box((1, 1, 1)).apply_translation((0.6, 0.3, 5))
-    ball = trimesh.creation.icosphere(3, 0.5).apply_translation((-0.5, -0.3, 4))
-    surfaces = (("walls", walls, 0.5), ("block", block, 0.8), ("ball", ball, 0.3))
-    objects = tuple(
-        SceneObject(name, mesh, Material(name, reflectance, "chosen"))
-        for name, mesh, reflectance in surfaces
-    )
-    return Scene("room", objects, atmosphere, Ambient(), np.eye(4))
-
-
-def _box_pose(size_m: tuple[float, ...], centre_m: tuple[float, ...]) -> Floats:
-    """Matrix (4, 4) that takes the unit cube [0, 1]³ to a box."""
-    pose = np.diag([*size_m, 1.0])
-    pose[:3, 3] = np.subtract(centre_m, np.divide(size_m, 2))
-    return pose
 
 
 if __name__ == "__main__":

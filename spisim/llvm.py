@@ -26,6 +26,8 @@ MIN_VERSION = 19  # 19 and 22 work, 14 to 16 abort, 17 and 18 are untried
 WHEEL = "karellen-llvm-core"
 # Filled by `spisim doctor --install-llvm`.
 PRIVATE_FOLDER = Path(sys.prefix).resolve() / "lib" / "llvm"
+#: Where Dr.Jit keeps compiled kernels.
+KERNELS = Path.home() / ".drjit"
 
 _LIBRARY_NAME = re.compile(r"libLLVM(-\d[\d.]*)?\.(so[\d.]*|dylib)")
 _VERSION_IN_NAME = re.compile(r"libLLVM-(\d{2,})|libLLVM\.so\.(\d{2,})")

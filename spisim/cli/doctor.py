@@ -6,7 +6,6 @@ import platform
 import re
 import sys
 import warnings
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -108,9 +107,10 @@ def _plug_ins() -> list[str]:
 
 def _kernel_cache() -> dict[str, Any]:
     """Where Dr.Jit keeps compiled kernels; without it every run compiles anew."""
-    folder = Path.home() / ".drjit"
-    nearest = folder if folder.exists() else folder.parent
-    return {"path": str(folder), "writable": os.access(nearest, os.W_OK)}
+    from spisim.llvm import KERNELS
+
+    nearest = KERNELS if KERNELS.exists() else KERNELS.parent
+    return {"path": str(KERNELS), "writable": os.access(nearest, os.W_OK)}
 
 
 def _packages() -> dict[str, str]:

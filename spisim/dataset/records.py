@@ -50,7 +50,8 @@ class Outcome:
     """How it went with one sample; plain values only, as they stand in the manifest.
 
     Paths are relative to the data set's folder. `sidecars` tells the size and SHA-256 of each file
-    beside the capture. `peak_memory_mb` is the most that the process held so far.
+    beside the capture. `peak_memory_mb` is the most that the process held meanwhile (on Linux;
+    elsewhere, so far).
     """
 
     index: int

@@ -28,7 +28,7 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene, make_scene
 from spisim.scene.stock import Stock
 from spisim.simulation import Simulation, simulate
-from spisim.transport.backend import use_threads
+from spisim.transport.backend import free_memory, use_threads
 from spisim.transport.exr import write_exr
 from spisim.transport.light_files import write_histograms
 
@@ -52,6 +52,7 @@ class Maker:
         with _one_at_a_time:
             use_threads(1)
             _calculate_on_one_thread()
+            _measure_peak_anew()
             began = time.perf_counter()
             try:
                 outcome = self._made(index)
@@ -61,6 +62,7 @@ class Maker:
                 with suppress(FileNotFoundError):
                     Layout(self.folder).error(index).unlink()
             seconds = time.perf_counter() - began
+            free_memory()
             return replace(outcome, seconds=seconds, peak_memory_mb=peak_memory_mb())
 
     def _made(self, index: int) -> Outcome:
@@ -129,8 +131,14 @@ def load(sample: Sample) -> tuple[Scene, Instrument]:
     return sample.view.of(scene), instrument
 
 
+def _measure_peak_anew() -> None:
+    """Forget the most memory that this process ever held, where the system allows (Linux)."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
 def peak_memory_mb() -> float:
-    """Most memory that this process ever held."""
+    """Most memory that this process held, since that was last forgotten."""
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):

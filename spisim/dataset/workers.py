@@ -31,9 +31,6 @@ WORKER_MEMORY_MB = 700
 GROWTH_MB = 400
 #: or has made this many samples.
 MAX_SAMPLES = 1000
-#: Samples after which compiled kernels are read anew from disk as they are needed: scenes of other
-#: materials and media need others, which add up.
-KERNEL_SAMPLES = 100
 #: Samples among which one of the world that a process has made last is looked for.
 LOOK_AHEAD = 256
 #: Default of the longest that a sample may take.
@@ -192,10 +189,6 @@ def _serve(pipe: Connection, make: Make) -> None:
         except EOFError:
             return
         outcome = make(index)
-        if made % KERNEL_SAMPLES == 0:
-            from spisim.transport.backend import forget_kernels  # slow to import
-
-            forget_kernels()
         _give_back_memory()
         if made == 1:  # what is left, a few hundred modules, need not be looked through again
             gc.freeze()

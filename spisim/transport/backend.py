@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import wraps
 from typing import Any
@@ -10,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 
 from reconstruction.errors import InputError
-from spisim.llvm import MIN_VERSION, VARIABLE, find_llvm
+from spisim.llvm import KERNELS, MIN_VERSION, VARIABLE, find_llvm
 
 #: One wavelength, just-in-time compiled, on the GPU where there is one.
 CUDA_VARIANT = "cuda_ad_mono"
@@ -45,9 +46,14 @@ def use_threads(count: int) -> None:
     dr.set_thread_count(count)
 
 
-def forget_kernels() -> None:
-    """Free the compiled kernels of this process: those used again are read from disk."""
-    dr.flush_kernel_cache()
+def free_memory() -> None:
+    """Give back what Dr.Jit keeps: buffers, and compiled kernels that can be read from disk again.
+
+    Other kinds of surfaces and media need other kernels, and each is kept with its source.
+    """
+    dr.flush_malloc_cache()
+    if os.access(KERNELS, os.W_OK):
+        dr.flush_kernel_cache()
 
 
 def _check_llvm() -> None:

@@ -20,8 +20,8 @@ from reconstruction.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.direct import direct_light, mirrored_light
-from spisim.transport.engine.ends import Detectors
 from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.rays import FogRays
@@ -44,8 +44,8 @@ FIRST_PATHS, MOST_PATHS = 2**7, 2**20
 #: until they carry less than this share of it (5 times as efficient at an albedo of 0.99).
 DAYLIGHT_ENDING = 0.25
 
-#: Traces paths of all detectors, `samples` each, and deposits their light.
-Trace = Callable[[Detectors, int, Sequence[int], Deposit], None]
+#: Traces paths of all detectors, `samples` each for so many replicas, and deposits their light.
+Trace = Callable[[Detectors, int, Sequence[int], int, Deposit], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +98,11 @@ def daylight_power(
         return Received(*np.zeros((2, len(detectors.positions_m))))
     sun, sky = sun_of(scene, instrument, world), sky_of(scene, instrument)
 
-    def trace(ends: Detectors, samples: int, seeds: Sequence[int], deposit: Deposit) -> None:
+    def trace(
+        ends: Detectors, samples: int, seeds: Sequence[int], replicas: int, deposit: Deposit
+    ) -> None:
         if lamps is not None:
-            Gather(world, ends, lamps, deposit, REPLICAS).run(seeds[1])
+            Gather(world, ends, lamps, deposit, replicas).run(seeds[1])
         if not outdoors:
             return
         walk = Walk(
@@ -112,7 +114,7 @@ def daylight_power(
             deposit,
             sky=sky,
             ending=DAYLIGHT_ENDING,
-            replicas=REPLICAS,
+            replicas=replicas,
         )
         walk.run(seeds[0])
 
@@ -136,17 +138,19 @@ def projector_power(
     if total_w == 0:
         return Received(*np.zeros((2, len(detectors.positions_m))))
 
-    def trace(ends: Detectors, samples: int, seeds: Sequence[int], deposit: Deposit) -> None:
+    def trace(
+        ends: Detectors, samples: int, seeds: Sequence[int], replicas: int, deposit: Deposit
+    ) -> None:
         lamp = Lamp.of(projector, power_w, samples, ends.count)
         rays = FogRays(world, lamp) if world.media.parts else None
-        direct_light(world, ends, lamp, seeds[2], deposit, replicas=REPLICAS)
-        mirrored_light(world, lamp, ends, seeds[2], deposit, replicas=REPLICAS)
+        direct_light(world, ends, lamp, seeds[2], deposit, replicas=replicas)
+        mirrored_light(world, lamp, ends, seeds[2], deposit, replicas=replicas)
         if max_vertices == 1:
             return
         inward = second_on_or_behind_glass
-        out = Walk(world, lamp, ends, True, second_on, deposit, rays, replicas=REPLICAS)
+        out = Walk(world, lamp, ends, True, second_on, deposit, rays, replicas=replicas)
         out.run(seeds[0], max_vertices)
-        back = Walk(world, ends, lamp, False, inward, deposit, rays, replicas=REPLICAS)
+        back = Walk(world, ends, lamp, False, inward, deposit, rays, replicas=replicas)
         back.run(seeds[1], max_vertices)
 
     found = _received(trace, detectors, floor_w / total_w, target, seed)
@@ -163,9 +167,9 @@ def _received(
     """What each detector gets, of estimates side by side."""
     detectors = len(view.positions_m)
 
-    def launch(samples: int, seeds: Sequence[int]) -> Sums:
-        tallies = Tallies(detectors, [ImageTally], REPLICAS)
-        trace(Detectors.of(view, samples), samples, seeds, tallies.add)
+    def launch(samples: int, seeds: Sequence[int], replicas: int) -> Sums:
+        tallies = Tallies(detectors, [ImageTally], replicas)
+        trace(Detectors.of(view, samples), samples, seeds, replicas, tallies.add)
         return tallies.read(view.area_m2)
 
     def size(mean_w: Floats, error_w: Floats) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,17 +28,36 @@ class Geometry:
         """
         ray = si.spawn_ray(direction)
         ray.o = dr.select(in_fog, point, ray.o)
-        return self._along(ray, gap, active)
+        return self.along(ray, gap, active)
 
     def between(self, point: Any, direction: Any, gap: Any, active: Any) -> Any:
         """The same from a point in fog."""
-        return self._along(mi.Ray3f(point, direction), gap, active)
+        return self.along(mi.Ray3f(point, direction), gap, active)
 
-    def _along(self, ray: Any, gap: Any, active: Any) -> Any:
+    def along(self, ray: Any, gap: Any, active: Any) -> Any:
+        """The same for a ray."""
         ray.maxt = gap * (1 - 10 * mi.math.ShadowEpsilon)
         if self.see_through:
             return self._through_panes(ray, active)
         return dr.select(active & ~self.scene.ray_test(ray, active), 1, 0)
+
+    @dr.syntax
+    def up_to(self, there: Callable[[Any], Any], ray: Any, active: Any) -> tuple[Any, Any, Any]:
+        """Follow a ray through panes until `there` is true of the surface that it meets next.
+
+        The ray from there on, how far it went, and the fraction of light that got through.
+        """
+        through, gone_m = mi.Float(1), mi.Float(0)
+        going, ray = mi.Bool(active), mi.Ray3f(ray)
+        while dr.hint(going, exclude=[self, there]):
+            si = self.scene.ray_intersect(ray, going)
+            going &= si.is_valid() & ~there(si)
+            passed = si.bsdf().eval_null_transmission(si, going)
+            through *= dr.select(going, passed.x, 1)
+            gone_m += dr.select(going, si.t, 0)
+            ray = dr.select(going, si.spawn_ray(ray.d), ray)
+            going &= through > 0
+        return ray, gone_m, through
 
     @dr.syntax
     def _through_panes(self, ray: Any, active: Any) -> Any:

@@ -2,7 +2,8 @@
 
 A path that meets a mirror next to both ends is found by no walk: each is a density of zero for the
 other. A plane mirror shows an end as an image behind it (the method of images), so that a vertex
-can be connected to the image as it is to the end itself, at the length of the unfolded path.
+can be connected to the image as it is to the end itself, at the length of the unfolded path. A
+second mirror shows the image of that image.
 """
 
 from __future__ import annotations
@@ -23,18 +24,21 @@ from spisim.scene.content import surface_content
 from spisim.transport.geometry import Geometry
 from spisim.transport.media import Media
 
-#: Largest planes (area x reflectance) that images are looked for in; curved mirrors have more.
+#: Largest planes (area x reflectance) that vertices are joined to an end by.
 MAX_PLANES = 64
+#: And by which light is thrown straight from end to end: each triangle of curved mirrors is one.
+MAX_FACETS = 4096
+#: Mirrors in a row next to an end.
+MAX_FOLDS = 2
 #: Triangles lie in one plane if their normals and distances from the origin agree to this.
 SAME_NORMAL, SAME_PLACE_M = 2e-3, 1e-3
 
 
 class Plane(NamedTuple):
-    """n · x = offset, drawn with a probability."""
+    """n · x = offset."""
 
     normal: Any
     offset_m: Any
-    probability: Any
 
     def image(self, point: Any) -> Any:
         """The mirror image of a point."""
@@ -46,13 +50,55 @@ class Plane(NamedTuple):
         return near & (dr.abs(dr.dot(self.normal, si.n)) > 1 - SAME_NORMAL**2)
 
 
+class Fold(NamedTuple):
+    """Planes in the order in which a vertex meets them on the way to an end."""
+
+    planes: tuple[Plane, ...]
+    met: Any  # how many of them, by lane
+    probability: Any  # to have drawn these
+
+    def image(self, end: Any) -> Any:
+        """An end's place, as the vertex sees it."""
+        for number, plane in reversed(list(enumerate(self.planes))):
+            end = dr.select(number < self.met, plane.image(end), end)
+        return end
+
+    def image_of_vertex(self, vertex: Any) -> Any:
+        """The vertex's place, as the end sees it."""
+        for number, plane in enumerate(self.planes):
+            vertex = dr.select(number < self.met, plane.image(vertex), vertex)
+        return vertex
+
+
+class _Planes(NamedTuple):
+    """Planes to draw from."""
+
+    normals: Any
+    offsets_m: Any
+    strengths: Any  # mi.DiscreteDistribution
+
+    @classmethod
+    def of(cls, planes: Floats, strength: Floats) -> _Planes:
+        normals, offsets_m = mi.Normal3f(planes[:, :3].T), mi.Float(planes[:, 3])
+        weights = mi.Float(strength)
+        dr.make_opaque(normals, offsets_m, weights)
+        return cls(normals, offsets_m, mi.DiscreteDistribution(weights))
+
+    def draw(self, uniform: Any) -> tuple[Plane, Any]:
+        """One for each lane, and its probability."""
+        index, probability = self.strengths.sample_pmf(uniform)
+        normal = mi.Vector3f(dr.gather(mi.Normal3f, self.normals, index))
+        return Plane(normal, dr.gather(mi.Float, self.offsets_m, index)), probability
+
+
 @dataclass(frozen=True, eq=False)
 class Mirrors:
     """Planes that reflect, drawn as often as they are large and bright."""
 
-    normals: Any
-    offsets_m: Any
-    planes: Any  # mi.DiscreteDistribution
+    largest: _Planes
+    all: _Planes
+    again: Any  # how often a second one follows
+    most: int  # in a row
 
     @classmethod
     def of(cls, objects: Sequence[SceneObject]) -> Mirrors | None:
@@ -61,50 +107,84 @@ class Mirrors:
         planes, strength = _known_planes(mirrors) if mirrors else (np.zeros((0, 4)), np.zeros(0))
         if not strength.size:
             return None
-        planes = planes.astype(np.float32)
-        normals, offsets_m = mi.Normal3f(planes[:, :3].T), mi.Float(planes[:, 3])
-        weights = mi.Float(strength.astype(np.float32))
-        dr.make_opaque(normals, offsets_m, weights)
-        return cls(normals, offsets_m, mi.DiscreteDistribution(weights))
+        planes, strength = planes.astype(np.float32), strength.astype(np.float32)
+        return cls(
+            largest=_Planes.of(planes[:MAX_PLANES], strength[:MAX_PLANES]),
+            all=_Planes.of(planes, strength),
+            again=dr.opaque(mi.Float, _again(mirrors)),
+            most=min(len(planes), MAX_FOLDS),
+        )
 
-    def choose(self, sampler: Any) -> Plane:
-        """One plane for each lane."""
-        number, probability = self.planes.sample_pmf(sampler.next_1d())
-        normal = dr.gather(mi.Normal3f, self.normals, number)
-        return Plane(mi.Vector3f(normal), dr.gather(mi.Float, self.offsets_m, number), probability)
+    def choose(self, sampler: Any) -> Fold:
+        """Planes of the largest, for each lane."""
+        return self._fold(self.largest, sampler.next_1d(), sampler)
+
+    def choose_any(self, uniform: Any, sampler: Any) -> Fold:
+        """The first by a number, of all; see `choose`."""
+        return self._fold(self.all, uniform, sampler)
+
+    def _fold(self, first: _Planes, uniform: Any, sampler: Any) -> Fold:
+        plane, probability = first.draw(uniform)
+        planes, met, going = [plane], mi.UInt32(1), mi.Bool(True)
+        for _ in range(1, self.most):
+            on = sampler.next_1d() < self.again
+            probability *= dr.select(going, dr.select(on, self.again, 1 - self.again), 1)
+            going &= on
+            plane, chosen = self.largest.draw(sampler.next_1d())
+            planes.append(plane)
+            probability *= dr.select(going, chosen, 1)
+            met += dr.select(going, 1, 0)
+        return Fold(tuple(planes), met, probability)
 
 
 def reflected(
     geometry: Geometry,
     media: Media,
-    plane: Plane,
+    fold: Fold,
     ray: Any,
     length_m: Any,
     sampler: Any,
     active: Any,
 ) -> Any:
-    """Fraction of light that follows a ray to the mirror of a plane, and from there to an end.
+    """Fraction of light that follows a ray from mirror to mirror, and from there to an end.
 
-    `length_m` is that of the whole path, unfolded. Nothing but fog may lie before the mirror.
+    `length_m` is that of the whole path, unfolded.
     """
-    si = geometry.scene.ray_intersect(ray, active)
-    met = active & si.is_valid() & (si.t < length_m) & plane.holds(si)
-    # The first choice of every mirror and pane is to reflect.
-    sample, weight = si.bsdf().sample(
-        mi.BSDFContext(mi.TransportMode.Importance), si, mi.Float(0), mi.Point2f(0.5), met
-    )
-    met &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
-    away, rest_m = si.to_world(sample.wo), length_m - si.t
-    through = geometry.transmission(si, si.p, away, rest_m, mi.Bool(False), met)
-    through *= media.transmittance(ray.o, ray.d, si.t, sampler, through > 0)
-    through *= media.transmittance(si.p, away, rest_m, sampler, through > 0)
-    return dr.select(met, weight.x * sample.pdf * through, 0)
+    left, rest_m = dr.select(active, mi.Float(1), 0), mi.Float(length_m)
+    for number, plane in enumerate(fold.planes):
+        here = (left > 0) & (number < fold.met)
+        before, passed_m, through = ray, mi.Float(0), mi.Float(1)
+        if geometry.see_through:
+            before, passed_m, through = geometry.up_to(plane.holds, ray, here)
+        si = geometry.scene.ray_intersect(before, here)
+        gap_m = passed_m + si.t
+        met = here & si.is_valid() & (gap_m < rest_m) & plane.holds(si) & (through > 0)
+        # The first choice of every mirror and pane is to reflect.
+        sample, weight = si.bsdf().sample(
+            mi.BSDFContext(mi.TransportMode.Importance), si, mi.Float(0), mi.Point2f(0.5), met
+        )
+        met &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
+        kept = weight.x * sample.pdf * through
+        kept *= media.transmittance(ray.o, ray.d, gap_m, sampler, met)
+        left = dr.select(here, dr.select(met, left * kept, 0), left)
+        rest_m -= dr.select(met, gap_m, 0)
+        ray = dr.select(met, si.spawn_ray(si.to_world(sample.wo)), ray)
+    left *= geometry.along(ray, rest_m, left > 0)
+    return left * media.transmittance(ray.o, ray.d, rest_m, sampler, left > 0)
 
 
 def _mirrors(thing: SceneObject) -> bool:
     # Coats of gloss reflect 4 %, both ways together 0.2 % of what a mirror does.
     smooth = isinstance(thing.material.bsdf, Mirror | Conductor | Dielectric | ThinPane)
     return smooth and thing.material.opacity is None
+
+
+def _again(mirrors: Sequence[SceneObject]) -> float:
+    """How often to look for a second mirror: what light keeps on average, to what it had before."""
+    reflectances = [thing.material.reflectance for thing in mirrors]
+    areas = [thing.mesh.area * each for thing, each in zip(mirrors, reflectances, strict=True)]
+    kept = float(np.average(reflectances, weights=areas))
+    return kept / (1 + kept)
 
 
 def _known_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
@@ -128,19 +208,19 @@ def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
     strength = np.concatenate(
         [thing.mesh.area_faces * thing.material.reflectance for thing in things]
     )
-    left = np.argsort(-strength, kind="stable")
-    left = left[strength[left] > 0]
     found: list[Floats] = []
     total: list[float] = []
-    while left.size and len(found) < 4 * MAX_PLANES:
-        normal = normals[left[0]]
-        offset = float(normal @ triangles[left[0], 0])
-        aligned = np.abs(normals[left] @ normal) > 1 - SAME_NORMAL**2 / 2
-        flush = np.abs(triangles[left] @ normal - offset).max(axis=1) < SAME_PLACE_M
-        same = aligned & flush
-        same[0] = True
+    free = strength > 0
+    for largest in np.argsort(-strength, kind="stable"):
+        if not free[largest] or len(found) == MAX_FACETS:
+            continue
+        normal = normals[largest]
+        offset = float(normal @ triangles[largest, 0])
+        same = np.flatnonzero(free & (np.abs(normals @ normal) > 1 - SAME_NORMAL**2 / 2))
+        flush = np.abs(triangles[same] @ normal - offset).max(axis=1) < SAME_PLACE_M
+        same = same[flush | (same == largest)]
         found.append(np.append(normal, offset))
-        total.append(float(strength[left[same]].sum()))
-        left = left[~same]
-    strongest = np.argsort(-np.array(total), kind="stable")[:MAX_PLANES]
+        total.append(float(strength[same].sum()))
+        free[same] = False
+    strongest = np.argsort(-np.array(total), kind="stable")
     return np.array(found)[strongest], np.array(total)[strongest]

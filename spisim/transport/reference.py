@@ -22,7 +22,7 @@ from spisim.scene import Scene
 from spisim.scene.volumes import share_space
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
-from spisim.transport.engine.ends import Detectors
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.reference_scene import medium_dict, reference_scene
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball

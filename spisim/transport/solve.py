@@ -21,6 +21,7 @@ from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
 from spisim.transport.engine.walk import MAX_VERTICES
+from spisim.transport.glints import warn_of_glints
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.views import BeamView, InstrumentView
 from spisim.transport.world import World, build_world
@@ -100,13 +101,15 @@ def solve(
     Warns
     -----
     TransportWarning
-        If some light was not a finite number and is left out.
+        If some light was not a finite number and is left out, or a mirror throws a laser straight
+        into its detector.
     """
     began = time.perf_counter()
     instrument.tof.check_bins(BIN_WIDTH_M)
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
+    warn_of_glints(world, placed.beams, placed.tof)
     steady = steady_light(scene, instrument, world, placed, streams[2:])
     dropped = steady.pop("dropped")
     bins = spot_bins(met_m(world, placed.beams), instrument.tof.unambiguous_range_m)

@@ -15,20 +15,10 @@ from spisim.scene import Scene, Volume
 from spisim.scene.bsdf import Diffuse
 from spisim.scene.lamps import PointLamp
 from spisim.transport.backend import with_backend
+from spisim.transport.bounds import Ball, Bounds, Box, Ellipsoid
 from spisim.transport.enclosed import Enclosed, surface_scene
 from spisim.transport.geometry import Geometry, transform
-from spisim.transport.media import (
-    Ball,
-    Bias,
-    Bounds,
-    Box,
-    Ellipsoid,
-    Grid,
-    Homogeneous,
-    Media,
-    Medium,
-    density_texture,
-)
+from spisim.transport.media import Bias, Grid, Homogeneous, Media, Medium, density_texture
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors
 from spisim.transport.phase import phase_plugin

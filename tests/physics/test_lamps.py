@@ -44,7 +44,7 @@ def seen(place, view=NARROW, spp=2**13, **options):
     world = build_world(place)
     lamps = lamps_in_band(place, 1.0, world)
 
-    def launch(samples, seeds):
+    def launch(samples, seeds, replicas):
         tallies = Tallies(view.pixels, [ImageTally])
         Gather(world, Projector.of(view, samples), lamps, tallies.add).run(seeds[0], **options)
         return tallies.read(1.0)
@@ -58,8 +58,8 @@ def received(place, detectors):
     world = build_world(place)
     lamps = lamps_in_band(place, 1.0, world)
 
-    def trace(ends, samples, seeds, deposit):
-        Gather(world, ends, lamps, deposit, 16).run(seeds[0])
+    def trace(ends, samples, seeds, replicas, deposit):
+        Gather(world, ends, lamps, deposit, replicas).run(seeds[0])
 
     return _received(trace, detectors, 0.0, 0.005, SEEDS[0])
 

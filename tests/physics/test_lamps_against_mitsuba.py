@@ -84,7 +84,7 @@ def ours(place):
     world = build_world(place)
     lamps = lamps_in_band(place, 1.0, world)
 
-    def launch(samples, seeds):
+    def launch(samples, seeds, replicas):
         tallies = Tallies(VIEW.pixels, [ImageTally])
         Gather(world, Projector.of(VIEW, samples), lamps, tallies.add).run(seeds[0])
         return tallies.read(1.0)

@@ -11,6 +11,8 @@ from spisim.scene import Material, SceneObject
 from spisim.scene.bsdf import Mirror, ThinPane
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
+from spisim.transport.engine.sampling import TransportWarning
+from spisim.transport.glints import warn_of_glints
 from spisim.transport.reference import Renderer
 from spisim.transport.world import build_world
 
@@ -76,15 +78,32 @@ def test_a_mirror_throws_the_projector_back(bsdf) -> None:
     assert np.count_nonzero(image) == 1
 
 
+def roof(distance_m: float, half_size_m: float) -> tuple[SceneObject, SceneObject]:
+    """Two mirrors at right angles, whose edge is far: z = distance - |x|."""
+    return tuple(mirror(distance_m, side * np.pi / 4, half_size_m) for side in (-1, 1))
+
+
+def test_two_mirrors_in_a_row_throw_the_projector_back() -> None:
+    """The detector's image in both is its reflection about their edge."""
+    world = build_world(worlds.scene(*roof(2.0, 3.0)))
+    images = np.array([worlds.image(world, VIEW, NEAR, 64, seed) for seed in SEEDS])
+    squared = 4.0**2 + 0.05**2 + 0.02**2
+    cosine2 = 4.0**2 / squared
+    closed = REFLECTANCE**2 * 1e-5 / (VIEW.pixel_area * cosine2 * squared)
+    assert images.sum(axis=(1, 2)).mean() == pytest.approx(closed, rel=0.01, abs=0)
+    assert np.count_nonzero(images.sum(axis=0)) == 1
+
+
 @pytest.mark.slow
-def test_a_room_with_a_mirror_in_fog_against_the_reference_engine() -> None:
+@pytest.mark.parametrize("mirrors", [(mirror(3.0, 0.3, 0.7),), roof(3.0, 0.7)], ids=["one", "two"])
+def test_a_room_with_mirrors_in_fog_against_the_reference_engine(mirrors) -> None:
     """Mitsuba follows paths from the projector until they meet a lamp in the detector's place.
 
     It connects to the lamp, and meets it by chance where a mirror is in between: the lamp is large.
     """
     radius_m = 0.2
     end = worlds.detector([0.25, 0, 0.5], area_m2=np.pi * radius_m**2)
-    room = worlds.scene(*worlds.room(), mirror(3.0, 0.3, 0.7), volumes=worlds.bank(0.1, 0.95, 0.7))
+    room = worlds.scene(*worlds.room(), *mirrors, volumes=worlds.bank(0.1, 0.95, 0.7))
     ours = [worlds.image(build_world(room), VIEW, end, 2048, seed) for seed in SEEDS]
     place = mi.ScalarTransform4f().translate([0.25, 0, 0.5]).scale(radius_m)
     lamp = {
@@ -108,6 +127,19 @@ def test_a_room_with_a_mirror_in_fog_against_the_reference_engine() -> None:
     assert all(total.std() < 0.05 * total.mean() for total in totals)
 
 
+@pytest.mark.parametrize("tilt_rad", [0.0, 0.02, 0.06])
+def test_a_laser_that_is_mirrored_straight_back_is_told(tilt_rad, recwarn) -> None:
+    """The first of two beams comes back 2 m · tan(2 tilt) aside, 8 mm wide."""
+    lasers = replace(worlds.beams([0, 0, 1], [0.2, 0, 1]), divergence_rad=2e-3, waist_m=1e-3)
+    place = [-2.0 * np.tan(0.04), 0, 0]  # where the tilt of 0.02 takes it
+    apertures = worlds.detector([place, place], half_angle_deg=20)
+    world = build_world(worlds.scene(mirror(2.0, tilt_rad, 3.0)))
+    warn_of_glints(world, lasers, apertures)
+    told = [str(each.message) for each in recwarn if each.category is TransportWarning]
+    assert bool(told) == (tilt_rad == 0.02)
+    assert all("spot 0 straight into its detector" in each for each in told)
+
+
 def test_a_mirror_of_many_triangles_is_one_plane() -> None:
     """Askew, so that rounding tells its triangles apart."""
     plain = mirror(2.0, 0.01, 3.0)
@@ -119,7 +151,7 @@ def test_a_mirror_of_many_triangles_is_one_plane() -> None:
         worlds.image(build_world(worlds.scene(thing)), view, NEAR, 64, SEEDS[0])
         for thing in (plain, fine)
     )
-    assert len(build_world(worlds.scene(fine)).mirrors.offsets_m) == 1
+    assert len(build_world(worlds.scene(fine)).mirrors.all.offsets_m) == 1
     assert parts.sum() == pytest.approx(whole.sum(), rel=1e-3, abs=0)
 
 

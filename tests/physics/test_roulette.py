@@ -7,7 +7,7 @@ import worlds
 from spisim.transport import media
 from spisim.transport.daylight import DAYLIGHT_ENDING
 from spisim.transport.engine import walk
-from spisim.transport.engine.ends import Detectors
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.lights import Sun
 from spisim.transport.engine.tally import ImageTally, Tallies
 from spisim.transport.engine.walk import Walk

@@ -70,7 +70,7 @@ def test_launches_of_different_sizes_count_by_their_paths():
     for number in range(400):
         rng = np.random.default_rng(number)
 
-        def launch(samples, seeds, rng=rng):
+        def launch(samples, seeds, replicas, rng=rng):
             return Sums({"image": rng.normal(1, 1 / np.sqrt(samples), (1, 8))})
 
         budget = TargetError(0.05, RELATIVE)
@@ -111,7 +111,7 @@ def test_no_launch_has_more_lanes_than_fit(monkeypatch, replicas):
     monkeypatch.setattr(sampling, "MAX_LANES", 100)
     launched = []
 
-    def launch(samples, seeds):
+    def launch(samples, seeds, replicas):
         launched.append(samples)
         return Sums({"image": np.random.default_rng(seeds[0]).normal(1, 0.5, (replicas, 30))})
 

@@ -77,7 +77,7 @@ def test_light_of_no_path_length_is_left_out_and_counted(length_m: float) -> Non
 
 
 def test_what_was_left_out_is_told_once() -> None:
-    def launch(samples: int, seeds: object) -> Sums:
+    def launch(samples: int, seeds: object, replicas: int) -> Sums:
         return added([1.0, np.nan])
 
     with pytest.warns(TransportWarning, match="^8 contributions of light were not finite") as told:

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.ends import Detectors, Projector
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.points import Points
@@ -66,27 +67,27 @@ def mirrored_light(
     *,
     replicas: int = 1,
 ) -> None:
-    """Deposit the light that a plane mirror throws from the source straight onto a detector.
+    """Deposit the light that plane mirrors throw from the source straight onto a detector.
 
     The detector's response is taken in the direction of the middle of the source's lens.
     """
     if world.mirrors is None:
         return
-    lane, cell, replica, sampler = _low_discrepancy(
-        source, replicas, seed ^ 1
-    )  # not of direct light
-    plane = world.mirrors.choose(sampler)
-    middle = plane.image(source.middle)
+    lane, cell, replica, sampler = _low_discrepancy(source, replicas, seed ^ 1)  # others
+    random: Any = mi.sample_tea_float32  # whose stubs take Python's numbers alone
+    turn = (mi.Float(lane) + 0.5) / source.lanes + random(replica, dr.opaque(mi.UInt32, seed))
+    fold = world.mirrors.choose_any(turn - dr.floor(turn), sampler)  # all planes in turn
+    middle = fold.image_of_vertex(source.middle)
     detector = detectors.choose(lane, sampler)
     end = detectors.connect_to(detector, middle, sampler)
     response = end.importance * dr.squared_norm(middle - end.point)
-    image = plane.image(end.point)
+    image = fold.image(end.point)
     start = source.connect(lane, image, sampler)
     towards, length_m = direction_to(start.point, image)
-    value = start.importance * response / (plane.probability * source.paths)
+    value = start.importance * response / (fold.probability * source.paths)
     lit = carries_light(value)
     ray = mi.Ray3f(start.point, towards)
-    value *= reflected(world.geometry, world.media, plane, ray, length_m, sampler, lit)
+    value *= reflected(world.geometry, world.media, fold, ray, length_m, sampler, lit)
     lit &= carries_light(value)
     place = cell if start.cell is None else start.cell
     deposit(Contribution(value, place, length_m, mi.UInt32(0), lit, replica))
@@ -143,8 +144,9 @@ def _off_fog(
 def _low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> tuple[Any, Any, Any, Any]:
     """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
     number: Any = dr.arange(mi.UInt32, replicas * this.lanes)
-    lane, replica = number // replicas, number % replicas
+    beside = dr.opaque(mi.UInt32, replicas)
+    lane, replica = number // beside, number % beside
     cell = this.cell(lane)
     cells = this.lanes // this.samples
-    points = Points.of(lane // cells, cell * replicas + replica, dr.opaque(mi.UInt32, seed))
+    points = Points.of(lane // cells, cell * beside + replica, dr.opaque(mi.UInt32, seed))
     return lane, cell, replica, points

@@ -13,9 +13,10 @@ from functools import partial
 
 import numpy as np
 
+from spisim.transport.engine.apertures import Detectors, JointDetectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.direct import direct_light, mirrored_light
-from spisim.transport.engine.ends import Detectors, JointDetectors, Projector
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.outputs import Outputs
@@ -75,7 +76,7 @@ def transport_image(
     pixels = projector.pixels
     replicas = 1 if outputs.bins is not None else replicas_of(pixels)  # cubes fill the memory
 
-    def launch(samples: int, seeds: Sequence[int]) -> Sums:
+    def launch(samples: int, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = outputs.tallies(pixels, replicas)
         near = Projector.of(projector, samples)
         far = JointDetectors.of(detector, -(-samples * pixels // len(detector.positions_m)))
@@ -144,7 +145,7 @@ def spot_histogram(
     replicas = replicas_of(count)
     histograms = partial(OrderTally, make=partial(HistogramTally, bins=bins))
 
-    def launch(samples: int, seeds: Sequence[int]) -> Sums:
+    def launch(samples: int, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = Tallies(count, [histograms], replicas)
         near = Beams.of(world, beams, samples)
         far = Detectors.of(detectors, samples)

@@ -12,7 +12,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.engine.ends import Connection, JointDetectors
+from spisim.transport.engine.apertures import JointDetectors
+from spisim.transport.engine.ends import Connection
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.geometry import direction_to
 from spisim.transport.world import World

@@ -16,7 +16,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.engine.ends import Detectors, Projector
+from spisim.transport.engine.apertures import Detectors
+from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lamps import Lamps, Lit, Met
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
@@ -55,7 +56,8 @@ class Gather:
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
         """Launch one path per lane and deposit all light that it finds."""
         number, sampler = lanes(self.replicas * self.sensor.lanes, seed)
-        lane, replica = number // self.replicas, number % self.replicas
+        replicas = dr.opaque(mi.UInt32, self.replicas)
+        lane, replica = number // replicas, number % replicas
         limit = dr.opaque(mi.UInt32, max_vertices)
         launch = self.sensor.launch(lane, sampler)
         found = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)

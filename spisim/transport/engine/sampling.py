@@ -62,7 +62,8 @@ class TargetError:
 
 
 SamplingBudget = Paths | TargetError
-Launch = Callable[[int, Sequence[int]], Sums]
+#: Paths per cell, seeds, and estimates side by side.
+Launch = Callable[[int, Sequence[int], int], Sums]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +129,11 @@ def repeat(
     replicas: int = 1,
     ends: int = 2,
 ) -> Estimate:
-    """Repeat `launch(paths per cell, seeds)` with fresh seeds for as long as `budget` says.
+    """Repeat `launch(paths per cell, seeds, replicas)` with fresh seeds as long as `budget` says.
 
     Each launch makes `replicas` estimates side by side, the first axis of its values: they count
-    as so many launches, and cost one. Paths are launched from so many `ends`.
+    as so many launches, and cost one. Where fewer paths per cell than these are missing, it makes
+    as many. Paths are launched from so many `ends`.
 
     TransportWarning tells how much of the light had to be left out.
     """
@@ -142,11 +144,11 @@ def repeat(
         samples = max(1, round(budget.per_cell / launches))
     else:
         samples = min(budget.first, most)
-    done = 0.0
+    done, beside = 0.0, replicas
     for step in count():
-        values, unsummed = launch(samples, _seeds(seed, step))
+        values, unsummed = launch(samples, _seeds(seed, step), beside)
         dropped += unsummed
-        for each in _split(values, replicas):
+        for each in _split(values, beside):
             running.add(each, samples)
         if isinstance(budget, Paths):
             done = running.count / launches
@@ -159,7 +161,8 @@ def repeat(
         if isinstance(budget, TargetError) and running.count >= MIN_LAUNCHES:
             least = min(running.weight / 3, LEAST_LANES / cells)
             missing = max(running.weight * (1 / max(done, 0.5) - 1), least)
-            samples = int(np.clip(np.ceil(missing / replicas), 1, most))
+            beside = min(replicas, max(1, math.ceil(missing)))
+            samples = int(np.clip(np.ceil(missing / beside), 1, most))
     if dropped:
         warnings.warn(
             f"{dropped} contributions of light were not finite numbers and are left out: a "

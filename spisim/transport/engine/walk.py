@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.ends import Connection, Detectors, Launch, Projector
+from spisim.transport.engine.ends import Connection, Launch, Projector
 from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.path import Path, Ratio, quotient
@@ -86,7 +87,8 @@ class Walk:
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
         """Launch one path per lane and deposit what each vertex sends to the other end."""
         number, sampler = lanes(self.replicas * self.this.lanes, seed)
-        lane, replica = number // self.replicas, number % self.replicas
+        replicas = dr.opaque(mi.UInt32, self.replicas)
+        lane, replica = number // replicas, number % replicas
         limit = dr.opaque(mi.UInt32, max_vertices)
         launch = self.this.launch(lane, sampler)._replace(replica=replica)
         path, scale = Path.start(launch), 1 / launch.beta
@@ -196,16 +198,16 @@ class Walk:
         densities, mirrors = path.densities, self.world.mirrors
         assert mirrors is not None
         blind = path.active & (densities.ratio * densities.start == 0)
-        plane = mirrors.choose(sampler)
-        end = self.other.connect(lane, plane.image(here.point), sampler)
-        towards, length_m = direction_to(here.point, plane.image(end.point))
+        fold = mirrors.choose(sampler)
+        end = self.other.connect(lane, fold.image_of_vertex(here.point), sampler)
+        towards, length_m = direction_to(here.point, fold.image(end.point))
         lobe = here.lobe(towards, blind & (end.importance > 0))
-        value = path.beta * end.importance * lobe.value / plane.probability
+        value = path.beta * end.importance * lobe.value / fold.probability
         lit = blind & carries_light(value)
         ray = here.si.spawn_ray(towards)
         ray.o = dr.select(here.in_fog, here.point, ray.o)
         media, geometry = self.world.media, self.world.geometry
-        value *= reflected(geometry, media, plane, ray, length_m, sampler, lit)
+        value *= reflected(geometry, media, fold, ray, length_m, sampler, lit)
         self.deposit(
             Contribution(
                 value,
