@@ -232,7 +232,9 @@ def _lit(content: Content, lamps: Literal["off", "watts"]) -> Content:
         return content
     if lamps == "watts":
         content.note(f"lamps: {count}, {WATTS}")
-        return content
+        panels = [glow.panel for glow in content.glows if glow.panel is not None]
+        others = [glow for glow in content.glows if glow.panel is None]
+        return replace(content, parts=[*content.parts, *panels], glows=others)
     content.note(f"lamps: {count}, {OFF}")
     dark = [replace(part, radiance=0.0) if part.radiance else part for part in content.parts]
     return replace(content, parts=dark, glows=[])

@@ -5,7 +5,7 @@ of its longest wavelength is taken, of a colour its red, which is nearest. Lamps
 keep their numbers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -46,6 +46,8 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
     for key in sorted(set(grids) - {"sigma_t", "albedo"}):
         content.note(f"{what}: a grid of {key} is left out, and the medium")
         return
+    for key, way in _other_ways(node, grids):
+        content.note(f"{what}: its grid of {key} is {way}")
     density, brightness = grids.get("sigma_t"), grids.get("albedo")
     if brightness is not None and not brightness.values.max() <= 1:
         raise InputError(f"{node.what}: its albedo is over 1")
@@ -71,6 +73,16 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
                 continue
             content.hazes.append(replace(haze, mesh=mesh))
         content.note(f"{what}: {told} is a volume of the scene file")
+
+
+def _other_ways(node: Node, grids: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Grids that Mitsuba goes on from cell to cell, and beyond the rim, otherwise than here."""
+    for key in grids:
+        grid = node.properties[key]
+        if (between := grid.value("filter_type", "trilinear")) != "trilinear":
+            yield key, f"{between} there, linear between the middles of cells here"
+        if (beyond := grid.value("wrap_mode", "clamp")) != "clamp":
+            yield key, f"{beyond}ed there beyond its box, here it goes on as it is at its rim"
 
 
 def _coefficients(node: Node) -> tuple[float, float, float]:

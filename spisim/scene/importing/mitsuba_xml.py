@@ -14,7 +14,7 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import shapes
-from spisim.scene.importing.files import Folders
+from spisim.scene.importing.files import Folders, MissingFile
 from spisim.scene.importing.meshes import read_obj, read_ply
 from spisim.scene.importing.mitsuba_file import Node, Parse, Source, read_source
 from spisim.scene.importing.mitsuba_light import take_emitter, take_medium
@@ -53,7 +53,8 @@ def read_scene(path: Path, folders: Folders, parse: Parse) -> Content:
         elif node.kind == "emitter":
             take_emitter(node, content, reader.file)
     if not content.parts:
-        raise InputError(f"{path}: has no shapes that can be read")
+        left_out = "; ".join(note for note in content.notes if note.startswith("left out: "))
+        raise InputError(f"{path}: has no shapes that can be read{left_out and f'; {left_out}'}")
     return content
 
 
@@ -91,7 +92,9 @@ class _Shapes:
             self._content.note(f"{node.what}: shapes of this type are left out")
             return
         name = node.id or node.name or kind
-        parts = self._parts(node, kind, name)
+        parts = self._parts_there(node, kind, name)
+        if parts is None:
+            return
         if kind in MESHES and parts:
             name = node.id or Path(node.value("filename", name)).stem
         surface, radiance = self._surface(node), 0.0
@@ -111,6 +114,16 @@ class _Shapes:
                 geometry = shapes.as_mesh(geometry).copy()
                 geometry.invert()
             self._content.add(Part(name, geometry, to_world @ part.to_world, surface, radiance))
+
+    def _parts_there(self, node: Node, kind: str, name: str) -> list[Part] | None:
+        """As `_parts`; None, and a note, for a file that is missing and may be left out."""
+        try:
+            return self._parts(node, kind, name)
+        except MissingFile as error:
+            if not self._folders.skip_missing:
+                raise
+            self._content.note(f"left out: {error}")
+            return None
 
     def _parts(self, node: Node, kind: str, name: str) -> list[Part]:
         """Geometry of a shape in its own coordinates."""

@@ -81,7 +81,7 @@ class Glow:
     """A lamp that is no surface: the `fields` of a scene file that tell its type and strength.
 
     And where it is and shines to, as far as it has a place and a direction; or a `picture` (h, w)
-    of all around in `axes` (3, 3).
+    of all around in `axes` (3, 3); or a `panel`, which is in the scene only where it shines.
     """
 
     name: str
@@ -90,6 +90,7 @@ class Glow:
     direction: Floats | None = None
     picture: NDArray[np.float32] | None = None
     axes: Floats | None = None
+    panel: Part | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,4 +220,6 @@ def _reason(error: Exception) -> str:
             return f"no valid JSON in line {error.lineno}"
         case UnicodeDecodeError():
             return "it is not text in UTF-8"
+        case AttributeError() | TypeError():
+            return "something in it is of another kind than the format says"
     return "it is damaged, or holds what is not supported"
