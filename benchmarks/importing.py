@@ -337,7 +337,9 @@ def main() -> int:
         checks.append(Check(f"{suite.name}: unlike others'", len(suite.different), 0))
         if suite.different:
             print(f"{suite.name}: unlike others': {suite.different}", file=sys.stderr)
-    around = surroundings(["trimesh", "pycollada", "mitsuba", "usd-core", "DracoPy", "meshoptimizer"])
+    around = surroundings(
+        ["trimesh", "pycollada", "mitsuba", "usd-core", "DracoPy", "meshoptimizer"]
+    )
     return finish(options, PAGE, "benchmark: importing", around, tables, checks)
 
 

@@ -21,6 +21,9 @@ from spisim.scene.importing.surround import read_linear_red, surround
 #: The file that a node names.
 Find: TypeAlias = Callable[[Node], Path]
 
+#: Rows of a picture of all around for one of the file's, and pixels up to which.
+FINER, FINE_PIXELS = 4, 2**22
+
 
 def is_grid(value: object) -> bool:
     """Whether a property of a medium is a grid of numbers."""
@@ -59,12 +62,13 @@ def _read_volume(path: Path) -> tuple[NDArray[np.float32], Floats, Floats]:
 def read_surround(node: Node, find: Find) -> tuple[NDArray[np.float32], Floats]:
     """Linear red (h, w) of an `envmap` as a lamp of a scene file has it, and its axes (3, 3).
 
-    Mitsuba's first and last rows are the poles, here rows are bands. InputError for what cannot be
-    read.
+    Mitsuba's first and last rows are the poles, here rows are bands: finer ones, so that what lies
+    between the file's rows is the same. InputError for what cannot be read.
     """
     red = read_linear_red(find(node))
     rows = len(red)
-    place = (np.arange(rows) + 0.5) / rows * (rows - 1)
+    count = max(1, min(FINER, FINE_PIXELS // red.size)) * rows
+    place = (np.arange(count) + 0.5) / count * (rows - 1)
     low = np.minimum(place.astype(int), rows - 2)
     share = (place - low).astype(np.float32)[:, None]
     bands = (1 - share) * red[low] + share * red[low + 1]

@@ -16,11 +16,13 @@ from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import shapes
 from spisim.scene.importing.files import Folders, MissingFile
 from spisim.scene.importing.meshes import read_obj, read_ply
+from spisim.scene.importing.mitsuba_bsdf import told_surface
 from spisim.scene.importing.mitsuba_file import Node, Parse, Source, read_source
 from spisim.scene.importing.mitsuba_light import take_emitter, take_medium
 from spisim.scene.importing.model import Content, Part, Shape, Surface, translation
 from spisim.scene.importing.serialized import read_serialized
 from spisim.scene.importing.textures import Texture
+from spisim.scene.importing.told import Told
 from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
@@ -67,6 +69,7 @@ class _Shapes:
         self._content = content
         self._files: dict[tuple[Path, int], list[Part]] = {}
         self._textures: dict[int, Texture | None] = {}
+        self._surfaces: dict[tuple[int, bool], Told | None] = {}
 
     def add(self, node: Node, parent: Floats) -> None:
         """What a shape shows, where all that it is in stands at `parent`."""
@@ -104,7 +107,8 @@ class _Shapes:
             elif each.kind == "medium" and node.properties.get("interior") is each:
                 placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
                 boxes = [_as_box(part, to_world) for part in parts]
-                take_medium(each, placed, boxes, name, self._content, self.file)
+                first = None if surface is None else len(self._content.parts)
+                take_medium(each, placed, boxes, name, self._content, self.file, first)
         if surface is None:
             self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
             return
@@ -185,7 +189,17 @@ class _Shapes:
         ]
         words = (*(METALS.get(name, "metal") for name in metals), *types)
         body = next((textures[name] for name in BODY if textures.get(name)), None)
-        return Surface(names[0] if names else None, colors[0] if colors else None, words, body)
+        flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
+        told = self._told(outer, flips)
+        color = colors[0] if colors else None
+        return Surface(names[0] if names else None, color, words, body, told)
+
+    def _told(self, bsdf: Node, flips: bool) -> Told | None:
+        """Once for all shapes that share it."""
+        key = id(bsdf), flips
+        if key not in self._surfaces:
+            self._surfaces[key] = told_surface(bsdf, flips, self._texture)
+        return self._surfaces[key]
 
     def _texture(self, node: Node) -> Texture | None:
         """The picture of a texture; Mitsuba lays it on its own way, so that only its mean fits."""

@@ -131,6 +131,16 @@ def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]
     return (red * factor).astype(np.float32), share.astype(np.float32)
 
 
+def linear_red(texture: Texture) -> NDArray[np.float32]:
+    """Red (h, w) in proportion to light, from 0 to 1; InputError if unreadable."""
+    stored, _ = read_red(texture)
+    is_linear = isinstance(texture.source, Path) and texture.source.suffix.lower() in LINEAR
+    if texture.linear or is_linear:
+        return np.asarray(stored ** (1 / GAMMA), dtype=np.float32)
+    curved = ((stored + 0.055) / 1.055) ** 2.4  # of sRGB
+    return np.where(stored <= 0.04045, stored / 12.92, curved).astype(np.float32)
+
+
 def _thinned(red: NDArray[np.float32]) -> NDArray[np.float32]:
     """Every second pixel, or fewer, of a picture that is too large to be written."""
     step = 1
