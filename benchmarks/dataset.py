@@ -21,7 +21,7 @@ from unittest.mock import patch
 import numpy as np
 from options import benchmark_options, finish
 
-from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor

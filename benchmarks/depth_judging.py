@@ -95,7 +95,12 @@ def judge(case: Case) -> Judged:
     for way, solve, view in COMPILED[case.preset](capture):
         found = solve(view) or DepthEstimate(np.full(true_m.shape, np.nan))
         told[way] = depth_metrics(
-            found.depth_m, true_m, deviation=found.deviation, nothing=found.nothing, rays=rays
+            found.depth_m,
+            true_m,
+            deviation=found.deviation,
+            nothing=found.nothing,
+            rays=rays,
+            obstacle_m=found.obstacle_m,
         )
     return Judged(case, told)
 

@@ -4,7 +4,7 @@
     python examples/estimator.py -o out/estimator
 
 Makes the data set of estimator.yaml (run again, it only goes on), then fits principal components
-of the readings and of the depth map that `reconstruct` gives, and a kernel ridge regression on them
+of the readings and of the depth map `anchored`, and a kernel ridge regression on them
 and the ranges, and compares. Takes about 4 minutes on two cores.
 """
 
@@ -37,9 +37,9 @@ Errors = dict[str, float | None]
 
 @dataclass(frozen=True)
 class Readings:
-    """What an instrument has of N views, frame 0, and what `reconstruct` makes of it.
+    """What an instrument has of N views, frame 0, and depth maps made of it.
 
-    Light (N, M), ranges (N, 4), the default depth map and that of the nearest spot (N, H, W); nan
+    Light (N, M), ranges (N, 4), the anchored depth map and that of the nearest spot (N, H, W); nan
     where there is none.
     """
 
@@ -129,8 +129,9 @@ def load(samples: DataSet) -> tuple[Readings, Floats]:
     """Readings and true depth maps."""
     arrays = samples.arrays("buckets", "spot_range_m", "true_depth_m")
     true_m = arrays["true_depth_m"][:, 0]
-    results = [reconstruct(sample.capture) for sample in samples]
-    depth_m = _stacked([result.depth_m for result in results], true_m)
+    methods = ("anchored", "nearest")
+    results = [reconstruct(sample.capture, depth=methods) for sample in samples]
+    depth_m = _stacked([result.depths.get("anchored") for result in results], true_m)
     nearest_m = _stacked([result.depths.get("nearest") for result in results], true_m)
     return Readings(
         arrays["buckets"][:, 0], arrays["spot_range_m"][:, 0], depth_m, nearest_m
@@ -154,7 +155,7 @@ def compare(samples: DataSet) -> dict[str, dict[str, Errors]]:
     readings, true_m = load(unseen)
     maps = {
         "learned": estimator.predict(readings),
-        "anchored (default)": readings.depth_m,
+        "anchored": readings.depth_m,
         "nearest spot": readings.depth_nearest_m,
     }
     families = np.array([sample.parameters["scene"] for sample in unseen])

@@ -8,6 +8,7 @@
 Of many frames, or where every millisecond counts, `Reconstructor` does once what they share.
 """
 
+import logging
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from .result import Result
 
 __version__ = "0.1.0"
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 _HOMES = {
     "Capture": "capture",

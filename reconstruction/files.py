@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 
 from .errors import InputError, nearest
@@ -75,9 +74,11 @@ def require_outputs(
         _require_not_read(output.path, read)
         _require_suffix(output)
         _require_own(output, read, overwrite)
-    for one, other in combinations(files, 2):
-        if _same(one.path, other.path):
-            raise InputError(f"{one.path}: the {other.kind} and the {one.kind} need two names")
+    named: dict[object, Output] = {}
+    for output in files:
+        one = named.setdefault(_identity(output.path), output)
+        if one is not output:
+            raise InputError(f"{one.path}: the {output.kind} and the {one.kind} need two names")
     for output in files:
         _require_place(output.path)
     _require_space(files)
@@ -170,9 +171,15 @@ def _require_own(output: Output, inputs: Iterable[Path], overwrite: bool) -> Non
 
 
 def _same(one: Path, other: Path) -> bool:
-    if one.exists() and other.exists():
-        return one.samefile(other)
-    return one.resolve() == other.resolve()
+    return _identity(one) == _identity(other)
+
+
+def _identity(path: Path) -> object:
+    """What names of one file or folder share, of one that is yet to be made too."""
+    if path.exists():
+        status = path.stat()
+        return status.st_dev, status.st_ino
+    return path.resolve()
 
 
 def _nearest_folder(folder: Path) -> Path:

@@ -1,6 +1,8 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, get_args
 
 import numpy as np
@@ -15,7 +17,8 @@ from .depth import (
     View,
     depth_method,
     lacks,
-    range_over_depth,
+    nearest_obstacle,
+    pixel_rays,
     unlike,
 )
 from .errors import InputError
@@ -39,6 +42,8 @@ from .ranging import (
 )
 from .result import BASELINE, Image, Result
 from .timing import timed
+
+logger = logging.getLogger(__name__)
 
 Names = str | Sequence[str] | None
 """Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
@@ -76,9 +81,15 @@ class Reconstructor:
         self._depths = {
             name: depth_method(name, setup).compile(context) for name in _depth_names(depth, setup)
         }
+        self._rays: Floats | None = None
         self._stretch: Image | None = None
         if setup.optics is not None:
-            self._stretch = range_over_depth(setup.optics, setup.plan.shape).astype(np.float32)
+            self._rays = pixel_rays(setup.optics, setup.plan.shape)
+            self._stretch = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
+        logger.info(
+            "methods of image: %s; of ranging: %s; of depth: %s",
+            *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
+        )
 
     def __call__(self, frame: Frames) -> Result:
         """Reconstruct one frame; InputError if nothing in it is usable."""
@@ -158,6 +169,7 @@ class Reconstructor:
             if found is not None:
                 maps[name] = _checked_depths(f"depth method {name!r}", found, self._shape)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
+        logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
             images=_single(images),
             deviations=_single(deviations),
@@ -165,6 +177,7 @@ class Reconstructor:
             depths=_single({name: each.depth_m for name, each in maps.items()}),
             depth_deviations=_single({name: each.deviation for name, each in maps.items()}),
             nothings=_single({name: each.nothing for name, each in maps.items()}),
+            obstacles_m=self._obstacles_m(maps),
             range_over_depth=self._stretch,
             timings_s=timings,
             unit=frame.buckets.unit,
@@ -189,6 +202,16 @@ class Reconstructor:
         if not readings.decoder.level:  # the darkest pixel is taken to be dark
             image = image - image.min()
         return Estimate(image, deviation, estimate.note)
+
+    def _obstacles_m(self, maps: Mapping[str, DepthEstimate]) -> dict[str, float]:
+        """Nearest obstacle ahead by each method, left out where no depth is known at all."""
+        found = {}
+        for name, each in maps.items():
+            if each.obstacle_m is not None:
+                found[name] = each.obstacle_m
+            elif self._rays is not None and np.isfinite(each.depth_m).any():
+                found[name] = nearest_obstacle(each.depth_m, self._rays)
+        return found
 
     @property
     def _shape(self) -> tuple[int, int]:
@@ -276,14 +299,20 @@ def _rangings(names: Names, setup: Setup) -> dict[str, RangingSolver]:
     }
 
 
+def left_out(setup: Setup) -> dict[str, str]:
+    """Of the usual depth methods those that a recording does not suit, by name, and why."""
+    fit = (name for name in USUAL_DEPTHS if not lacks(DEPTH_METHODS[name], setup))
+    told = {name: unlike(DEPTH_METHODS[name], setup) for name in fit}
+    return {name: why for name, why in told.items() if why is not None}
+
+
 def _depth_names(names: Names, setup: Setup) -> list[str]:
     def fits(name: str) -> bool:
         return not lacks(DEPTH_METHODS[name], setup)
 
-    def suits(name: str) -> bool:
-        return fits(name) and unlike(DEPTH_METHODS[name], setup) is None
-
-    return _listed(names, list(filter(suits, USUAL_DEPTHS)), DEPTH_METHODS, fits)
+    unsuited = left_out(setup)
+    usual = [name for name in USUAL_DEPTHS if fits(name) and name not in unsuited]
+    return _listed(names, usual, DEPTH_METHODS, fits)
 
 
 def _listed(
@@ -328,7 +357,7 @@ def _checked_depths(who: str, found: Any, shape: tuple[int, int]) -> DepthEstima
         nothing = _checked(f"{who}, of nothing within reach,", nothing, shape)
         if not ((nothing >= 0) & (nothing <= 1)).all():
             raise InputError(f"{who} gave probabilities of nothing within reach beyond 0 to 1")
-    return DepthEstimate(depth_m, deviation, nothing, found.note)
+    return replace(found, depth_m=depth_m, deviation=deviation, nothing=nothing)
 
 
 def _checked_ranges(name: str, ranges: Any) -> Ranges:

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .capture import Unit
 from .notebook import picture, shown
+from .plotting import draw_map, panels
 from .ranging import Ranges
 
 Image = NDArray[np.float32]
@@ -27,8 +29,9 @@ class Result:
     ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
     method finds any. By those methods that can tell, ``depth_deviations`` is the standard deviation
     of ln depth, nan where there is no depth, and ``nothings`` the probability that there is nothing
-    within reach (see `DepthEstimate`). ``range_over_depth`` (H, W): length of each pixel's ray per
-    unit of depth, None where the optics are unknown.
+    within reach (see `DepthEstimate`); ``obstacles_m`` by all of them is the depth of the nearest
+    obstacle ahead (see `nearest_obstacle`), nan without one. ``range_over_depth`` (H, W): length of
+    each pixel's ray per unit of depth, None where the optics are unknown.
     ``timings_s``: seconds per stage; ``notes``: what the user must know of some images, ranges and
     depths, by stage, as "depth anchored" or "ranging cw". ``recording``: the digest of the
     readings, ``frame`` their number in the capture and ``patterns`` the number of distinct ones
@@ -47,6 +50,7 @@ class Result:
     patterns: int
     depth_deviations: Mapping[str, Image] = field(default_factory=dict)
     nothings: Mapping[str, Image] = field(default_factory=dict)
+    obstacles_m: Mapping[str, float] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -67,6 +71,24 @@ class Result:
                 facts[f"spot {spot}"] = known if status == "ok" else status
         facts |= {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
         return shown("Result", facts, pictures)
+
+    def plot(self) -> Any:
+        """Draw image, depth map and ranges with their sigma, those of them that there are.
+
+        Returns the axes of Matplotlib, (panels,). InputError if there is no Matplotlib.
+        """
+        depth_m, ranges = self.depth_m, self.ranges
+        image, *others = axes = panels(1 + (depth_m is not None) + (ranges is not None))
+        draw_map(image, self.image, f"image, {next(iter(self.images))}", f"{self.unit}s")
+        if depth_m is not None:
+            draw_map(others.pop(0), depth_m, f"depth, {next(iter(self.depths))}", "m", "viridis_r")
+        if ranges is not None:
+            spots = np.arange(len(ranges.status))
+            others[0].errorbar(spots, ranges.range_m, ranges.sigma_m, fmt="o", capsize=4)
+            others[0].set(title=f"ranges, {next(iter(self.rangings))}", ylabel="m")
+            others[0].set_xticks(spots, [f"spot {spot}" for spot in spots])
+            others[0].set_xlim(-0.5, len(spots) - 0.5)
+        return axes
 
     @property
     def image(self) -> Image:
@@ -97,6 +119,11 @@ class Result:
     def nothing(self) -> Image | None:
         """Probability of nothing within reach, None where the default method cannot tell."""
         return self.nothings.get(next(iter(self.depths), ""))
+
+    @property
+    def obstacle_m(self) -> float | None:
+        """Depth of the nearest obstacle ahead, nan without one; None without depths."""
+        return self.obstacles_m.get(next(iter(self.depths), ""))
 
     @property
     def range_m(self) -> Image | None:

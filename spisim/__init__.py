@@ -7,6 +7,7 @@ instrument = spisim.load_instrument("paper")
 capture = spisim.simulate(scene, instrument, seed=0).capture
 """
 
+import logging
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +16,12 @@ from spisim.version import __version__
 
 if TYPE_CHECKING:
     from spisim.instrument import Instrument, load_instrument
+    from spisim.progress import progress_bar
     from spisim.report import write_report
     from spisim.scene import Scene, load_scene
     from spisim.simulation import Simulation, simulate
 
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 prefer_working_llvm()  # now: whoever imports spisim may import Dr.Jit or Mitsuba next
 
 __all__ = [
@@ -28,6 +31,7 @@ __all__ = [
     "__version__",
     "load_instrument",
     "load_scene",
+    "progress_bar",
     "simulate",
     "write_report",
 ]
@@ -38,6 +42,7 @@ _HOMES = {
     "Simulation": "simulation",
     "load_instrument": "instrument",
     "load_scene": "scene",
+    "progress_bar": "progress",
     "simulate": "simulation",
     "write_report": "report",
 }

@@ -7,17 +7,19 @@ apart here without loading the library into this process.
 
 import ctypes
 import importlib.metadata
+import logging
 import os
 import re
 import subprocess
 import sys
 import sysconfig
 from collections.abc import Iterator
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 from reconstruction.errors import InputError
+
+logger = logging.getLogger(__name__)
 
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 MIN_VERSION = 19  # 19 and 22 work, 14 to 16 abort, 17 and 18 are untried
@@ -84,8 +86,10 @@ def prefer_working_llvm() -> None:
     Where there is none nothing is done: a GPU may do, and who traces light says what is missing.
     """
     if not os.environ.get(VARIABLE):
-        with suppress(LLVMNotFound):
+        try:
             os.environ[VARIABLE] = str(find_llvm())
+        except LLVMNotFound as error:
+            logger.debug("%s", error)
     if Path(os.environ.get(VARIABLE, "")).parent == PRIVATE_FOLDER:
         _preload(PRIVATE_FOLDER)
 

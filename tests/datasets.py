@@ -12,7 +12,7 @@ import yaml
 
 from reconstruction import Capture, write_capture
 from spisim.dataset.folder import Layout, Origin
-from spisim.dataset.plan import PlannedSet
+from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import SCHEMA
 
 PLAN = "0123abcd"

@@ -5,7 +5,7 @@ from contextlib import closing
 from pathlib import Path
 
 from makers import Fake, InThisProcess
-from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.runner import State, run_dataset
 
 PLAN = """

@@ -1,4 +1,4 @@
-"""Make the references of scene and instrument files again: `python tools/file_references.py`.
+"""Make the references of all files that users write again: `python tools/file_references.py`.
 
 Everything in them is from the sections that such files are read into, but for the examples, which
 stand in `file_examples.yaml` and are read by the same sections.
@@ -13,20 +13,28 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import TypeAdapter
+from pydantic import BaseModel, TypeAdapter
 
 from reconstruction.operators import BASES, ORDERS, POLARITIES
 from spisim.atmosphere.droplets import FOGS, SMOKES
 from spisim.atmosphere.mie_phase import PHASES
 from spisim.atmosphere.rain import RAINS
 from spisim.atmosphere.visibility import CONTRAST_THRESHOLDS
+from spisim.config.distributions import KINDS
+from spisim.dataset.plan import Plan
+from spisim.dataset.values import Grid
 from spisim.instrument import Instrument
 from spisim.scene.bsdf import BSDFS
 from spisim.scene.description import DrawnDescription, SceneDescription
+from spisim.study.metrics import QUANTITIES
+from spisim.study.plan import StudyPlan
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "docs" / "reference"
 EXAMPLES = HERE / "file_examples.yaml"
+
+#: Bounds of whole numbers beyond this are those of machines.
+MET = 2**60
 
 #: What the ends of names say of their values.
 UNITS = {
@@ -115,6 +123,37 @@ def instrument_page(examples: Mapping[str, Any]) -> str:
         "What bases and orders are is told in "
         "[what was shown](../reconstruction.md#what-was-shown); those that are drawn by chance "
         "take a seed, as in `random:7`.\n",
+    ]
+    return "\n".join(parts)
+
+
+def plan_page(examples: Mapping[str, Any]) -> str:
+    """Reference of the plans of data sets and studies."""
+    schema = TypeAdapter(StudyPlan).json_schema()
+    schema["description"] = TypeAdapter(Plan).json_schema()["description"]
+    open_values: dict[str, type[BaseModel]] = {**KINDS, "grid": Grid}
+    drawn = {kind.__name__: TypeAdapter(kind).json_schema() for kind in open_values.values()}
+    sections = Sections({**schema["$defs"], **drawn, "StudyPlan": schema})
+    parts = [
+        "# Plan and study files: every field\n",
+        "The plan of a data set has these sections but `study`, that of a study all of them. "
+        "[Data sets](../datasets.md) and [studies](../studies.md) say what they are for; `spisim "
+        "schema plan` and `spisim schema study` print the same for editors and programs.\n",
+        _HOW_TO_READ,
+        *one("The file", "StudyPlan", sections, examples),
+        "## Values that are drawn\n",
+        "Fields of `vary` and `materials`, `wavelength_nm` and a family's `parameters` may have "
+        "such a section in place of a value, and in `vary` also parts of a value. A grid stands "
+        "for a whole field of `vary` or `materials`, for `instrument` or `wavelength_nm`.\n",
+        *(
+            chapter
+            for name, kind in open_values.items()
+            for chapter in one(f"`{name}`", kind.__name__, sections, examples)
+        ),
+        "## Metrics\n",
+        "| metric | what it is |\n|---|---|",
+        *(f"| `{name}` | {quantity.meaning} |" for name, quantity in QUANTITIES.items()),
+        "",
     ]
     return "\n".join(parts)
 
@@ -220,18 +259,18 @@ def _text(section: Any) -> str:
 
 def _table(section: Any, fields: Mapping[str, Any], examples: Mapping[str, Any]) -> str:
     rows = [
-        "| field | unit | allowed | default | example | what it is |",
+        "| field | what it is | allowed | unit | default | example |",
         "|---|---|---|---|---|---|",
     ]
     for name, told in fields.items():
         needed = name in section.get("required", ())
         cells = [
             f"`{name}`",
-            unit(name, told),
+            told.get("description", "").replace("\n", " "),
             allowed(told),
+            unit(name, told),
             "**needed**" if needed else _default(told),
             _code(examples[name]) if name in examples else "",
-            told.get("description", "").replace("\n", " "),
         ]
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(rows) + "\n"
@@ -288,6 +327,8 @@ def allowed(told: Any) -> str:
     match told.get("type"):
         case "null":
             return ""
+        case "boolean":
+            return "`true`, `false`"
         case "array":
             return _list(told)
         case "object":
@@ -300,14 +341,14 @@ def allowed(told: Any) -> str:
 
 
 def _bounded(kind: str, told: Any) -> str:
-    """A number and its bounds."""
-    low, high = told.get("minimum"), told.get("maximum")
-    above, below = told.get("exclusiveMinimum"), told.get("exclusiveMaximum")
+    """A number and its bounds, but for those that nobody meets."""
+    signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
     ends = [
-        f"≥ {low:g}" if low is not None else f"> {above:g}" if above is not None else "",
-        f"≤ {high:g}" if high is not None else f"< {below:g}" if below is not None else "",
+        f"{sign} {bound:.7g}"
+        for name, sign in signs.items()
+        if (bound := told.get(name)) is not None and abs(bound) < MET
     ]
-    return " ".join([kind, " and ".join(end for end in ends if end)]).strip()
+    return " ".join([kind, " and ".join(ends)]).strip()
 
 
 def _list(told: Any) -> str:
@@ -363,6 +404,7 @@ def pages() -> dict[Path, str]:
     return {
         FOLDER / "scene-file.md": scene_page(examples),
         FOLDER / "instrument-file.md": instrument_page(examples),
+        FOLDER / "plan-file.md": plan_page(examples),
     }
 
 

@@ -18,6 +18,7 @@ from ..arrays import Floats
 from ..errors import InputError
 from ..notebook import drawing, figure, picture, shown
 from ..operators import PatternPlan
+from ..plotting import draw_map, panels
 from .buckets import Buckets
 from .pattern_taps import PatternTaps
 from .schema import FRAMES, Stored, between, check_shape, stored_fields
@@ -255,6 +256,24 @@ class Capture:
         if self.truth is not None:
             pictures.append(picture(self.truth.image[0], "true image", "electrons"))
         return shown("Capture", facts, pictures)
+
+    def plot(self, frame: int = 0) -> Any:
+        """Draw a frame's readings and, where they are known, its true image and depth.
+
+        Returns the axes of Matplotlib, (panels,). InputError if there is no such frame, or no
+        Matplotlib.
+        """
+        counts = self.frame(frame).buckets.counts[0]
+        known = self.truth is not None and self.truth.knows(frame)
+        axes = panels(3 if known else 1)
+        axes[0].plot(counts, ".", markersize=3)
+        axes[0].set(title=f"readings of frame {frame}", xlabel="exposure", ylabel="counts")
+        if known:
+            assert self.truth is not None
+            truth = self.truth.at(frame)
+            draw_map(axes[1], truth.image, "true image", "electrons")
+            draw_map(axes[2], truth.depth_m, "true depth", "m", "viridis_r")
+        return axes
 
     @cached_property
     def setup(self) -> Setup:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..capture import Capture, check_frames, first_patterns, open_capture
-from ..depth import DEPTH_METHODS
+from ..depth import DEPTH_METHODS, REACH_M
 from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
 from ..evaluation import method_title, no_range
@@ -20,7 +20,7 @@ from ..image import DICTIONARIES, IMAGE_METHODS
 from ..operators import ORDERS
 from ..outputs import outputs_in, write_outputs
 from ..ranging import RANGING_METHODS, Ranges
-from ..reconstructor import lead, reconstruct
+from ..reconstructor import lead, left_out, reconstruct
 from ..result import Result
 from ..text import json_line, printable
 
@@ -78,12 +78,13 @@ def run(options: argparse.Namespace) -> None:
     warnings += result.warnings
     for warning in warnings:
         print(printable(f"warning: {warning}"), file=sys.stderr)
+    unsuited = left_out(capture.setup) if methods["depth"] is None else {}
     if options.json:
         written = {name: str(path) for name, path in files.items()}
-        report = _report(result, capture) | {"warnings": warnings, "files": written}
-        print(json_line(report))
+        report = _report(result, capture) | {"depths_left_out": unsuited}
+        print(json_line(report | {"warnings": warnings, "files": written}))
     else:
-        for line in _told(result, capture, files):
+        for line in _told(result, capture, unsuited, files):
             print(printable(line))
 
 
@@ -104,6 +105,9 @@ def _report(result: Result, capture: Capture) -> dict[str, Any]:
         "images": list(result.images),
         "spots": {name: _spots(ranges) for name, ranges in result.rangings.items()},
         "depth_coverage": _coverage(result),
+        "obstacles_m": {
+            name: None if np.isnan(each) else each for name, each in result.obstacles_m.items()
+        },
         "timings_s": dict(result.timings_s),
     }
 
@@ -127,7 +131,9 @@ def _coverage(result: Result) -> dict[str, float]:
     return {name: float(np.isfinite(depth).mean()) for name, depth in result.depths.items()}
 
 
-def _told(result: Result, capture: Capture, files: dict[str, Path]) -> Iterator[str]:
+def _told(
+    result: Result, capture: Capture, unsuited: dict[str, str], files: dict[str, Path]
+) -> Iterator[str]:
     plan = capture.plan
     yield (
         f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
@@ -139,11 +145,22 @@ def _told(result: Result, capture: Capture, files: dict[str, Path]) -> Iterator[
         yield "no time of flight in this capture: image only, no ranges, no depth map"
     elif not result.depths:
         yield "no depth map: no spot has a range, or the optics are not known"
+    for name, why in unsuited.items():
+        yield f"depth, {method_title('depths', name)}: not of this recording ({why})"
     for name, share in _coverage(result).items():
-        yield f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels"
+        ahead = _ahead(result.obstacles_m.get(name))
+        yield f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels{ahead}"
     yield ", ".join(f"{stage} {1e3 * s:.1f} ms" for stage, s in result.timings_s.items())
     for path in files.values():
         yield f"wrote {path}"
+
+
+def _ahead(obstacle_m: float | None) -> str:
+    if obstacle_m is None:
+        return ""
+    if np.isnan(obstacle_m):
+        return f", no obstacle ahead within {REACH_M:g} m"
+    return f", nearest obstacle ahead {obstacle_m:.2f} m"
 
 
 def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:

@@ -26,7 +26,7 @@ from ..layers import (
     squares_as_channels,
 )
 from .rays import pixel_of
-from .shown import NUMBERS, Inputs, Shown
+from .shown import NUMBERS, Inputs, Shown, plainly
 
 VERSION = 2
 """Of weights, inputs and layers together: what `load` takes."""
@@ -74,7 +74,8 @@ class DepthNetwork:
         """The first of some `FEATURES` that is not as they were, in words; None if all are."""
         for name, least, most in zip(FEATURES, *self._limits.tolist(), strict=True):
             if name in told and not least <= told[name] <= most:
-                return f"{name} = {told[name]:.3g}, learned from {least:.3g} to {most:.3g}"
+                value, *limits = (plainly(name, each) for each in (told[name], least, most))
+                return f"{name} = {value}, learned from {' to '.join(limits)}"
         return None
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:

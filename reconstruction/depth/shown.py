@@ -7,6 +7,7 @@ veil is taken off as far as the fog is known.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..layers import Channels
 from .anchored_prior import AnchoredPrior
 from .kriging import anchored_depth
 from .neighbours import around, between
-from .rays import pixel_of, squared_distances
+from .rays import pixel_of, pixel_rays, squared_distances
 
 DARKEST = 0.01
 """Brightness over that of the 90th percentile: what is darker is not told apart."""
@@ -131,9 +132,7 @@ class Inputs(NamedTuple):
 def inputs_of(shown: Shown) -> Inputs:
     """Maps and numbers of a frame."""
     shape, level, best = shown.image.shape, shown.level, shown.best
-    anchors = pixel_of(shown.directions, shown.optics, shape)
-    squared = squared_distances(shape, anchors) / max(shape) ** 2
-    near, inverse = np.exp(-squared / (2 * NARROW**2)), 1 / (squared + SOFTENING)
+    anchors, near, inverse, x, y = _places(shown.optics, shape, tuple(shown.directions.flat))
     measured, fitted, sure = shown.plain.weight, shown.fitted.weight, best.weight
     log_depth = np.nan_to_num(best.log_depth)
     in_front = veil(shown, anchors)
@@ -142,8 +141,7 @@ def inputs_of(shown: Shown) -> Inputs:
 
     def spread(values: Floats, weight: Floats) -> Floats:
         """Values (4,) between the spots, near 0 far from all that count."""
-        each = weight * inverse
-        return (each @ np.nan_to_num(values)) / (each.sum(axis=-1) + 0.1)
+        return (inverse @ (weight * np.nan_to_num(values))) / (inverse @ weight + 0.1)
 
     def by_brightness(log: Floats) -> Floats:
         """Log depth over the level, were all surfaces as bright as those of the spots."""
@@ -152,9 +150,6 @@ def inputs_of(shown: Shown) -> Inputs:
 
     reflectance = np.nan_to_num(shown.log_reflectance - TYPICAL_LOG_REFLECTANCE)
     known = np.isfinite(shown.log_reflectance) * sure
-    height, width = shape
-    x = (2 * np.arange(width) + 1 - width) / width * shown.optics.tan_half_width
-    y = (2 * np.arange(height) + 1 - height) / height * shown.optics.tan_half_height
     start, unsure = _anchored(shown, best, anchors)
     plain, _ = _anchored(shown, shown.plain, anchors) if measured.any() else (start, unsure)
     maps = [
@@ -171,8 +166,8 @@ def inputs_of(shown: Shown) -> Inputs:
         by_brightness(bright),
         by_brightness(unveiled),
         spread(reflectance, known),
-        np.broadcast_to(4 * x, shape),
-        np.broadcast_to(4 * y[:, None], shape),
+        4 * x,
+        4 * y,
         plain - start,
     ]
     return Inputs(
@@ -183,12 +178,46 @@ def inputs_of(shown: Shown) -> Inputs:
     )
 
 
+class _Places(NamedTuple):
+    """Where spots are: pixels (4, 2), nearness and inverse squares (H, W, 4); slopes (H, W)."""
+
+    anchors: Floats
+    near: Floats
+    inverse: Floats
+    x: Floats
+    y: Floats
+
+
+@lru_cache(maxsize=4)  # the same for all frames of a recording
+def _places(optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]) -> _Places:
+    anchors = pixel_of(np.reshape(directions, (-1, 3)), optics, shape)
+    squared = squared_distances(shape, anchors) / max(shape) ** 2
+    rays = pixel_rays(optics, shape)
+    return _Places(
+        anchors,
+        np.exp(-squared / (2 * NARROW**2)),
+        1 / (squared + SOFTENING),
+        rays[..., 0],
+        rays[..., 1],
+    )
+
+
 NUMBERS = (
     *("level", "spread", "ranges", "lost", "deviation", "deviation fitted", "noise", "share"),
     *("extinction", "fog known", "reach", "reflectance", "reflectance known"),
     *("veil", "darkest"),
 )
 MAPS = 16
+_LOGARITHMS = {
+    "level": (USUAL_M, 1, " m"),
+    "deviation": (1.0, 4, ""),
+    "deviation fitted": (1.0, 4, ""),
+    "noise": (1.0, 4, ""),
+    "share": (1.0, 4, ""),
+    "extinction": (CLEAR_PER_M, 4, " per m"),
+    "reach": (10.0, 1, " m"),
+}
+"""Of those of `NUMBERS` that are logarithms: of which multiple, by what divided, in which unit."""
 
 
 def _anchored(shown: Shown, spots: Anchors, places: Floats) -> tuple[Floats, Floats]:
@@ -231,6 +260,13 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) 
         np.log1p(np.clip(np.percentile(shown.image, DARK) / bright, -0.5, 1)),
     ]
     return np.array(numbers, np.float32)
+
+
+def plainly(name: str, number: float) -> str:
+    """One of `NUMBERS`, or another, in the units of what it tells."""
+    multiple, divided_by, unit = _LOGARITHMS.get(name, (None, 1, ""))
+    value = number if multiple is None else multiple * np.exp(divided_by * number)
+    return f"{value:.3g}{unit}"
 
 
 def of_share(share: float) -> float:

@@ -4,17 +4,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Mask
-from ..depth import REACH_M
+from ..depth import REACH_M, nearest_obstacle
 from .numbers import number
 
 Figures = dict[str, float | None]
 
 CLOSE = 1.25
 """Ratio of depths up to which one is near the other."""
-CORRIDOR_M = 0.6
-"""Width and height of the corridor along the optical axis in which a drone flies."""
-OBSTACLE_M2 = 0.01
-"""Cross-section of what counts as an obstacle: that of a hand's breadth squared."""
 
 
 def depth_metrics(
@@ -24,12 +20,14 @@ def depth_metrics(
     deviation: ArrayLike | None = None,
     nothing: ArrayLike | None = None,
     rays: Floats | None = None,
+    obstacle_m: float | None = None,
 ) -> Figures:
     """Metrics of depths (..., H, W), nan where there is none, against true ones.
 
     What is farther than REACH_M counts as nothing. ``deviation`` is the standard deviation of ln
     depth, ``nothing`` the probability of nothing within reach; `obstacle_metrics`, of one map, need
-    the ``rays`` (H, W, 3) of its pixels, z = 1. What cannot be told is None.
+    the ``rays`` (H, W, 3) of its pixels, z = 1, and the depth ``obstacle_m`` of the nearest
+    obstacle ahead where it is told beside the map. What cannot be told is None.
 
     Over the pixels that have a depth and where something is hit, ``mae_m``, ``rmse_m``,
     ``median_relative``, ``within_25_percent``, and as D. Eigen, C. Puhrsch, R. Fergus (NIPS 2014)
@@ -44,7 +42,7 @@ def depth_metrics(
     found = _errors(values, true_values, ~empty, deviation)
     found |= nothing_metrics(values, empty, nothing)
     found |= free_metrics(values, true_values, nothing)
-    return found | obstacle_metrics(values, true_values, rays)
+    return found | obstacle_metrics(values, true_values, rays, obstacle_m)
 
 
 def _errors(depth_m: Floats, true_m: Floats, hit: Mask, deviation: ArrayLike | None) -> Figures:
@@ -110,8 +108,10 @@ def free_metrics(depth_m: Floats, true_m: Floats, nothing: ArrayLike | None) -> 
     }
 
 
-def obstacle_metrics(depth_m: Floats, true_m: Floats, rays: Floats | None) -> Figures:
-    """Nearest obstacle in the corridor ahead; see `nearest_obstacle`.
+def obstacle_metrics(
+    depth_m: Floats, true_m: Floats, rays: Floats | None, obstacle_m: float | None = None
+) -> Figures:
+    """Nearest obstacle in the corridor ahead, as told or else of the map; see `nearest_obstacle`.
 
     ``obstacle_error``: relative, above 0 is too far. ``obstacle_missed``: 1 where it is told to be
     more than 25 % too far or not at all, else 0; None without one. ``obstacle_false``: 1 where one
@@ -119,27 +119,11 @@ def obstacle_metrics(depth_m: Floats, true_m: Floats, rays: Floats | None) -> Fi
     """
     if rays is None:
         return dict.fromkeys(("obstacle_error", "obstacle_missed", "obstacle_false"))
-    found, true = (nearest_obstacle(each, rays) for each in (depth_m, true_m))
+    found = nearest_obstacle(depth_m, rays) if obstacle_m is None else obstacle_m
+    true = nearest_obstacle(true_m, rays)
     error = found / true - 1
     return {
         "obstacle_error": number(error),
         "obstacle_missed": None if np.isnan(true) else float(not error <= CLOSE - 1),
         "obstacle_false": 0.0 if np.isnan(found) else float(not error >= 1 - CLOSE),
     }
-
-
-def nearest_obstacle(depth_m: Floats, rays: Floats) -> float:
-    """Depth within reach of the nearest obstacle in the corridor, nan without one.
-
-    The corridor runs along the optical axis, CORRIDOR_M wide and high. An obstacle is there from
-    the depth on up to which the pixels in it make up OBSTACLE_M2 together, each as large as it is
-    at its depth: single pixels that are wrong count for little, and so do wires.
-    """
-    near = depth_m <= REACH_M
-    inside = np.abs(rays[..., :2]).max(axis=-1) * depth_m <= CORRIDOR_M / 2
-    sorted_m = np.sort(depth_m[near & inside])
-    height, width = depth_m.shape
-    across, down = (np.ptp(rays[..., k]) / max(n - 1, 1) for k, n in enumerate((width, height)))
-    pixel = (across or down) * (down or across)  # at 1 m
-    enough = np.cumsum(pixel * sorted_m**2) >= OBSTACLE_M2
-    return float(sorted_m[enough.argmax()]) if enough.any() else float("nan")

@@ -52,6 +52,7 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
                 deviation=result.depth_deviations.get(name),
                 nothing=result.nothings.get(name),
                 rays=rays,
+                obstacle_m=result.obstacles_m.get(name),
             )
             for name, depth_m in result.depths.items()
         },

@@ -1,5 +1,6 @@
 """From a source to frames in turn, whatever becomes of the source meanwhile."""
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -13,6 +14,8 @@ from .links import Ended, Source
 from .queues import Waiting
 from .sequence import Sequence as InTurn
 from .setups import StreamSetup
+
+logger = logging.getLogger(__name__)
 
 POLL_S = 0.05
 """Most that a source is waited for at a time."""
@@ -123,6 +126,7 @@ class Reception:
         self._open = True
         self.counts.connections += 1
         self.trouble = None
+        logger.info("%s is open", self._source.address)
 
     def _break(self, error: OSError) -> None:
         """Try again later, sooner if it was open."""
@@ -131,6 +135,7 @@ class Reception:
             self._parser.reset()
         self._open = False
         self.trouble = f"waiting for {self._source.address}: {(error.strerror or str(error))}"
+        logger.warning("%s", self.trouble)
         self._again_s = self._clock() + self._delay_s
         self._delay_s = min(2 * self._delay_s, MOST_DELAY_S)
 

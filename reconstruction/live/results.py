@@ -65,6 +65,7 @@ def result_entries(outcome: Outcome) -> dict[str, Any]:
         "depth_m": result.depth_m,
         "depth_deviation": result.depth_deviation,
         "nothing": result.nothing,
+        "obstacle_m": result.obstacle_m,
         "latency_s": outcome.latency_s,
     }
     if result.ranges is not None:

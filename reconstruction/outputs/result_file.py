@@ -17,7 +17,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 3),
+    version=(3, 4),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -63,6 +63,11 @@ def read_result(path: str | Path) -> Result:
             patterns=file.integer("patterns"),
             depth_deviations=_maps(file, "depth_deviations", names["depths"], "1", shape),
             nothings=_maps(file, "nothings", names["depths"], "1", shape),
+            obstacles_m={
+                name: file.number(f"obstacles_m/{name}", "m")
+                for name in names["depths"]
+                if f"obstacles_m/{name}" in file
+            },
             notes={stage: file.text(f"notes/{stage}") for stage in file.names_in("notes")},
         )
 
@@ -141,6 +146,8 @@ def _write(file: h5py.File, result: Result) -> None:
         _write_ranges(file, f"rangings/{name}", ranges)
     if result.range_over_depth is not None:
         hdf5.put(file, "range_over_depth", result.range_over_depth, "1")
+    for name, distance_m in result.obstacles_m.items():
+        hdf5.put(file, f"obstacles_m/{name}", distance_m, "m")
     for stage, seconds in result.timings_s.items():
         hdf5.put(file, f"timings_s/{stage}", seconds, "s")
     for stage, note in result.notes.items():

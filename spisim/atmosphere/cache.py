@@ -2,8 +2,10 @@
 
 import hashlib
 import io
+import logging
 import os
 import sys
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +18,8 @@ from reconstruction.errors import InputError
 from reconstruction.files import write_atomically
 
 Arrays: TypeAlias = Mapping[str, Floats]
+
+logger = logging.getLogger(__name__)
 
 
 def cache_folder() -> Path:
@@ -40,7 +44,9 @@ def kept(key: str, make: Callable[[], Arrays]) -> Arrays:
     with suppress(Exception), path.open("rb") as opened, np.load(opened) as file:
         if str(file["key"]) == key:
             return {name: file[name] for name in file.files if name != "key"}
+    began = time.perf_counter()
     made = make()
+    logger.info("Mie theory of droplets of one's own: %.1f s", time.perf_counter() - began)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, key=np.array(key), **dict(made))
     with suppress(OSError, InputError):

@@ -1,15 +1,15 @@
 """What the commands say: results on stdout, progress and messages on stderr."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from reconstruction.text import json_line, printable
+from spisim.progress import Advance, terminal_bar
 
 
 class _Terminal(Console):
@@ -51,16 +51,9 @@ def warn(warnings: Iterable[str]) -> None:
         say(f"warning: {warning}", "yellow")
 
 
-@contextmanager
-def progress_bar(title: str, shown: bool | None) -> Iterator[Callable[[float], None]]:
-    """Show a bar that the yielded function moves to a fraction; None shows it on terminals."""
-    visible = messages.is_terminal if shown is None else shown
-    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
-    with Progress(
-        *columns, TimeRemainingColumn(), console=messages, transient=True, disable=not visible
-    ) as progress:
-        task = progress.add_task(title, total=1.0)
-        yield lambda fraction: progress.update(task, completed=fraction)
+def progress_bar(title: str, shown: bool | None) -> AbstractContextManager[Advance]:
+    """Show a bar that the function in hand moves to a fraction; None shows it on terminals."""
+    return terminal_bar(title, messages, shown=messages.is_terminal if shown is None else shown)
 
 
 def _plain(value: Any) -> Any:

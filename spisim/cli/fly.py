@@ -13,6 +13,7 @@ from . import options as opt
 from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
 from .outputs import files_read
+from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 EXAMPLE = "spisim fly warehouse --path warehouse-flight -o out/flight --spp 64"
 
 
+@with_weather
 def command(
     scene: opt.SceneArgument,
     path: Annotated[
@@ -41,13 +43,7 @@ def command(
     speed: Annotated[
         float, opt.real_option("Fly the path X times as fast.", least=0.01, most=100)
     ] = 1.0,
-    visibility: opt.Visibility = None,
-    fog: opt.Fog = None,
-    rain: opt.Rain = None,
-    snow: opt.Snow = None,
-    smoke: opt.Smoke = None,
-    drops: opt.Drops = False,
-    clear: opt.Clear = False,
+    weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
     seed: opt.Seed = 0,
     spp: opt.Spp = 256,
     overwrite: opt.Overwrite = False,
@@ -68,17 +64,7 @@ def command(
     require_outputs(files, files_read(scene, instrument, path), overwrite=overwrite)
     trajectory = load_trajectory(path, frame).faster(speed)
     carried = instrument_with(instrument)
-    place, oddities = scene_with(
-        scene,
-        carried.wavelength_nm,
-        visibility,
-        clear,
-        fog,
-        rain,
-        drops,
-        snow_mm_per_h=snow,
-        smoke_m=smoke,
-    )
+    place, oddities = scene_with(scene, carried.wavelength_nm, weather)
     check_clear_path(place, trajectory)
     flight = instants(place, trajectory, carried, rate, seed)
     kept = kept_captures(output, flight, carried, spp)

@@ -94,23 +94,6 @@ NoiseShare = Annotated[
         most=10,
     ),
 ]
-Visibility = Annotated[
-    float | None,
-    real_option("Fog of this visibility, in metres.", "--visibility", metavar="M"),
-]
-Fog = Annotated[
-    str | None,
-    typer.Option("--fog", metavar="KIND", help="Fog with these droplets, such as heavy-advection."),
-]
-Rain = Annotated[float | None, real_option("Rain of this rate.", "--rain", metavar="MM_PER_H")]
-Snow = Annotated[float | None, real_option("Snow of this rate.", "--snow", metavar="MM_PER_H")]
-Smoke = Annotated[
-    float | None, real_option("Smoke of this visibility, in metres.", "--smoke", metavar="M")
-]
-Drops = Annotated[bool, typer.Option("--drops", help="Rain or snow of single drops or flakes.")]
-Clear = Annotated[
-    bool, typer.Option("--clear", help="Clear air, in place of the scene's fog and weather.")
-]
 Wavelength = Annotated[
     float | None,
     real_option(

@@ -11,6 +11,7 @@ from .console import print_json, say
 from .inputs import instrument_with, scene_with
 from .outputs import beside, files_read
 from .outputs import output as named
+from .weather_options import OWN_WEATHER, Weather, with_weather
 
 EXAMPLE = "spisim picture warehouse -o warehouse.exr --fov 50 --clear"
 
@@ -25,17 +26,13 @@ class Place(Enum):
     DETECTOR = "detector"
 
 
+@with_weather
 def command(
     scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
     instrument: opt.InstrumentOption = "paper",
     wavelength: opt.Wavelength = None,
-    visibility: opt.Visibility = None,
-    fog: opt.Fog = None,
-    rain: opt.Rain = None,
-    snow: opt.Snow = None,
-    smoke: opt.Smoke = None,
-    clear: opt.Clear = False,
+    weather: Weather = OWN_WEATHER,
     place: Annotated[Place, typer.Option("--from", help="Where the camera is.")] = Place.PROJECTOR,
     width: Annotated[int, opt.number_option(1, 8192, "Pixels across.")] = 512,
     height: Annotated[int, opt.number_option(1, 8192, "Pixels down.")] = 512,
@@ -67,16 +64,7 @@ def command(
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     picture = files[1].path
     carried = instrument_with(instrument, wavelength)
-    there, oddities = scene_with(
-        scene,
-        carried.wavelength_nm,
-        visibility,
-        clear,
-        fog,
-        rain,
-        snow_mm_per_h=snow,
-        smoke_m=smoke,
-    )
+    there, oddities = scene_with(scene, carried.wavelength_nm, weather)
     plan = carried.pattern_plan
     if pattern is not None and pattern >= plan.exposures:
         raise InputError(f"--pattern {pattern}: the plan has exposures 0..{plan.exposures - 1}")

@@ -14,6 +14,7 @@ from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
 from .outputs import beside, files_read
 from .outputs import output as named
+from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
 
 EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
 
@@ -21,18 +22,13 @@ EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
 BYTES_PER_FRAME = 100_000
 
 
+@with_weather
 def command(
     scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAPTURE", help="HDF5 file.")],
     instrument: opt.InstrumentOption = "paper",
     wavelength: opt.Wavelength = None,
-    visibility: opt.Visibility = None,
-    fog: opt.Fog = None,
-    rain: opt.Rain = None,
-    snow: opt.Snow = None,
-    smoke: opt.Smoke = None,
-    drops: opt.Drops = False,
-    clear: opt.Clear = False,
+    weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
     patterns: Annotated[int | None, opt.number_option(1, 2**31, "Patterns per frame.")] = None,
     order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None,
     polarity: Annotated[str | None, typer.Option(help="differential or single-ended.")] = None,
@@ -70,17 +66,7 @@ def command(
     files += [beside(output, "capture report")] if report else []
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument, wavelength, patterns, order, polarity, interleave)
-    place, oddities = scene_with(
-        scene,
-        carried.wavelength_nm,
-        visibility,
-        clear,
-        fog,
-        rain,
-        drops,
-        snow_mm_per_h=snow,
-        smoke_m=smoke,
-    )
+    place, oddities = scene_with(scene, carried.wavelength_nm, weather)
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
         simulation = simulate(

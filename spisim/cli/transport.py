@@ -10,21 +10,18 @@ from .console import print_json, progress_bar, say
 from .inputs import instrument_with, scene_with
 from .outputs import beside, files_read
 from .outputs import output as named
+from .weather_options import OWN_WEATHER, Weather, with_weather
 
 EXAMPLE = "spisim transport warehouse -o warehouse.exr --transport-noise-share 0.1 --frequency 15e6"
 
 
+@with_weather
 def command(
     scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
     instrument: opt.InstrumentOption = "paper",
     wavelength: opt.Wavelength = None,
-    visibility: opt.Visibility = None,
-    fog: opt.Fog = None,
-    rain: opt.Rain = None,
-    snow: opt.Snow = None,
-    smoke: opt.Smoke = None,
-    clear: opt.Clear = False,
+    weather: Weather = OWN_WEATHER,
     seed: opt.Seed = 0,
     spp: opt.SppOrShare = None,
     transport_noise_share: opt.NoiseShare = None,
@@ -74,16 +71,7 @@ def command(
         bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
     )
     carried = instrument_with(instrument, wavelength)
-    place, oddities = scene_with(
-        scene,
-        carried.wavelength_nm,
-        visibility,
-        clear,
-        fog,
-        rain,
-        snow_mm_per_h=snow,
-        smoke_m=smoke,
-    )
+    place, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with progress_bar("Tracing light", progress) as advance:
         light = solve(
             place,

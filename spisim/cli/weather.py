@@ -11,8 +11,9 @@ import typer
 from reconstruction.errors import InputError
 
 from .console import print_json, results, warn
-from .options import Fog, Json, Rain, Smoke, Snow, Visibility, real_option
+from .options import Json, real_option
 from .tables import plain_table, print_table
+from .weather_options import Fog, Rain, Smoke, Snow, Visibility
 
 if TYPE_CHECKING:
     from collections.abc import Callable

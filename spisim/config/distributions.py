@@ -41,6 +41,7 @@ class Uniform(Section):
     """Every value between two bounds alike; whole numbers, both bounds included, if both are."""
 
     uniform: tuple[_Whole, _Whole] | tuple[Number, Number]
+    """Both bounds."""
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Uniform:
@@ -59,6 +60,7 @@ class LogUniform(Section):
     """Every factor alike: the logarithm is uniform between those of two bounds."""
 
     log_uniform: tuple[Positive, Positive]
+    """Both bounds."""
 
     @model_validator(mode="after")
     def _is_a_range(self) -> LogUniform:
@@ -75,7 +77,9 @@ class Normal(Section):
     """Mean and standard deviation; drawn again until it lies `within` two bounds, if given."""
 
     normal: tuple[Number, Positive]
+    """Mean and standard deviation."""
     within: tuple[Number, Number] | None = None
+    """Bounds that no value lies beyond."""
 
     @model_validator(mode="after")
     def _can_be_within(self) -> Normal:
@@ -107,7 +111,9 @@ class Choice(Section):
     """One of several values, of any kind; `weights` say how often, alike without."""
 
     choice: Annotated[tuple[Any, ...], Field(min_length=1)]
+    """The values, which may be drawn themselves."""
     weights: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
+    """How often each, as a share of their sum."""
 
     @model_validator(mode="after")
     def _weights_fit(self) -> Choice:

@@ -19,7 +19,7 @@ from spisim.dataset.database import COMPANIONS
 from spisim.dataset.records import Outcome
 
 if TYPE_CHECKING:
-    from spisim.dataset.plan import Sample
+    from spisim.dataset.planned import Sample
 
 #: Samples that share a folder.
 PER_FOLDER = 1000

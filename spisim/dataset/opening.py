@@ -28,7 +28,8 @@ from spisim.dataset.folder import (
 )
 from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
-from spisim.dataset.plan import Keep, PlannedSet, order_of
+from spisim.dataset.plan import Keep
+from spisim.dataset.planned import PlannedSet, order_of
 from spisim.dataset.records import Outcome
 from spisim.version import __version__
 

@@ -40,9 +40,13 @@ class Poses(Section):
     """
 
     count: Annotated[Count, Field(le=10_000)] = 1
+    """How many, the first of which is the scene's own."""
     flight_s: Positive | None = None
+    """They are those of a flight of so long, at equal steps of time."""
     offset_m: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 0.5)
+    """Farthest forward, left and up, either way."""
     turn_deg: tuple[Angle, Angle, Angle] = (5.0, 10.0, 25.0)
+    """Widest roll, pitch and yaw, either way."""
 
     @model_validator(mode="after")
     def _fly_somewhere(self) -> Self:

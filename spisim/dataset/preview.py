@@ -11,7 +11,7 @@ import numpy as np
 
 from reconstruction.errors import InputError, naming, nearest
 from spisim.config import dump_yaml, load_yaml
-from spisim.dataset.plan import PlannedSet, Sample
+from spisim.dataset.planned import PlannedSet, Sample
 from spisim.dataset.sample import Maker, load
 from spisim.scene.materials import shipped_materials
 

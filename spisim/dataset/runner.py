@@ -1,5 +1,6 @@
 """Run a data set: make what is missing, note how it went, wait where there is no space."""
 
+import logging
 import os
 import secrets
 import time
@@ -12,10 +13,12 @@ from reconstruction.errors import InputError
 from spisim.dataset.folder import Layout, Sound, has_its_size
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import Say, opened
-from spisim.dataset.plan import PlannedSet
+from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.dataset.sample import is_out_of_space
 from spisim.dataset.workers import Executor
+
+logger = logging.getLogger(__name__)
 
 #: Space that has to be free before a run that ran out of it goes on, and how often to look.
 SPACE_NEEDED_BYTES = 4 * 2**20
@@ -117,6 +120,7 @@ class _Run:
                 self.wait_for_space()
             else:
                 self._made += 1
+                _log(outcome)
                 return
 
     def wait_for_space(self) -> None:
@@ -132,6 +136,13 @@ class _Run:
                 )
             time.sleep(LOOK_EVERY_S)
         self._say("There is space again; going on")
+
+
+def _log(outcome: Outcome) -> None:
+    if outcome.done:
+        logger.info("sample %d: %.1f s", outcome.index, outcome.seconds or 0.0)
+    else:
+        logger.warning("sample %d failed: %s", outcome.index, outcome.error)
 
 
 def has_space(folder: Path) -> bool:

@@ -21,7 +21,8 @@ from reconstruction.files import write_atomically
 from reconstruction.timing import timed
 from spisim.config import dump_yaml, load_yaml, parse_model
 from spisim.dataset.folder import Layout, Origin, done, fingerprint
-from spisim.dataset.plan import Keep, PlannedSet, Sample
+from spisim.dataset.plan import Keep
+from spisim.dataset.planned import PlannedSet, Sample
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.instrument import Instrument
 from spisim.scene import Scene, make_scene

@@ -19,6 +19,7 @@ class Grid(Section):
     """Every one of several values, together with all those of other grids."""
 
     grid: Annotated[tuple[Any, ...], Field(min_length=1)]
+    """All the values; the samples run through them."""
 
 
 def openable(value: Any) -> Any:

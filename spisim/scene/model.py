@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
 from reconstruction.notebook import drawing, figure, shown
+from reconstruction.plotting import panels
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.structure import Structure
@@ -164,6 +165,25 @@ class Scene:
         }
         above = figure(drawing(boxes, low, high), f"from above, {size:.3g} m wide; red: the drone")
         return shown(f"Scene {self.name}", facts, [above])
+
+    def plot(self) -> Any:
+        """Draw the bounds of all surfaces from above and from the side, and the drone in red.
+
+        Returns the axes of Matplotlib, (2,). InputError if there is no Matplotlib.
+        """
+        axes = panels(2)
+        views = zip(axes, ("from above", "from the side"), ("xy", "xz"), strict=True)
+        for plane, title, names in views:
+            across, up = ("xyz".index(name) for name in names)
+            for thing in self.objects:
+                (left, right), (low, high) = (thing.mesh.bounds[:, each] for each in (across, up))
+                outline = [left, right, right, left, left], [low, low, high, high, low]
+                plane.plot(*outline, color="0.4", linewidth=1)
+            place, ahead = self.drone_pose[:3, 3], self.drone_pose[:3, 2]
+            plane.plot(place[across], place[up], "o", color="crimson")
+            plane.quiver(place[across], place[up], ahead[across], ahead[up], color="crimson")
+            plane.set(title=title, xlabel=f"{names[0]}, m", ylabel=f"{names[1]}, m", aspect="equal")
+        return axes
 
     @property
     def drone_moves(self) -> bool:

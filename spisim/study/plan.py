@@ -26,7 +26,8 @@ from spisim.config import (
 )
 from spisim.config.distributions import KINDS
 from spisim.config.messages import show
-from spisim.dataset.plan import Plan, PlannedSet, is_field
+from spisim.dataset.plan import Plan, is_field
+from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import flat
 from spisim.study.metrics import Metric
 
@@ -44,12 +45,19 @@ class Study(Section):
     """
 
     x: Name
+    """Parameter along the axis: one of the grids, `scene`, or a field of a bundle."""
     groups: tuple[Name, ...] = ()
+    """Parameters of which each combination of values has a curve."""
     metrics: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """What is compared, see below; `name[method]` is of one method."""
     rounds: Count = 1
+    """How often all combinations are made, each time with other random values."""
     x_scale: Literal["linear", "log"] = "linear"
+    """Of the axis."""
     reference: Name = "without"
+    """What a combination is called that has neither `x` nor groups."""
     quick: dict[Name, Any] = Field(default_factory=dict)
+    """Fields of the plan with other values, for `--quick`; of `vary` and `study` one by one."""
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Study:
@@ -71,6 +79,7 @@ class StudyPlan(Plan):
     """The plan of a data set with a section `study`."""
 
     study: Study
+    """What is asked."""
 
     @model_validator(mode="after")
     def _fits(self) -> StudyPlan:

@@ -8,6 +8,7 @@ from typing import Any
 
 from reconstruction.files import Output
 from reconstruction.notebook import drawing, figure, shown
+from reconstruction.plotting import panels
 from spisim.config import csv_table
 from spisim.dataset.records import Record
 from spisim.study.evaluation import Evaluation
@@ -82,6 +83,37 @@ class Results:
         facts = {"samples": len(self.rows), "combinations": len(self.tried), "x": plan.study.x}
         pictures = [self._means(name) for name in self.metrics[:SHOWN]]
         return shown(f"Study {plan.name}", facts, pictures)
+
+    def plot(self) -> Any:
+        """Draw the mean of each metric with its interval over x, a line for each group.
+
+        Returns the axes of Matplotlib, (metrics,). InputError if there is no Matplotlib.
+        """
+        study = self.planned.study
+        axes = panels(len(self.metrics))
+        for axis, name in zip(axes, self.metrics, strict=True):
+            for group in self.groups():
+                told = [
+                    (each[0], estimate)
+                    for each in self.conditions
+                    if each[1:] == group
+                    and (estimate := self.summaries[each, name].estimate).mean is not None
+                ]
+                values, estimates = [value for value, _ in told], [each for _, each in told]
+                label = ", ".join(map(str, group)) or None
+                axis.plot(values, [each.mean for each in estimates], "o-", label=label)
+                sure = [(value, each) for value, each in told if each.low is not None]
+                axis.vlines(
+                    [value for value, _ in sure],
+                    [each.low for _, each in sure],
+                    [each.high for _, each in sure],
+                )
+            axis.set(title=name, xlabel=study.x)
+            if study.x_scale == "log":
+                axis.set_xscale("log")
+            if study.groups:
+                axis.legend(title=", ".join(study.groups))
+        return axes
 
     def _means(self, name: str) -> str:
         """Means with their intervals, one combination beside the other."""

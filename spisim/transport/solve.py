@@ -1,5 +1,6 @@
 """All the light that an instrument receives from a scene."""
 
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +24,8 @@ from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.views import BeamView, InstrumentView
 from spisim.transport.world import World, build_world
+
+logger = logging.getLogger(__name__)
 
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
@@ -144,7 +147,15 @@ def solve(
         seed=streams[1],
         progress=_part(progress, 0.8, 1.0),
     )
-    shape = placed.projector.shape
+    seconds, shape = time.perf_counter() - began, placed.projector.shape
+    logger.info(
+        "light of %s: %d paths in %.1f s; error over the detectors' noise %.2g, of spots %.2g",
+        scene.name,
+        image.paths + spots.paths,
+        seconds,
+        image.size,
+        spots.size,
+    )
     return Transport(
         image=image.mean["image"].reshape(shape),
         image_error=image.error["image"].reshape(shape),
@@ -156,7 +167,7 @@ def solve(
         spot_noise_share=spots.size,
         dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
-        seconds=time.perf_counter() - began,
+        seconds=seconds,
         extra=_extra(outputs, image.mean, spots.mean, shape),
     )
 

@@ -23,7 +23,7 @@ from commands import program
 from reconstruction import read_capture
 from spisim.cli import app
 from spisim.dataset import preview
-from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.preview import Preview
 from tinysets import SAMPLES, captures, children, files, run, started, write_plan
 from waiting import SAFETY_S, until

@@ -1,5 +1,6 @@
 """What is released, as a stranger has it: wheel and sdist, outside of the repository; its types."""
 
+import importlib
 import os
 import subprocess
 import sys
@@ -60,44 +61,64 @@ def test_wheel_and_sdist_hold_all_that_is_needed(built: Path) -> None:
     assert {"CHANGELOG.md", "CITATION.cff", "LICENSE", "pyproject.toml", "README.md"} <= names
 
 
-@pytest.mark.slow
-def test_the_wheel_works_outside_of_the_repository(built: Path, tmp_path: Path) -> None:
-    """Its dependencies are those that are here already."""
+@pytest.fixture(scope="module")
+def python(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An interpreter that has the wheel; its dependencies are those that are here already."""
     (wheel,) = built.glob("*.whl")
-    venv.create(tmp_path / "venv", with_pip=True, system_site_packages=False)
-    python = tmp_path / "venv" / "bin" / "python"
+    folder = tmp_path_factory.mktemp("installed") / "venv"
+    venv.create(folder, with_pip=True, system_site_packages=False)
+    python = folder / "bin" / "python"
     install = [str(python), "-m", "pip", "install", "--quiet", "--no-deps", str(wheel)]
     subprocess.run(install, check=True, env=without_this_repository())
     here = [path for path in sys.path if path.endswith("site-packages")]
-    (site,) = (tmp_path / "venv" / "lib").glob("python*/site-packages")
+    (site,) = (folder / "lib").glob("python*/site-packages")
     (site / "here.pth").write_text("\n".join(here))
-    (tmp_path / "script.py").write_text(SCRIPT)
-    for command in (["script.py"], ["-m", "spisim", "--version"]):
-        run = subprocess.run(
-            [str(python), *command],
-            cwd=tmp_path,
-            env=without_this_repository(),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert run.returncode == 0, run.stderr
-    where = [str(python), "-c", "import spisim; print(spisim.__file__)"]
-    found = subprocess.run(
-        where, cwd=tmp_path, env=without_this_repository(), capture_output=True, text=True
-    )
-    assert found.stdout.startswith(str(tmp_path))
+    return python
 
 
-@pytest.mark.slow
-def test_a_users_script_passes_the_strictest_type_check(tmp_path: Path) -> None:
-    (tmp_path / "script.py").write_text(SCRIPT)
+def said(*command: str | Path, folder: Path) -> str:
+    """What a command prints that runs outside of the repository."""
     run = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--no-incremental", "script.py"],
-        cwd=tmp_path,
-        env={**os.environ, "MYPYPATH": str(ROOT)},
+        [str(word) for word in command],
+        cwd=folder,
+        env=without_this_repository(),
         capture_output=True,
         text=True,
         check=False,
     )
-    assert run.returncode == 0, run.stdout
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+@pytest.mark.slow
+def test_the_wheel_works_outside_of_the_repository(python: Path, tmp_path: Path) -> None:
+    where = said(python, "-c", "import spisim; print(spisim.__file__)", folder=tmp_path)
+    assert where.startswith(str(python.parents[1]))
+    (tmp_path / "script.py").write_text(SCRIPT)
+    assert said(python, "script.py", folder=tmp_path)
+    assert said(python, "-m", "spisim", "--version", folder=tmp_path).startswith("spisim ")
+
+
+@pytest.mark.slow
+def test_a_users_script_passes_the_strictest_type_check(python: Path, tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    mypy = [sys.executable, "-m", "mypy", "--strict", "--no-incremental"]
+    said(*mypy, "--python-executable", python, "script.py", folder=tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("package", ["spisim", "reconstruction"])
+def test_tab_in_a_fresh_interpreter_lists_the_api(
+    python: Path, package: str, tmp_path: Path
+) -> None:
+    ask = f"""
+import rlcompleter, {package}
+complete = rlcompleter.Completer(dict({package}={package})).complete
+words = []
+while (word := complete("{package}.", len(words))) is not None:
+    words.append(word)
+print(*words)
+"""
+    told = {word.rstrip("()") for word in said(python, "-c", ask, folder=tmp_path).split()}
+    names = set(importlib.import_module(package).__all__) - {"__version__"}
+    assert {f"{package}.{name}" for name in names} <= told

@@ -10,7 +10,7 @@ import pytest
 
 from pages import PAGES, ROOT, SHELLS, Block, blocks
 
-#: A page of its own test: it needs a fresh clone.
+#: It needs a fresh clone: tools/strangers_path.py goes it.
 STRANGERS_PATH = ROOT / "docs" / "path.md"
 RUN = [page for page in PAGES if page != STRANGERS_PATH]
 

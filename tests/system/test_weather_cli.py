@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import yaml
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from reconstruction.errors import InputError
@@ -13,6 +14,7 @@ from spisim.atmosphere import combine, fog, rain, snow
 from spisim.budget.wavelengths import WAVELENGTHS_NM, class_1_limits, wavelength_figures
 from spisim.cli import app
 from spisim.cli.inputs import scene_with
+from spisim.cli.weather_options import Weather, WeatherOfDrops
 
 WEATHER = ["weather", "--fog", "heavy-radiation", "--visibility", "50"]
 
@@ -171,33 +173,46 @@ def scene_file(tmp_path: Path) -> Path:
 
 def test_options_change_the_weather_and_the_scene_s_text(scene_file: Path) -> None:
     scene_file.write_text(SCENE + "fog: {visibility_m: 100, definition: mor, phase: hg}\n")
-    scene, _ = scene_with(str(scene_file), 1550, 50, False, "heavy-radiation", 5)
+    scene, _ = scene_with(
+        str(scene_file), 1550, Weather(visibility=50, fog="heavy-radiation", rain=5)
+    )
     expected = combine([fog(50, "heavy-radiation", "mor", phase="hg"), rain(5)])
     assert scene.atmosphere.summary() == expected.summary()
     assert yaml.safe_load(scene.text)["rain"] == {"rate_mm_per_h": 5}
-    thicker, _ = scene_with(str(scene_file), 1550, None, False, "haze-m")
+    thicker, _ = scene_with(str(scene_file), 1550, Weather(fog="haze-m"))
     assert thicker.atmosphere.visibility_m == 100
     assert thicker.atmosphere.kind == "haze-m"
-    clear, _ = scene_with(str(scene_file), 1550, None, True)
+    clear, _ = scene_with(str(scene_file), 1550, Weather(clear=True))
     assert clear.atmosphere.extinction_per_m == 0
     assert "fog" not in yaml.safe_load(clear.text)
 
 
 def test_options_replace_a_medium_by_coefficients(scene_file: Path) -> None:
     scene_file.write_text(SCENE + "fog: {extinction_per_m: 0.1, phase: {g: 0.5}}\n")
-    scene, _ = scene_with(str(scene_file), 1550, 50, False)
+    scene, _ = scene_with(str(scene_file), 1550, Weather(visibility=50))
     assert scene.atmosphere.kind == "moderate-radiation"
     with pytest.raises(InputError, match="--fog needs --visibility"):
-        scene_with(str(scene_file), 1550, None, False, "haze-m")
+        scene_with(str(scene_file), 1550, Weather(fog="haze-m"))
 
 
-@pytest.mark.parametrize(
-    "options", [(50.0, True, None, None), (None, True, "haze-m", None), (None, True, None, 5.0)]
-)
-def test_clear_and_weather_exclude_each_other(scene_file: Path, options: tuple) -> None:
-    scene_file.write_text(SCENE)
-    with pytest.raises(InputError, match=r"--clear and --.* exclude each other"):
-        scene_with(str(scene_file), 1550, *options)
+@pytest.mark.parametrize("medium", ["visibility", "rain", "snow", "smoke"])
+def test_clear_and_weather_exclude_each_other(medium: str) -> None:
+    with pytest.raises(InputError, match=f"--clear and --{medium} exclude each other"):
+        Weather(clear=True, **{medium: 5.0})
+
+
+def test_single_drops_go_with_what_falls() -> None:
+    with pytest.raises(InputError, match="--drops goes with --rain or --snow"):
+        WeatherOfDrops(smoke=20.0, drops=True)
+    sections = WeatherOfDrops(snow=2.0, drops=True).sections(lambda: None)
+    assert sections == {"snow": {"rate_mm_per_h": 2.0, "model": "drops"}}
+
+
+@pytest.mark.parametrize("command", ["simulate", "transport", "picture", "fly", "serve"])
+def test_all_commands_that_send_light_have_all_weather(command: str) -> None:
+    told = {name for each in get_command(app).commands[command].params for name in each.opts}
+    assert {"--visibility", "--fog", "--rain", "--snow", "--smoke", "--clear"} <= told
+    assert ("--drops" in told) == (command in ("simulate", "fly", "serve"))
 
 
 # Another wavelength
@@ -220,7 +235,7 @@ def test_an_instrument_moved_to_905_nm_by_its_budget() -> None:
 
 def test_a_scene_is_loaded_at_the_instrument_s_wavelength(scene_file: Path) -> None:
     scene_file.write_text(SCENE)
-    found, _ = scene_with(str(scene_file), 905, 50, False, "haze-l")
+    found, _ = scene_with(str(scene_file), 905, Weather(visibility=50, fog="haze-l"))
     assert found.wavelength_nm == 905
     expected = fog(50, "haze-l", wavelength_nm=905)
     assert found.atmosphere.extinction_per_m == expected.extinction_per_m

@@ -12,6 +12,7 @@ from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
 from spisim.cli import app, complete
 from spisim.cli.inputs import scene_with
+from spisim.cli.weather_options import Weather
 from spisim.version import __version__
 
 
@@ -145,9 +146,7 @@ def test_materials_are_listed_with_their_sources() -> None:
 
 def test_snow_and_smoke_take_the_place_of_the_scenes_own(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(MINIMAL)
-    scene, _ = scene_with(
-        str(tmp_path / "s.yaml"), 1550.0, None, False, snow_mm_per_h=2.0, smoke_m=30.0
-    )
+    scene, _ = scene_with(str(tmp_path / "s.yaml"), 1550.0, Weather(snow=2.0, smoke=30.0))
     kinds = [medium["kind"] for medium in scene.media_summary()]
     assert "glycol" in " ".join(kinds)
     assert "snow" in " ".join(kinds)

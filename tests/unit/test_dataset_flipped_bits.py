@@ -10,7 +10,7 @@ from reconstruction import Capture, InputError, read_capture, write_capture
 from runs import PLAN, Run, rows, write_plan
 from spisim.dataset import verify
 from spisim.dataset.folder import Layout
-from spisim.dataset.plan import PlannedSet
+from spisim.dataset.planned import PlannedSet
 
 
 def flip(path: Path, place: int) -> None:

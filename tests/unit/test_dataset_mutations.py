@@ -22,7 +22,7 @@ from spisim.dataset import open as open_data_set
 from spisim.dataset import verify, write_shards
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import opened
-from spisim.dataset.plan import load_plan
+from spisim.dataset.planned import load_plan
 from spisim.dataset.records import failure
 from spisim.dataset.sample import load
 from spisim.dataset.status import status_of

@@ -18,7 +18,7 @@ from runs import PLAN, Run, rows, write_plan
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import opened
-from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.planned import PlannedSet, load_plan
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from reconstruction.errors import InputError
-from spisim.dataset.plan import PlannedSet, Sample, load_plan
+from spisim.dataset.planned import PlannedSet, Sample, load_plan
 from spisim.dataset.preview import check
 from spisim.dataset.sample import load
 

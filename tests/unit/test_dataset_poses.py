@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from reconstruction.errors import InputError
-from spisim.dataset.plan import PlannedSet, load_plan
+from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.poses import Poses, View
 from spisim.dataset.sample import load
 from spisim.scene import draw_scene, make_scene

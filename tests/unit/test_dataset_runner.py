@@ -13,7 +13,7 @@ from runs import PLAN, Run, rows, write_plan
 from spisim.dataset import runner
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import Manifest
-from spisim.dataset.plan import PlannedSet
+from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import Outcome
 from spisim.dataset.runner import OutOfSpace, run_dataset
 

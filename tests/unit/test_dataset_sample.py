@@ -8,7 +8,7 @@ import pytest
 
 from spisim.dataset import sample
 from spisim.dataset.folder import Layout, Origin, origin_of
-from spisim.dataset.plan import load_plan
+from spisim.dataset.planned import load_plan
 from spisim.dataset.records import NO_SPACE, Outcome
 from spisim.dataset.sample import Maker
 

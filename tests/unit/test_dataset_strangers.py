@@ -20,7 +20,7 @@ from spisim.dataset import verify, write_shards
 from spisim.dataset.folder import Layout, has_its_content, origin_of
 from spisim.dataset.lock import holder, locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
-from spisim.dataset.plan import PlannedSet
+from spisim.dataset.planned import PlannedSet
 from spisim.dataset.runner import has_space
 from spisim.dataset.status import status_of
 from spisim.report.capture import media_of

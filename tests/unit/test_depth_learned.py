@@ -9,9 +9,17 @@ from scipy.special import expit
 import worlds
 from convolutions import convolved, shuffled, unshuffled
 from instruments import changed
-from reconstruction import Capture, Reconstructor
+from reconstruction import Capture, Reconstructor, write_capture
 from reconstruction.capture import Optics, Setup
-from reconstruction.depth import Context, DepthEstimate, View, depth_method, pixel_rays
+from reconstruction.cli import main
+from reconstruction.depth import (
+    Context,
+    DepthEstimate,
+    View,
+    depth_method,
+    nearest_obstacle,
+    pixel_rays,
+)
 from reconstruction.depth.methods import learned
 from reconstruction.depth.network import FEATURES, VERSION, DepthNetwork, features, load
 from reconstruction.depth.observer import Observer
@@ -348,13 +356,37 @@ def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, m
     learned.shipped.cache_clear()
 
 
+def test_who_reconstructs_is_told_why_it_is_left_out(capture, tmp_path, capsys):
+    spots = replace(capture.spots, directions=COLLINEAR)
+    write_capture(replace(capture, spots=spots), tmp_path / "line.h5")
+    told = [str(tmp_path / "line.h5"), "-o", str(tmp_path / "told")]
+    assert main(told) == 0
+    assert "depth, learned: not of this recording (spots off a line = " in capsys.readouterr().out
+    assert (
+        main([str(tmp_path / "line.h5"), "-o", str(tmp_path / "told"), "--depth", "nearest"]) == 0
+    )
+    assert "learned" not in capsys.readouterr().out
+
+
 def test_measured_depths_join_by_inverse_variance():
     ours = DepthEstimate(
-        np.array([[2.0, np.nan, 3.0]]), np.array([[0.2, 0.2, 0.2]]), np.array([[0.1, 0.9, 0.1]])
+        np.array([[2.0, 5.0, 3.0]]), np.array([[0.2, 0.2, 0.2]]), np.array([[0.1, 0.9, 0.1]])
     )
     measured = DepthEstimate(np.array([[4.0, 5.0, np.nan]]), np.array([[0.1, 0.1, np.nan]]))
     found = learned.joined(ours, measured)
-    mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / (1 / 0.04 + 1 / 0.01)
+    total = 1 / 0.04 + 1 / 0.01
+    mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / total
     np.testing.assert_allclose(found.depth_m, [[np.exp(mean), 5.0, 3.0]])
-    np.testing.assert_allclose(found.deviation, [[(1 / 0.04 + 1 / 0.01) ** -0.5, 0.1, 0.2]])
+    np.testing.assert_allclose(found.deviation, [[total**-0.5, total**-0.5, 0.2]])
     np.testing.assert_allclose(found.nothing, [[0.1, learned.LIKELY, 0.1]])
+
+
+def test_obstacles_are_nearer_than_the_map_has_them_by_half_a_deviation(capture):
+    found, plain = solved(capture)
+    assert plain.obstacle_m is None
+    rays = pixel_rays(capture.setup.optics, found.depth_m.shape)
+    near_m = found.depth_m * np.exp(-learned.CAUTION * found.deviation)
+    assert found.obstacle_m == pytest.approx(nearest_obstacle(near_m, rays), rel=0.05)
+    result = Reconstructor(capture.setup, image="edge-preserving")(capture.frame(0))
+    assert result.obstacle_m == pytest.approx(found.obstacle_m, rel=1e-6)
+    assert result.obstacle_m < nearest_obstacle(result.depth_m, rays)

@@ -5,8 +5,8 @@ import pytest
 
 from reconstruction.capture import Optics
 from reconstruction.depth import REACH_M, pixel_rays
+from reconstruction.depth.obstacle import CORRIDOR_M, OBSTACLE_M2, nearest_obstacle
 from reconstruction.evaluation import depth_metrics
-from reconstruction.evaluation.depths import CORRIDOR_M, OBSTACLE_M2, nearest_obstacle
 
 SHAPE = (64, 64)
 TAN = np.tan(np.radians(10))
@@ -141,3 +141,17 @@ def test_where_nothing_is_told_all_is_free_within_reach():
 def test_a_map_of_one_row_has_its_obstacles():
     rays = pixel_rays(Optics(TAN, TAN), (1, 64))
     assert nearest_obstacle(np.full((1, 64), 5.0), rays) == 5.0
+
+
+def test_what_may_not_be_there_counts_by_its_chance():
+    box = with_box(4.0, 12, behind=WALL)
+    sure, unsure = np.ones(SHAPE), np.full(SHAPE, 1.0)
+    unsure[box == 4] = 1e-3
+    assert nearest_obstacle(box, RAYS, chance=sure) == nearest_obstacle(box, RAYS) == 4
+    assert nearest_obstacle(box, RAYS, chance=unsure) == WALL[0, 0]
+
+
+def test_an_obstacle_told_beside_the_map_is_the_one_that_counts():
+    found = of(with_box(5.2, 12), with_box(4.0, 12), obstacle_m=3.9)
+    assert found["obstacle_error"] == pytest.approx(-0.025)
+    assert of(SKY, with_box(4.0, 12), obstacle_m=np.nan)["obstacle_missed"] == 1

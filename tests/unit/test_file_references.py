@@ -1,4 +1,4 @@
-"""References of scene and instrument files: of today's program, complete, their examples right."""
+"""References of files that users write: of today's program, complete, their examples right."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -10,13 +10,16 @@ from pydantic import BaseModel, TypeAdapter
 import file_references
 from spisim.atmosphere.sections import WEATHER
 from spisim.config import Section
+from spisim.config.distributions import KINDS
+from spisim.dataset.values import Grid
 from spisim.instrument import Instrument
 from spisim.instrument.sensors import SENSORS
 from spisim.instrument.tofs import TOFS
 from spisim.scene.description import DrawnDescription, SceneDescription
+from spisim.study.plan import StudyPlan
 
 EXAMPLES = yaml.safe_load(file_references.EXAMPLES.read_text(encoding="utf-8"))
-ROOTS = [SceneDescription, DrawnDescription, Instrument]
+ROOTS = [SceneDescription, DrawnDescription, Instrument, StudyPlan, *KINDS.values(), Grid]
 
 
 def below(section: type[BaseModel]) -> Iterator[type[BaseModel]]:
@@ -26,7 +29,7 @@ def below(section: type[BaseModel]) -> Iterator[type[BaseModel]]:
 
 
 def sections() -> dict[str, type[BaseModel]]:
-    """Those that scene and instrument files are made of, by name."""
+    """Those that files are made of, by name."""
     for registry in (WEATHER, SENSORS, TOFS):
         list(registry.values())  # loads them
     found = {each.__name__: each for each in below(Section) if "families" not in each.__module__}
@@ -37,7 +40,7 @@ def definitions() -> dict[str, Any]:
     found = {}
     for root in ROOTS:
         schema = TypeAdapter(root).json_schema()
-        found |= {**schema.pop("$defs"), root.__name__: schema}
+        found |= {**schema.pop("$defs", {}), root.__name__: schema}
     return found
 
 
@@ -87,7 +90,9 @@ def test_every_example_is_read_by_its_section() -> None:
 def test_every_field_that_holds_no_section_has_an_example() -> None:
     for path, page in file_references.pages().items():
         rows = [line.split(" | ") for line in page.splitlines() if line.startswith("| `")]
-        bare = [row[0] for row in rows if len(row) == 6 and "section" not in row[2] and not row[4]]
+        bare = [
+            row[0] for row in rows if len(row) == 6 and "section" not in row[2] and row[5] == " |"
+        ]
         assert not bare, path.name
 
 

@@ -1,17 +1,26 @@
 """What objects show of themselves in notebooks, and what Tab finds."""
 
+import logging
+import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree.ElementTree import fromstring
 
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib import pyplot
 
 import reconstruction
 import spisim
 from datasets import make_set
-from reconstruction import Capture, notebook, reconstruct
+from reconstruction import Capture, InputError, notebook, reconstruct
 from spisim.dataset import open as open_data_set
+
+mpl.use("agg")
 
 
 def checked(html: str, *words: str) -> str:
@@ -54,3 +63,64 @@ def test_maps_of_nothing_and_of_one_value_are_shown(values: np.ndarray) -> None:
 def test_tab_lists_the_public_names(package: object) -> None:
     assert dir(package) == sorted(package.__all__)  # type: ignore[attr-defined]
     assert "__version__" in dir(spisim)
+
+
+def test_plots_have_a_panel_for_everything_that_is_known(capture: Capture) -> None:
+    titles = [axes.get_title() for axes in capture.plot()]
+    assert titles == ["readings of frame 0", "true image", "true depth"]
+    assert len(replace(capture, truth=None).plot()) == 1
+    result = reconstruct(capture, image="zero-filled", depth="nearest")
+    titles = [axes.get_title() for axes in result.plot()]
+    assert titles == ["image, zero-filled", "depth, nearest", "ranges, cw"]
+    assert len(replace(result, rangings={}, depths={}).plot()) == 1
+    assert spisim.load_scene("target-plane").plot()[1].get_ylabel() == "z, m"
+    pyplot.close("all")
+
+
+def test_plots_without_matplotlib_say_what_to_install(
+    capture: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(InputError, match="plots need Matplotlib: pip install"):
+        capture.plot()
+    with pytest.raises(InputError, match="frame 7"):
+        capture.plot(7)
+
+
+def test_a_bar_moves_below_the_cell_of_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[str] = []
+
+    class Handle:
+        def update(self, page: Any) -> None:
+            drawn.append(page)
+
+    def display(page: Any, display_id: bool) -> Handle:
+        drawn.append(page)
+        return Handle()
+
+    shell = SimpleNamespace(kernel=object())
+    shown = SimpleNamespace(HTML=str, display=display)
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    monkeypatch.setitem(sys.modules, "IPython.display", shown)
+    with spisim.progress_bar("a <b>") as advance:
+        advance(0.25)
+    assert drawn[1] == '<progress value="0.250"></progress> a &lt;b&gt; 25%'
+
+
+def test_no_bar_goes_into_files(capfd: pytest.CaptureFixture[str]) -> None:
+    with spisim.progress_bar("light") as advance:
+        advance(1.0)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_packages_log_and_say_nothing_by_themselves(
+    capture: Capture, caplog: pytest.LogCaptureFixture
+) -> None:
+    for package in ("spisim", "reconstruction"):
+        (handler,) = logging.getLogger(package).handlers
+        assert isinstance(handler, logging.NullHandler)
+    with caplog.at_level(logging.DEBUG, "reconstruction"):
+        reconstruct(capture, image="zero-filled", depth="nearest")
+    compiled, frame = caplog.messages
+    assert compiled == "methods of image: zero-filled; of ranging: cw; of depth: nearest"
+    assert frame.startswith("frame 0, seconds: {'decoding': ")

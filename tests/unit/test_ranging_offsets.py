@@ -16,8 +16,8 @@ from reconstruction.cli import main
 from reconstruction.errors import InputError
 from reconstruction.ranging.calibration import measure_path_offsets, path_check
 from reconstruction.ranging.fog.echo_model import EchoModel
+from reconstruction.ranging.fog.of_charge import echo_combinations
 from reconstruction.ranging.fog.offsets import path_offsets
-from reconstruction.ranging.fog.solvers import echo_combinations
 from spisim.instrument import load_instrument
 
 RANGES = np.array([2.2, 2.8, 3.2, 3.6])

@@ -410,12 +410,15 @@ def test_what_is_known_of_depths_is_shown_and_comes_back(capture, tmp_path):
         reconstruct(capture),
         depth_deviations={"nearest": deviation},
         nothings={"anchored": nothing, "nearest": nothing},
+        obstacles_m={"anchored": 2.5, "nearest": np.nan},
         notes={"depth anchored": "a guess"},
     )
     files = write_outputs(result, capture, tmp_path)
     assert {"depth-deviation_nearest.png", "nothing.png", "nothing_nearest.png"} <= files.keys()
     copy = read_result(tmp_path / "result.h5")
     assert copy.nothings.keys() == {"anchored", "nearest"}
+    assert copy.obstacle_m == 2.5
+    assert np.isnan(copy.obstacles_m["nearest"])
     assert copy.notes == result.notes
     assert copy.warnings == ["depth 'anchored' is a guess"]
     np.testing.assert_array_equal(copy.depth_deviations["nearest"], deviation)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
 
 from spisim.dataset.records import Record
 from spisim.report.study import write_study
@@ -187,6 +188,15 @@ def test_all_scenes_stand_together_beside_each(tmp_path: Path) -> None:
 
 
 # Labels, plots, page
+
+
+def test_means_are_plotted_in_notebooks(tmp_path: Path) -> None:
+    results = made(tmp_path)
+    for axes, metric in zip(results.plot(), results.metrics, strict=True):
+        assert axes.get_title() == metric
+        assert len(axes.lines) == len(results.groups())
+        assert axes.get_xlabel() == results.planned.study.x
+    pyplot.close("all")
 
 
 def test_labels_have_units() -> None:

@@ -13,19 +13,24 @@ from pathlib import Path
 
 import numpy as np
 
+from ...arrays import Floats
 from ...capture import Setup
 from ...capture.readings.cw import CwSpots
 from ...errors import InputError
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
 from ..observer import Observer
+from ..obstacle import nearest_obstacle
+from ..rays import pixel_rays
 from ..shown import inputs_of, of_share
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
 
 WEIGHTS = Path(__file__).parents[1] / "learned.npz"
-LIKELY = 0.5
-"""Probability of nothing from which on a pixel has no depth."""
+LIKELY = 0.2
+"""Probability of nothing from which on a pixel has no depth: one invented costs four lost ones."""
+CAUTION = 0.5
+"""Deviations by which obstacles are taken to be nearer: one missed costs two that are not there."""
 
 
 class Learned:
@@ -56,7 +61,9 @@ class Learned:
         if unlike is not None:
             return _Instead(anchored, unlike)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
-        return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense)
+        assert context.setup.optics is not None
+        rays = pixel_rays(context.setup.optics, context.setup.plan.shape)
+        return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense, rays)
 
 
 class LearnedSolver:
@@ -68,9 +75,10 @@ class LearnedSolver:
         observer: Observer,
         anchored: DepthSolver,
         dense: DepthSolver | None,
+        rays: Floats,
     ) -> None:
         self._network, self._observer = network, observer
-        self._anchored, self._dense = anchored, dense
+        self._anchored, self._dense, self._rays = anchored, dense, rays
 
     def __call__(self, view: View) -> DepthEstimate | None:
         """The map, or the anchored one of a view unlike those learned from."""
@@ -84,36 +92,43 @@ class LearnedSolver:
         if unlike is not None:
             return _Instead(self._anchored, unlike)(view)
         told = self._network(inputs)
-        depth_m = np.where(told.nothing > LIKELY, np.nan, np.exp(told.log_depth))
-        found = DepthEstimate(depth_m, told.deviation, told.nothing)
         if not shown.ranged:
-            unknown = np.full(depth_m.shape, np.nan)
+            unknown = np.full(told.nothing.shape, np.nan)
             return DepthEstimate(unknown, None, told.nothing, "no spot has a range: no depth")
+        found = DepthEstimate(np.exp(told.log_depth), told.deviation, told.nothing)
         measured = None if self._dense is None else self._dense(view)
-        return found if measured is None else joined(found, measured)
+        return self._decided(found if measured is None else joined(found, measured))
+
+    def _decided(self, found: DepthEstimate) -> DepthEstimate:
+        """No depth where nothing is likely, and the obstacle that all depths together tell."""
+        assert found.deviation is not None
+        assert found.nothing is not None
+        near_m = found.depth_m * np.exp(-CAUTION * found.deviation)
+        return replace(
+            found,
+            depth_m=np.where(found.nothing > LIKELY, np.nan, found.depth_m),
+            obstacle_m=nearest_obstacle(near_m, self._rays, chance=1 - found.nothing),
+        )
 
 
 def joined(found: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
-    """Two estimates of log depth, normal and independent, as one where both have one.
+    """Two estimates of log depth, normal and independent, as one; the first is of all pixels.
 
     What is measured is there: nothing is not likely any more.
     """
     assert found.deviation is not None
+    assert found.nothing is not None
     assert measured.deviation is not None
     known = np.isfinite(measured.depth_m) & np.isfinite(measured.deviation)
-    seen = np.isfinite(found.depth_m)
     weight = np.where(known, measured.deviation, np.inf) ** -2.0
-    prior = np.where(seen, found.deviation, np.inf) ** -2.0
-    total = np.maximum(weight + prior, np.finfo(np.float64).tiny)
-    log = weight * np.log(np.where(known, measured.depth_m, 1))
-    log += prior * np.log(np.where(seen, found.depth_m, 1))
-    either = known | seen
-    nothing = found.nothing
+    prior = found.deviation**-2.0
+    total = weight + prior
+    log = weight * np.log(np.where(known, measured.depth_m, 1)) + prior * np.log(found.depth_m)
     return replace(
         found,
-        depth_m=np.where(either, np.exp(log / total), np.nan),
-        deviation=np.where(either, total**-0.5, found.deviation),
-        nothing=None if nothing is None else np.where(known & ~seen, LIKELY, nothing),
+        depth_m=np.exp(log / total),
+        deviation=total**-0.5,
+        nothing=np.where(known, np.minimum(found.nothing, LIKELY), found.nothing),
     )
 
 

@@ -1,10 +1,10 @@
 """From what is known of the four ranges to an answer for each spot."""
 
 import numpy as np
-from scipy.special import ndtr
 
 from ...arrays import Floats, Mask
 from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
+from .chances import normal_share
 from .modes import LOG_DEVIATION
 from .posterior import Posterior, SpotPosterior
 from .templates import EXTINCTIONS_PER_M
@@ -63,7 +63,7 @@ def _status(spot: SpotPosterior, guessed: bool) -> Status:
     likeliest = spot.alternatives[0]
     if guessed and likeliest.sigma_m > SPOILT * spot.noise_m:
         return "fog"
-    within = 2 * ndtr(NARROW_M / likeliest.sigma_m) - 1
+    within = 2 * normal_share(NARROW_M / likeliest.sigma_m) - 1
     probability = 1.0 if spot.echoes > 1 else likeliest.weight
     if probability * within >= CERTAIN:
         return "ok"

@@ -1,12 +1,14 @@
 """What is held of the fog: beforehand, and carried from one frame of a flight to the next."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from ...arrays import Floats
-from ..ranges import FogOptics
+from ...capture import Spots
+from ..ranges import FogOptics, Ranges
 from .modes import LOG_DEVIATION, expected_backscatter
 
 CLEAR = 0.5
@@ -84,3 +86,7 @@ class FogBelief:
         variance = (1 - mixed) * drifted**2 + mixed * beforehand.log_deviation**2
         variance += mixed * (1 - mixed) * (self.log_median - beforehand.log_median) ** 2
         return type(self)(spread / spread.sum(), median, np.sqrt(variance))
+
+
+FogSolver = Callable[[Spots, FogBelief], tuple[Ranges, FogBelief]]
+"""Ranges from the readings of a frame and what was held of the fog, and what is held then."""

@@ -8,12 +8,12 @@ quarter of the shortest wavelength of the readings look like one between them, w
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri
 
 from ...arrays import Floats
 from ..ranges import Alternative
 from .algebra import inverse, solved
 from .belief import FogBelief
+from .chances import chi_squared_limit
 from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, SEARCH, Modes, Places
 from .posterior import Posterior, SpotPosterior, joined, posterior
 from .templates import STEP_M, Templates
@@ -78,7 +78,7 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
 
 def _is_odd(spot: SpotPosterior, readings: int) -> bool:
     """Whether one target explains the readings so badly that chance hardly does it."""
-    return bool(spot.alternatives and spot.misfit > chdtri(_freedom(readings), UNLIKELY))
+    return bool(spot.alternatives and spot.misfit > chi_squared_limit(_freedom(readings), UNLIKELY))
 
 
 def _freedom(readings: int) -> int:

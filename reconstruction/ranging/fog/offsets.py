@@ -26,7 +26,8 @@ from .algebra import inverse, solved
 from .belief import FogBelief
 from .echo_model import EchoModel
 from .modes import LOG_DEVIATION, Places, expected_backscatter
-from .solvers import echo_combinations, fog_solver
+from .of_charge import echo_combinations
+from .solvers import fog_solver
 from .templates import EXTINCTIONS_PER_M, UNEVENNESS
 
 UNEVENNESSES = UNEVENNESS * np.array([0.05, 0.25, 0.5, 1.0, 2.0])

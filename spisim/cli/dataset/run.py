@@ -17,7 +17,7 @@ from .progress import short_time, shown
 from .running import executors, explained
 
 if TYPE_CHECKING:
-    from spisim.dataset.plan import PlannedSet
+    from spisim.dataset.planned import PlannedSet
     from spisim.dataset.runner import State
 
 EXAMPLE = "spisim dataset plan.yaml -o fog --workers 2"
@@ -50,7 +50,7 @@ def command(
     """
     from reconstruction.files import require_folder
     from spisim.dataset.folder import Layout, has_its_content, has_its_size
-    from spisim.dataset.plan import load_plan
+    from spisim.dataset.planned import load_plan
     from spisim.dataset.preview import check
     from spisim.dataset.runner import run_dataset
     from spisim.dataset.sample import Maker

@@ -38,7 +38,7 @@ def command(
     from spisim.instrument.gazebo import sensor_elements
     from spisim.scene.exporting import export_scene
 
-    place, _ = scene_with(str(scene), 1550.0, None, clear=False)
+    place, _ = scene_with(str(scene), 1550.0)
     named = [scene] if instrument is None else [scene, instrument]
     if output.exists() and any(output.samefile(path) for path in files_read(*named)):
         raise InputError(f"{output} is read by this command; give its output another name")

@@ -46,7 +46,7 @@ def command(
     files = [named(picture, "scene view")]
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument)
-    place, oddities = scene_with(scene, carried.wavelength_nm, None, clear=False)
+    place, oddities = scene_with(scene, carried.wavelength_nm)
     caster = RayCaster.of(place)
     found = survey(place, carried, caster)
     write_look(picture, Look(place, carried, caster, found), fov)

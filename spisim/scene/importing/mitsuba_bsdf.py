@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.errors import InputError
-from spisim.scene.bsdf import MIN_ROUGHNESS
+from spisim.scene.bsdf import MIN_ROUGHNESS, make_bsdf
 from spisim.scene.importing.mitsuba_file import Node
 from spisim.scene.importing.textures import Texture, linear_red
 from spisim.scene.importing.told import Told
@@ -31,6 +31,9 @@ GLASS, COAT, AIR = "bk7", "polypropylene", "air"
 WRAPPERS = ("twosided", "mask", "bumpmap", "normalmap")
 #: Lobes of `principled` that nothing here has.
 LOBES = ("anisotropic", "clearcoat", "sheen", "spec_trans", "flatness", "spec_tint")
+#: Bsdfs in one another.
+MAX_DEPTH = 8
+#: Pixels of a checkerboard.
 SIDE = 1024
 
 #: Properties that may be pictures, and the fields of a material that they are.
@@ -53,6 +56,7 @@ def told_surface(node: Node, flips: bool, pictures: Pictures) -> Told | None:
     """
     try:
         fields, odd = _fields(node)
+        _check(fields)
         found = {
             name: _picture(texture, flips, pictures)
             for name, texture in _textures(node).items()
@@ -63,11 +67,21 @@ def told_surface(node: Node, flips: bool, pictures: Pictures) -> Told | None:
     return Told(fields, found, odd)
 
 
-def _fields(node: Node) -> tuple[Fields, tuple[str, ...]]:
+def _check(fields: Fields) -> None:
+    """InputError unless a material can be made of them."""
+    names = ("bsdf", "reflectance", "opacity")
+    make_bsdf(fields["bsdf"], {name: value for name, value in fields.items() if name not in names})
+    if not all(0 <= fields.get(name, 0) <= 1 for name in names[1:]):
+        raise InputError("reflects or holds back more than there is")
+
+
+def _fields(node: Node, depth: int = 0) -> tuple[Fields, tuple[str, ...]]:
     """A row's fields, and what of the bsdf is not in them."""
     if node.type in WRAPPERS:
-        inner = next(each for each in node.children if each.kind == "bsdf")
-        fields, odd = _fields(inner)
+        inner = next((each for each in node.children if each.kind == "bsdf"), None)
+        if inner is None or depth > MAX_DEPTH:
+            raise InputError(f"{node.what}: holds no other, or itself")
+        fields, odd = _fields(inner, depth + 1)
         if node.type == "mask":
             fields["opacity"] = _number(node, "opacity", 0.5)
         elif node.type != "twosided":
@@ -175,6 +189,8 @@ def _index(value: Any) -> float:
         if value.lower() not in INDICES:
             raise InputError(value)
         return INDICES[value.lower()]
+    if not isinstance(value, int | float):
+        raise InputError("an index that varies")
     return float(value)
 
 

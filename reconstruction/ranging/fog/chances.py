@@ -1,0 +1,35 @@
+"""Two distributions for single numbers: scipy.special takes longer to load than a frame."""
+
+import math
+from functools import cache
+
+
+def normal_share(deviations: float) -> float:
+    """Share of a normal distribution below its mean plus so many standard deviations."""
+    return math.erfc(-deviations / math.sqrt(2)) / 2
+
+
+@cache
+def chi_squared_limit(freedom: int, share: float) -> float:
+    """What chi squared of so many degrees of freedom exceeds with a probability 0 < share < 1."""
+    below, above = 0.0, float(freedom)
+    while _chi_squared_above(above, freedom) > share:
+        above *= 2
+    while above - below > 1e-12 * above:
+        middle = (below + above) / 2
+        if _chi_squared_above(middle, freedom) > share:
+            below = middle
+        else:
+            above = middle
+    return above
+
+
+def _chi_squared_above(value: float, freedom: int) -> float:
+    """Probability of more: a finite series (Abramowitz & Stegun 1964, 26.4.4 and 26.4.5)."""
+    odd = freedom % 2
+    term = math.sqrt(2 * value / math.pi) * math.exp(-value / 2) if odd else math.exp(-value / 2)
+    total = math.erfc(math.sqrt(value / 2)) if odd else 0.0
+    for degree in range(2 + odd, freedom + 1, 2):
+        total += term
+        term *= value / degree
+    return total

@@ -1,0 +1,63 @@
+"""Fits of fog and targets to histograms of single photons."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtri, ndtr
+
+from ...arrays import Floats, Mask
+from ...capture import Spots
+from ...capture.readings.dtof import HistogramSpots
+from ...errors import InputError
+from ..histogram import BLOCKS
+from ..ranges import MIN_SIGNAL, Ranges
+from .answer import ranges_of
+from .belief import FogBelief, FogSolver
+from .echoes import with_echoes
+from .histograms import find_histogram_modes, make_histogram_templates
+from .posterior import posterior
+from .templates import NOMINAL_ELECTRONS_PER_JOULE
+
+
+def histogram_solver(spots: HistogramSpots, longest_m: float) -> FogSolver:
+    """Solver of one recording's histograms.
+
+    Raises InputError where they are none of single photons, or the laser's energy or the
+    detector's response is not known.
+    """
+    if not spots.piles_up:
+        raise InputError(
+            "ranging in fog needs histograms of single photons; stamps of whole pulses, as those "
+            "of a threshold, do not show how much light the fog sends back"
+        )
+    for name in ("response_sigma_s", "laser_energy_j"):
+        if np.isnan(getattr(spots, name)):
+            raise InputError(f"spots/{name} is not known (nan), and ranging in fog needs it")
+    scaled = bool(np.isfinite(spots.electrons_per_joule))
+    electrons = spots.electrons_per_joule if scaled else NOMINAL_ELECTRONS_PER_JOULE
+    arrivals = electrons * spots.laser_energy_j
+    templates = make_histogram_templates(spots, arrivals / spots.pulses, longest_m)
+
+    def solve(spots: Spots, belief: FogBelief) -> tuple[Ranges, FogBelief]:
+        assert isinstance(spots, HistogramSpots)
+        counts, saturated = spots.counts[0].astype(np.float64), spots.saturated[0]
+        modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
+        known = posterior(modes, belief)
+        revised = tuple(
+            with_echoes(each, templates, counts[spot], spots.pulses, spot)
+            for spot, each in enumerate(known.spots)
+        )
+        known = replace(known, spots=revised)
+        dark = _is_even(counts)
+        median = np.median(counts, axis=1)
+        return ranges_of(known, saturated, dark, median, counts.shape[1]), known.fog
+
+    return solve
+
+
+def _is_even(counts: Floats) -> Mask:
+    """Whether histograms (4, B) show no more than arrivals at any time, (4,)."""
+    blocks = np.stack([part.sum(axis=1) for part in np.array_split(counts, BLOCKS, axis=1)])
+    mean = np.maximum(blocks.mean(axis=0), 1e-12)
+    squares = ((blocks - mean) ** 2 / mean).sum(axis=0)
+    return np.asarray(squares < chdtri(BLOCKS - 1, ndtr(-MIN_SIGNAL)))

@@ -1,0 +1,119 @@
+"""Where the drone flies: along a path, or as it is told from a pose on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, isfinite, radians, sin
+from typing import TYPE_CHECKING
+
+from reconstruction.errors import InputError
+
+if TYPE_CHECKING:
+    from spisim.scene import Scene
+    from spisim.serving import Gust, Keys, Motion, Pilot
+
+#: Key poses of a path, all of which are kept where it is flown in time.
+MOST_AHEAD = 2000
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A scene with its drone, who steers it, and where light is solved, `ahead` of it at first."""
+
+    scene: Scene
+    keys: Keys
+    pilot: Pilot
+    ahead: int = 1
+
+
+def check_options(
+    path: str | None, pose: str | None, gust: list[str] | None, to: str, *, json: bool
+) -> None:
+    """Those that exclude each other."""
+    if json and to == "-":
+        raise InputError("--json and --to - exclude each other: both write to stdout")
+    for option, value in (("--pose", pose), ("--gust", gust)):
+        if path is not None and value:
+            raise InputError(f"--path and {option} exclude each other")
+
+
+def along(
+    scene: Scene, path: str, frame: str, speed: float, spacing_m: float, *, at_once: bool
+) -> Flight:
+    """Along a path; its light is solved ahead, but for frames that may take their time."""
+    from spisim.scene import check_clear_path, load_trajectory
+    from spisim.serving import Follower, PathKeys
+
+    trajectory = load_trajectory(path, frame).faster(speed)
+    check_clear_path(scene, trajectory)
+    keys = PathKeys(scene, trajectory, spacing_m)
+    return Flight(scene, keys, Follower(trajectory), 1 if at_once else _checked(keys.count))
+
+
+def as_told(scene: Scene, pose: str | None, gusts: list[str], spacing_m: float) -> Flight:
+    """From a pose on, or the scene's own, as commands say."""
+    from spisim.serving import Drone, PoseKeys
+
+    begun = scene if pose is None else _placed(scene, pose)
+    return Flight(begun, PoseKeys(begun, spacing_m), Drone(begun, tuple(map(_gust, gusts))))
+
+
+def at_rest(scene: Scene, duration_s: float) -> Motion:
+    """Where a scene has its drone."""
+    from scipy.spatial.transform import Rotation
+
+    from spisim.serving import Motion
+
+    place_m, turn = scene.drone_pose[:3, 3], Rotation.from_matrix(scene.drone_pose[:3, :3])
+    return Motion(0.0, duration_s, place_m, place_m, turn, turn)
+
+
+def _checked(ahead: int) -> int:
+    """Key poses of a path, all of which are kept."""
+    if ahead > MOST_AHEAD:
+        raise InputError(
+            f"the path has {ahead} key poses, at most {MOST_AHEAD} where it is flown in time: "
+            "tell a larger --spacing, a shorter path, or --lockstep"
+        )
+    return ahead
+
+
+def _placed(scene: Scene, text: str) -> Scene:
+    """A scene with the drone where an option says."""
+    from spisim.scene import at_moment
+    from spisim.scene.description import Moment
+
+    numbers = _numbers(text, "--pose", (3, 4, 5), "X,Y,Z[,YAW[,PITCH]] in m and degrees")
+    position = x, y, z = numbers[0], numbers[1], numbers[2]
+    ahead = tuple(scene.drone_pose[:3, 2].tolist())
+    up = tuple((-scene.drone_pose[:3, 1]).tolist())
+    if len(numbers) > 3:
+        yaw, pitch = (radians(angle) for angle in (*numbers[3:], 0.0)[:2])
+        ahead = cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), sin(pitch)
+        up = -cos(yaw) * sin(pitch), -sin(yaw) * sin(pitch), cos(pitch)
+    moment = Moment(
+        time_s=0.0,
+        position_m=position,
+        look_at_m=(x + ahead[0], y + ahead[1], z + ahead[2]),
+        up=up,
+    )
+    return at_moment(scene, moment)
+
+
+def _gust(text: str) -> Gust:
+    from spisim.serving import Gust
+
+    start_s, duration_s, x, y, z = _numbers(text, "--gust", (5,), "START,SECONDS,X,Y,Z in s and m")
+    if not duration_s > 0:
+        raise InputError(f"--gust {text}: it should last longer than 0 s")
+    return Gust(start_s, duration_s, (x, y, z))
+
+
+def _numbers(text: str, option: str, counts: tuple[int, ...], what: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in counts or not all(map(isfinite, numbers)):
+        raise InputError(f"{option} {text}: should be {what}")
+    return numbers

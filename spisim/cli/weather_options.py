@@ -1,0 +1,133 @@
+"""Options of the weather, the same for all commands that send light through a scene."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
+from inspect import Parameter, signature
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from reconstruction.errors import InputError
+
+from .options import real_option
+
+Visibility = Annotated[
+    float | None,
+    real_option("Fog of this visibility, in metres.", "--visibility", metavar="M"),
+]
+Fog = Annotated[
+    str | None,
+    typer.Option("--fog", metavar="KIND", help="Fog with these droplets, such as heavy-advection."),
+]
+Rain = Annotated[float | None, real_option("Rain of this rate.", "--rain", metavar="MM_PER_H")]
+Snow = Annotated[float | None, real_option("Snow of this rate.", "--snow", metavar="MM_PER_H")]
+Smoke = Annotated[
+    float | None, real_option("Smoke of this visibility, in metres.", "--smoke", metavar="M")
+]
+Clear = Annotated[
+    bool, typer.Option("--clear", help="Clear air, in place of the scene's fog and weather.")
+]
+Drops = Annotated[bool, typer.Option("--drops", help="Rain or snow of single drops or flakes.")]
+
+
+@dataclass(frozen=True)
+class Weather:
+    """What takes the place of a scene's own weather; nothing where nothing is told."""
+
+    visibility: Visibility = None
+    fog: Fog = None
+    rain: Rain = None
+    snow: Snow = None
+    smoke: Smoke = None
+    clear: Clear = False
+    drops: bool = False
+
+    def __post_init__(self) -> None:
+        """InputError for options that contradict each other."""
+        media = ("visibility", "fog", "rain", "snow", "smoke")
+        given = [f"--{name}" for name in media if getattr(self, name) is not None]
+        if self.clear and given:
+            raise InputError(f"--clear and {given[0]} exclude each other")
+        if self.drops and self.rain is None and self.snow is None:
+            raise InputError("--drops goes with --rain or --snow")
+
+    def sections(self, own_fog: Callable[[], dict[str, Any] | None]) -> dict[str, Any]:
+        """Sections of a scene file that change; `own_fog` reads the scene's, None clears one."""
+        from spisim.atmosphere.sections import WEATHER
+
+        if self.clear:
+            return dict.fromkeys((*WEATHER, "volumes"))
+        model = {"model": "drops"} if self.drops else {}
+        changed: dict[str, Any] = {
+            name: {"rate_mm_per_h": rate} | model
+            for name, rate in (("rain", self.rain), ("snow", self.snow))
+            if rate is not None
+        }
+        if self.smoke is not None:
+            changed["smoke"] = {"visibility_m": self.smoke}
+        if self.visibility is not None or self.fog is not None:
+            changed["fog"] = _fog(own_fog() or {}, self.visibility, self.fog)
+        return changed
+
+
+@dataclass(frozen=True)
+class WeatherOfDrops(Weather):
+    """Weather whose drops can be single ones: of commands that make readings over time."""
+
+    drops: Drops = False
+
+
+OWN_WEATHER = Weather()
+OWN_WEATHER_OF_DROPS = WeatherOfDrops()
+
+
+def with_weather(command: Callable[..., None]) -> Callable[..., None]:
+    """The command as Typer reads it: options in place of its parameter `weather`."""
+    kind = get_type_hints(command)["weather"]
+    options = _options(kind)
+
+    @wraps(command)
+    def told(**given: Any) -> None:
+        command(weather=kind(**{name: given.pop(name) for name in options}), **given)
+
+    parameters: list[Parameter] = []
+    for name, parameter in signature(command, eval_str=True).parameters.items():
+        parameters += options.values() if name == "weather" else [parameter]
+    whole = signature(command).replace(parameters=parameters)
+    told.__signature__ = whole  # type: ignore[attr-defined]
+    told.__annotations__ = {each.name: each.annotation for each in parameters}
+    return told
+
+
+def _options(kind: type[Weather]) -> dict[str, Parameter]:
+    hints = get_type_hints(kind, include_extras=True)
+    return {
+        field.name: Parameter(
+            field.name,
+            Parameter.POSITIONAL_OR_KEYWORD,
+            default=field.default,
+            annotation=hints[field.name],
+        )
+        for field in fields(kind)
+        if hasattr(hints[field.name], "__metadata__")
+    }
+
+
+def _fog(old: dict[str, Any], visibility_m: float | None, kind: str | None) -> dict[str, Any]:
+    """The scene's fog with another visibility, other droplets, or both."""
+    kept = {"kind", "droplets", "definition", "phase"}
+    if visibility_m is None:
+        kept |= {"visibility_m", "liquid_water_g_per_m3"}
+    if kind is not None:
+        kept -= {"kind", "droplets"}
+    new = {field: value for field, value in old.items() if field in kept}
+    if not isinstance(new.get("phase", ""), str):  # of a medium by coefficients
+        del new["phase"]
+    if visibility_m is not None:
+        new["visibility_m"] = visibility_m
+    if kind is not None:
+        new["kind"] = kind
+    if not new.keys() & {"visibility_m", "liquid_water_g_per_m3"}:
+        raise InputError("--fog needs --visibility: the scene's own fog has none")
+    return new

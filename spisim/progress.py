@@ -1,0 +1,65 @@
+"""How far long work is: a bar on a terminal, or below the cell of a notebook."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from html import escape
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+Advance: TypeAlias = Callable[[float], None]
+
+
+def progress_bar(title: str) -> AbstractContextManager[Advance]:
+    """Show a bar that the function in hand moves to a fraction, 0 to 1; none in files and pipes.
+
+    with spisim.progress_bar("Tracing light") as advance:
+        spisim.simulate(scene, instrument, progress=advance)
+    """
+    if _in_notebook():
+        return nullcontext(_below_the_cell(title))
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    return terminal_bar(title, console, shown=console.is_terminal)
+
+
+@contextmanager
+def terminal_bar(title: str, console: Console, *, shown: bool) -> Iterator[Advance]:
+    """A bar on a console."""
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not shown
+    ) as progress:
+        task = progress.add_task(title, total=1.0)
+        yield lambda fraction: progress.update(task, completed=fraction)
+
+
+def _in_notebook() -> bool:
+    """Whether a kernel runs this, and there is a page below whose cell a bar can stand."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+
+
+def _below_the_cell(title: str) -> Advance:
+    """A bar in HTML, which needs no widgets; stored with the notebook as it ends."""
+    from IPython.display import HTML, display
+
+    def drawn(fraction: float) -> HTML:
+        told = f"{escape(title)} {fraction:.0%}"
+        return HTML(f'<progress value="{fraction:.3f}"></progress> {told}')
+
+    shown = display(drawn(0.0), display_id=True)
+    return lambda fraction: shown.update(drawn(fraction))
