@@ -42,7 +42,7 @@ from spisim.transport.mitsuba_scene import read_mitsuba
 PAGE = Path(__file__).parents[1] / "docs" / "importing.md"
 READERS = {**FORMATS, ".xml": read_mitsuba}
 #: Formats that trimesh reads, too, in the file's own unit and axes.
-COMPARED = (".glb", ".gltf", ".obj", ".stl", ".ply", ".dae")
+COMPARED = (".glb", ".gltf", ".obj", ".stl", ".ply", ".off", ".dae")
 #: Bounds of equal files differ by so much of the scene's size at most.
 TOLERANCE = 1e-3
 OPENED, SECONDS, SEARCH_SECONDS = 0.95, 60.0, 5.0
@@ -337,7 +337,9 @@ def main() -> int:
         checks.append(Check(f"{suite.name}: unlike others'", len(suite.different), 0))
         if suite.different:
             print(f"{suite.name}: unlike others': {suite.different}", file=sys.stderr)
-    around = surroundings(["trimesh", "pycollada", "mitsuba", "usd-core", "DracoPy"])
+    around = surroundings(
+        ["trimesh", "pycollada", "mitsuba", "usd-core", "DracoPy", "meshoptimizer"]
+    )
     return finish(options, PAGE, "benchmark: importing", around, tables, checks)
 
 

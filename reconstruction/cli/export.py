@@ -30,7 +30,9 @@ TELL_EVERY_S = 5.0
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of this command."""
-    parser.add_argument("captures", metavar="CAPTURE", type=Path, nargs="+", help="capture file")
+    parser.add_argument(
+        "captures", metavar="CAPTURE", type=Path, nargs="+", help="capture, or result.h5"
+    )
     parser.add_argument(
         "-o", "--output", metavar="OUT", type=Path, required=True, help="folder, or FILE.mcap"
     )
@@ -63,7 +65,7 @@ def run(options: argparse.Namespace) -> None:
     print(printable(f"wrote {frames} frame(s) to {options.output}"))
 
 
-def _nowhere(capture: CaptureFile, frame: int) -> None:
+def _nowhere(capture: CaptureFile | None, frame: int) -> None:
     """No pose is known."""
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,19 +12,23 @@ from ..capture import CaptureFile, open_capture
 from ..errors import naming
 from ..reconstructor import Names, Reconstructor
 from .poses import Placed
+from .results import is_result, shot_of_result
 from .shot import Shot
 
-Place = Callable[[CaptureFile, int], Placed | None]
-"""When and where a frame of a capture was taken; None: not known."""
+Place = Callable[[CaptureFile | None, int], Placed | None]
+"""When and where a frame of a capture, or a result, was taken; None: not known."""
 
 UNKNOWN_PERIOD_S = 1.0
 """Between frames of which nobody knows when they were recorded."""
 
 
 def frames_in(captures: Sequence[Path]) -> int:
-    """How many frames captures have altogether; InputError for what is none."""
+    """How many frames captures and results have altogether; InputError for what is neither."""
     frames = 0
     for path in captures:
+        if is_result(path):
+            frames += 1
+            continue
         with open_capture(path) as capture:
             frames += capture.frames
     return frames
@@ -36,12 +41,23 @@ def shots_of(
 ) -> Iterator[Shot]:
     """Reconstruct all frames of captures, one after the other, by methods of a `Reconstructor`.
 
+    Results are taken as they are, a second apart.
+
     Times are those of ``place``, or else of the middle of each frame, counted from when its capture
     was made (from 1970 where it does not tell); no capture begins before the last one ends. Raises
     InputError, naming the capture, for what cannot be reconstructed.
     """
     next_ns = 0
     for path in captures:
+        if is_result(path):
+            placed = place(None, 0)
+            stamp_ns = next_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
+            if placed is not None and placed.time_s is not None:
+                stamp_ns = round(1e9 * placed.time_s)
+            shot = shot_of_result(path, stamp_ns, methods or {})
+            yield replace(shot, pose=None if placed is None else placed.pose)
+            next_ns = stamp_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
+            continue
         with open_capture(path) as capture, naming(path):
             reconstruct = Reconstructor(capture.setup, **dict(methods or {}))
             begun_ns = max(_created_ns(capture), next_ns)

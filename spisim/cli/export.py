@@ -30,7 +30,9 @@ def command(
     captures: Annotated[
         list[Path],
         typer.Argument(
-            metavar="CAPTURE...", help="Captures, or the folder of a flight.", show_default=False
+            metavar="CAPTURE...",
+            help="Captures, the folder of a flight, or results (result.h5).",
+            show_default=False,
         ),
     ],
     output: Annotated[

@@ -26,12 +26,13 @@ SECOND_NS = 10**9
 _stock = Stock()  # of this process
 
 
-def placed(capture: Capture | CaptureFile, frame: int) -> Placed | None:
+def placed(capture: Capture | CaptureFile | None, frame: int) -> Placed | None:
     """When, in a flight, and where a simulated frame was taken: the middle of it.
 
-    None for a recording of a real rig. Raises InputError for a capture whose scene is none.
+    None for a recording of a real rig, and a result. Raises InputError for a capture whose scene is
+    none.
     """
-    if not capture.provenance.scene:
+    if capture is None or not capture.provenance.scene:
         return None
     drone = Drone.of(capture.provenance.scene, "its scene", _stock)
     buckets = capture.setup.buckets

@@ -11,6 +11,7 @@ from reconstruction.capture import Capture, Frames, FrameTruth, Optics, Provenan
 from spisim.config import dump_yaml
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
+from spisim.measurement.electronics import Memory
 from spisim.measurement.light import BucketLight, bucket_light
 from spisim.measurement.spots import spot_light
 from spisim.scene import Scene
@@ -79,16 +80,18 @@ def record_frames(
     noise: bool = True,
     frames: int = 1,
     first: int = 0,
+    before: Memory | None = None,
 ) -> tuple[Frames, BucketLight]:
     """Readings of frames that follow each other, and the bucket's light that they were made from.
 
-    `first` is the number of the first of them; `truths` as in `record`.
+    `first` is the number of the first of them; `truths` as in `record`, `before` as in
+    `bucket_light`.
     """
     for_buckets, for_spots, for_drops = (
         np.random.default_rng(stream) for stream in streams.spawn(3)
     )
     drops = falling_drops(scene, instrument, truths, frames, for_drops)
-    mean = bucket_light(instrument, light, frames, drops, first=first)
+    mean = bucket_light(instrument, light, frames, drops, first=first, before=before)
     buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
     spots = instrument.tof.record(
         spot_light(instrument, light, frames, drops),

@@ -1,6 +1,7 @@
 """What one exposure has of others: AC coupling, and patterns that settle slowly."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,21 +9,38 @@ from reconstruction.arrays import Floats
 from spisim.instrument import Amplifier
 
 
-def slow_part(electrons: Floats, amplifier: Amplifier, period_s: float) -> Floats:
-    """What an AC-coupled amplifier takes off successive readings (frames, M).
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What electronics remember after a frame: the slow level, and the last light of each window.
 
-    A high-pass of one pole, settled on the first frame before the recording starts.
+    `level` is what an AC-coupled amplifier would take off the next reading, `light` (windows,) what
+    the last exposure of the bucket, and of each tap, would have been without the one before it.
+    """
+
+    level: float
+    light: Floats
+
+
+def slow_part(
+    electrons: Floats, amplifier: Amplifier, period_s: float, level: float | None = None
+) -> tuple[Floats, float]:
+    """What an AC-coupled amplifier takes off successive readings (frames, M), and the next one.
+
+    A high-pass of one pole that has come to a level before the recording starts: by default it is
+    settled on the first frame.
     """
     if amplifier.low_cut_hz is None:
-        return np.zeros_like(electrons)
+        return np.zeros_like(electrons), 0.0
     from scipy.signal import lfilter  # slow to import
 
     step = -math.expm1(-2 * math.pi * amplifier.low_cut_hz * period_s)
-    level = electrons[0].mean()
+    level = electrons[0].mean() if level is None else level
     # The level before a reading follows from all readings before it.
     deviations = electrons.ravel() - level
     followed = lfilter([0, step], [1, step - 1], deviations)
-    return np.asarray(level + followed).reshape(electrons.shape)
+    taken_off = np.asarray(level + followed).reshape(electrons.shape)
+    last = float(taken_off[-1, -1])
+    return taken_off, last + step * (float(electrons[-1, -1]) - last)
 
 
 def carried_over(
@@ -47,7 +65,13 @@ def carried_over(
     return (lacking(slow) - lacking(fast)) / ((slow - fast) * exposure_time_s)
 
 
-def with_carry_over(readings: Floats, share: float) -> Floats:
-    """Readings (frames, M) with a share of their predecessors; before the first comes the last."""
-    before = np.roll(readings.ravel(), 1).reshape(readings.shape)
+def with_carry_over(readings: Floats, share: float, last: float | None = None) -> Floats:
+    """Readings (frames, M) with a share of their predecessors.
+
+    Before the first comes the `last` one of an earlier recording, else that of this one.
+    """
+    in_turn = np.roll(readings.ravel(), 1)
+    if last is not None:
+        in_turn[0] = last
+    before = in_turn.reshape(readings.shape)
     return np.asarray((1 - share) * readings + share * before)

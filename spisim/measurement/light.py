@@ -12,7 +12,7 @@ from reconstruction.operators import expose
 from spisim.instrument import Instrument, Modulation
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.model import Source
-from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
+from spisim.measurement.electronics import Memory, carried_over, slow_part, with_carry_over
 from spisim.transport import Light, Transport
 from spisim.transport.drops import FallingDrops, on_buckets
 from spisim.transport.sequence import Interpolation
@@ -35,6 +35,7 @@ class BucketLight:
     buckets: Floats  # (frames, M)
     taken_off: Floats  # (frames, M): what an AC-coupled amplifier does not let through
     taps: Floats | None  # (frames, M, taps), of a projector that is modulated
+    after: Memory | None = None  # what the next frame begins with
 
 
 def bucket_light(
@@ -44,11 +45,13 @@ def bucket_light(
     drops: Sequence[FallingDrops] = (),
     *,
     first: int = 0,
+    before: Memory | None = None,
 ) -> BucketLight:
     """Electrons from the fractions of emitted power that the light transport found.
 
     Falling drops change the readings; the image is that without them. `first` is the number of the
-    first frame, which tells the patterns that it shows.
+    first frame, which tells the patterns that it shows. `before` is what the frame before it left;
+    without, it is as if that had been alike.
     """
     between = light.between(instrument.exposure_times_s(frames))
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
@@ -69,19 +72,31 @@ def bucket_light(
         steadies = np.concatenate([steadies, by_tap_steady])
     pictures = pictures * electrons
     changes = on_buckets(drops, pictures, between, electrons, _response(instrument))
-    buckets, *taps = (
+    settled = [
         _readings(instrument, between, first, *window)
         for window in zip(pictures, steadies, changes, strict=True)
+    ]
+    share = _carried(instrument)
+    last = [None] * len(settled) if before is None else before.light.tolist()
+    buckets, *taps = (
+        with_carry_over(each, share, each_last)
+        for each, each_last in zip(settled, last, strict=True)
     )
-    taken_off = np.zeros_like(buckets)
-    if instrument.detector.amplifier is not None:
-        taken_off = slow_part(buckets, instrument.detector.amplifier, instrument.pattern_period_s)
+    taken_off, level = np.zeros_like(buckets), 0.0
+    if (amplifier := instrument.detector.amplifier) is not None:
+        taken_off, level = slow_part(
+            buckets,
+            amplifier,
+            instrument.pattern_period_s,
+            None if before is None else before.level,
+        )
     return BucketLight(
         image=told.means(images) * switched,
         image_error=told.means(errors) * switched,
         buckets=buckets,
         taken_off=taken_off,
         taps=np.stack(taps, axis=-1) if taps else None,
+        after=Memory(level, np.array([each[-1, -1] for each in settled])),
     )
 
 
@@ -135,7 +150,10 @@ def _readings(
     steady: Floats,
     change: Floats,
 ) -> Floats:
-    """Exposures (frames, M) of images (keys, H, W), steady light (keys,) and a change of them."""
+    """Exposures (frames, M) of images (keys, H, W), steady light (keys,) and a change of them.
+
+    Each by itself, as if nothing of the one before it were left.
+    """
     dark = instrument.projector.dark_level
     total = images.sum(axis=(1, 2))[:, None]
     readings = change.copy()
@@ -146,14 +164,18 @@ def _readings(
         frames = slice(turn, None, len(plans))
         nearby = light[between.keys[frames], np.arange(plan.exposures)[:, None]]
         readings[frames] += (between.shares[frames] * nearby).sum(axis=-1)
+    return readings
+
+
+def _carried(instrument: Instrument) -> float:
+    """Share of a reading that belongs to the exposure before."""
     amplifier = instrument.detector.amplifier
     pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
-    share = carried_over(
+    return carried_over(
         (instrument.projector.settling_time_s, pole_s),
         instrument.exposure_time_s,
         instrument.pattern_period_s,
     )
-    return with_carry_over(readings, share)
 
 
 def _gain(instrument: Instrument, source: Source) -> float:

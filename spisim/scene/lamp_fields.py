@@ -130,7 +130,8 @@ class EnvironmentLampDescription(LampDescription):
 
     The same from everywhere, or `picture` times that: a PNG or NPY file (h, w) of the whole sphere,
     rows from the zenith down, columns from x by y (counter-clockwise seen from above), turned by
-    `rotate_deg` as objects are.
+    `rotate_deg` as objects are. Of an OpenEXR or Radiance file (.exr, .hdr) it is the red, and its
+    columns go clockwise from x, as such pictures are seen from within.
     """
 
     STRENGTHS = ("radiance_w_per_m2_sr", "luminance_kcd_per_m2")
@@ -142,7 +143,7 @@ class EnvironmentLampDescription(LampDescription):
     luminance_kcd_per_m2: Positive | None = None
     """From everywhere, taken for daylight's."""
     picture: Name | None = None
-    """PNG or NPY file (h, w) of the whole sphere, which multiplies it."""
+    """PNG, NPY, OpenEXR or Radiance (.hdr) file (h, w) of the whole sphere, which multiplies it."""
     rotate_deg: Vector = (0.0, 0.0, 0.0)
     """Turns the picture, as objects are turned."""
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.config.files import check_is_there, read_npy, read_picture
+from spisim.config.linear import LINEAR
 from spisim.scene.lamp_fields import (
     AnyLamp,
     AreaLampDescription,
@@ -200,7 +201,10 @@ def find_object(name: str, objects: Sequence[SceneObject]) -> SceneObject:
 
 def _read_environment(path: Path) -> NDArray[np.float32]:
     """Relative radiance (h, w); InputError for a file that is missing, or no such thing."""
-    if path.suffix.lower() != ".npy":
+    if reader := LINEAR.get(path.suffix.lower()):
+        check_is_there(path, "picture")
+        picture = reader(path)[:, ::-1]  # they are seen from within, the other way round
+    elif path.suffix.lower() != ".npy":
         picture = read_picture(path)
     else:
         check_is_there(path, "picture")

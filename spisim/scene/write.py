@@ -26,7 +26,7 @@ from spisim.scene.warning import SceneWarning
 #: Of the files of meshes, as their marks tell it.
 MESH = "mesh"
 #: Fields that name files.
-FILES = ("mesh", "density", "picture", "texture")
+FILES = ("mesh", "density", "picture", "texture", "opacity")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from reconstruction.arrays import Floats
 from reconstruction.capture import SURROGATE, Frames, Provenance, Setup
 from spisim.config import LightSource, dump_yaml
 from spisim.instrument import Instrument
-from spisim.measurement import record_frames, told_optics
+from spisim.measurement import Memory, record_frames, told_optics
 from spisim.scene import Scene
 from spisim.serving.keys import Keys
 from spisim.serving.motion import Motion
@@ -40,8 +40,8 @@ class Shot:
 class Camera:
     """Takes frames of an instrument in a scene; `keys` are where light is solved, `kept` of them.
 
-    Each frame is settled on itself, as if the one before it had been alike: what an amplifier
-    remembers reaches no farther back. Raises InputError where the light of the first key cannot be
+    Frames are taken one after the other: electronics remember the one before, and the first is
+    settled on itself. Raises InputError where the light of the first key cannot be
     solved.
     """
 
@@ -62,22 +62,35 @@ class Camera:
         self._seed = seed
         times_s = instrument.exposure_times_s(1)[0]
         self._shares = times_s / instrument.frame_time_s
+        self._memory: Memory | None = None
 
     def shoot(self, motion: Motion, number: int) -> Shot:
-        """The frame of a motion; equal numbers have equal noise."""
+        """The next frame, of a motion; equal numbers have equal noise."""
+        shot, self._memory = self._shoot(motion, number, self._memory)
+        return shot
+
+    def _shoot(
+        self, motion: Motion, number: int, before: Memory | None
+    ) -> tuple[Shot, Memory | None]:
         light = self.lattice.light(self._keys.places(motion, self._shares))
         middle = motion.scene(self.scene, 0.5)
         # Drops hide behind what they fall in front of.
         truths = [ground_truth(middle, self.instrument, subpixels=1)] if _has_drops(middle) else []
         streams = np.random.SeedSequence(self._seed, spawn_key=(STREAM, number))
         frame, mean = record_frames(
-            motion.scene(self.scene), self.instrument, light, truths, streams, first=number
+            motion.scene(self.scene),
+            self.instrument,
+            light,
+            truths,
+            streams,
+            first=number,
+            before=before,
         )
-        return Shot(number, motion, frame, mean.image[0], mean.image_error[0])
+        return Shot(number, motion, frame, mean.image[0], mean.image_error[0]), mean.after
 
     def setup(self, motion: Motion) -> Setup:
         """What its frames have in common, by one of any motion."""
-        none = self.shoot(motion, 0).frame.between(0, 0)
+        none = self._shoot(motion, 0, None)[0].frame.between(0, 0)
         plan, *later_plans = self.instrument.pattern_plans
         return Setup(
             plan=plan,

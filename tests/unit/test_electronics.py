@@ -61,10 +61,10 @@ def test_ac_coupling_takes_off_what_lasts() -> None:
     amplifier = Amplifier(noise_pa_per_sqrt_hz=0, coupling="ac", low_cut_hz=100)
     period_s = 1e-4
     steady = np.full((3, 50), 7.0)
-    np.testing.assert_allclose(slow_part(steady, amplifier, period_s), 7.0)
+    np.testing.assert_allclose(slow_part(steady, amplifier, period_s)[0], 7.0)
     step = np.zeros((1, 200))
     step[0, 100:] = 1.0
-    taken_off = slow_part(step, amplifier, period_s)[0]
+    taken_off = slow_part(step, amplifier, period_s)[0][0]
     forgets = np.exp(-2 * np.pi * amplifier.low_cut_hz * period_s * np.arange(200))
     np.testing.assert_allclose(taken_off[:100], 0.5 * forgets[:100], atol=1e-12)
     expected = 0.5 * forgets[100:] + 1 - forgets[:100]
@@ -72,7 +72,7 @@ def test_ac_coupling_takes_off_what_lasts() -> None:
 
 
 def test_dc_coupling_takes_off_nothing() -> None:
-    assert not slow_part(np.ones((2, 3)), Amplifier(noise_pa_per_sqrt_hz=0), 1e-4).any()
+    assert not slow_part(np.ones((2, 3)), Amplifier(noise_pa_per_sqrt_hz=0), 1e-4)[0].any()
 
 
 @pytest.mark.parametrize("poles", [(3e-6, 1e-6), (2e-6, 0.0), (2e-6, 2e-6), (0.0, 0.0)])
@@ -96,3 +96,19 @@ def test_carried_over_light_is_not_lost() -> None:
     mixed = with_carry_over(readings, 0.1)
     assert mixed.sum() == pytest.approx(readings.sum())
     assert mixed[0].tolist() == pytest.approx([1.5, 1.9, 2.9])
+
+
+def test_frames_one_by_one_remember_as_a_recording_does():
+    """The level of an AC-coupled amplifier, and the last exposure."""
+    amplifier = Amplifier(noise_pa_per_sqrt_hz=0, coupling="ac", low_cut_hz=50.0)
+    readings = np.random.default_rng(3).random((3, 40)) * 1e4
+    level = readings[0].mean()
+    whole, last = slow_part(readings, amplifier, 1e-4)
+    mixed = with_carry_over(readings, 0.1, readings[0, -1])
+    before = float(readings[0, -1])
+    for frame, expected, expected_mix in zip(readings, whole, mixed, strict=True):
+        taken_off, level = slow_part(frame[None], amplifier, 1e-4, level)
+        np.testing.assert_allclose(taken_off[0], expected)
+        np.testing.assert_allclose(with_carry_over(frame[None], 0.1, before)[0], expected_mix)
+        before = float(frame[-1])
+    assert level == pytest.approx(last)

@@ -16,6 +16,7 @@ from reconstruction import InputError, reconstruct, write_capture
 from reconstruction.cli import main
 from reconstruction.depth import pixel_rays
 from reconstruction.exports.poses import OPTICAL_IN_BODY, quaternion_of, rotation
+from reconstruction.outputs.result_file import result_bytes
 from spisim.dataset import EXPORTS
 from spisim.dataset.shots import placed
 from spisim.scene import make_scene
@@ -269,3 +270,19 @@ def test_a_data_set_without_samples_or_truth_is_refused(data, capture, tmp_path)
     with pytest.raises(InputError, match=r"000000\.h5: holds no truth"):
         EXPORTS["nerf"](spisim.dataset.open(blind), tmp_path / "out", 0)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_result_is_exported_as_its_capture_is(recording, file, tmp_path, capsys):
+    """Its optics follow from the lengths of the pixels' rays."""
+    found = tmp_path / "result.h5"
+    found.write_bytes(result_bytes(reconstruct(recording)))
+    export(found, "-o", tmp_path / "a", "--format", "pcd")
+    export(file, "-o", tmp_path / "b", "--format", "pcd")
+    ours, theirs = (
+        read_pcd((tmp_path / name / "000000.pcd").read_bytes())[0] for name in ("a", "b")
+    )
+    for axis in "xyz":
+        np.testing.assert_allclose(ours[axis], theirs[axis], rtol=1e-5, atol=1e-6)
+    assert main(["export", str(found), "-o", str(tmp_path / "c"), "--depth", "nope"]) != 0
+    assert "holds no depth by 'nope'" in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()

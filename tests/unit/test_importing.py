@@ -295,3 +295,69 @@ def test_a_reader_of_another_format(tmp_path: Path) -> None:
     assert_same(written(report), trimesh.creation.box((2, 2, 2)))
     with pytest.raises(InputError, match=r"unknown format '\.crate'"):
         import_scene(tmp_path / "a.crate", tmp_path / "b.yaml")
+
+
+def test_obj_in_other_encodings(tmp_path: Path) -> None:
+    for coding in ("utf-16", "utf-8-sig"):
+        file = tmp_path / f"{coding}.obj"
+        file.write_text("v 0 0 0\nv 4 0 0\nv 0 4 0\nf 1 2 3\n", encoding=coding)
+        assert taken(file, overwrite=True).triangles == 1
+
+
+def test_off(tmp_path: Path) -> None:
+    tetrahedron().export(tmp_path / "a.off")
+    assert_same(written(taken(tmp_path / "a.off")), tetrahedron())
+    text = (tmp_path / "a.off").read_text()
+    (tmp_path / "cut.off").write_text(text[: len(text) // 2])
+    with pytest.raises(InputError, match=r"cut\.off"):
+        taken(tmp_path / "cut.off", overwrite=True)
+
+
+def test_collada_with_commas_and_what_is_not_in_it(tmp_path: Path) -> None:
+    """One node shows a camera that is gone; the others are there as before."""
+    whole = tmp_path / "whole.dae"
+    whole.write_text(collada())
+    text = collada().replace("0 0 0 1000 0", "0,0 0,00 0 1000,000 0")
+    text = text.replace("0.9 0.9 0.9 1<", "0,900000 0,900000 0,900000 1<")
+    gone = '<node name="eye"><instance_camera url="#gone"/></node></visual_scene>'
+    (tmp_path / "a.dae").write_text(text.replace("</visual_scene>", gone))
+    report = taken(tmp_path / "a.dae")
+    assert any("camera '#gone' is not in the file" in note for note in report.notes)
+    assert_same(written(report), written(taken(whole, overwrite=True)))
+
+
+SKIN = """<library_controllers><controller id="k"><skin source="#g">
+<bind_shape_matrix>1 0 0 0 0 1 0 7000 0 0 1 0 0 0 0 1</bind_shape_matrix>
+<source id="j"><Name_array id="ja" count="1">bone</Name_array><technique_common><accessor
+ source="#ja" count="1"><param name="JOINT" type="Name"/></accessor></technique_common></source>
+<source id="b"><float_array id="ba" count="16">1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</float_array>
+<technique_common><accessor source="#ba" count="1" stride="16"><param name="T" type="float4x4"/>
+</accessor></technique_common></source>
+<source id="w"><float_array id="wa" count="1">1</float_array><technique_common><accessor
+ source="#wa" count="1" stride="1"><param name="W" type="float"/></accessor></technique_common>
+</source><joints><input semantic="JOINT" source="#j"/>
+<input semantic="INV_BIND_MATRIX" source="#b"/></joints>
+<vertex_weights count="4"><input semantic="JOINT" source="#j" offset="0"/>
+<input semantic="WEIGHT" source="#w" offset="1"/><vcount>1 1 1 1</vcount><v>0 0 0 0 0 0 0 0</v>
+</vertex_weights></skin></controller></library_controllers><library_visual_scenes>"""
+
+
+def test_skins_of_collada_are_as_they_were_bound(tmp_path: Path) -> None:
+    text = collada().replace("<library_visual_scenes>", SKIN)
+    one, _, two = text.partition('<node id="b"')
+    bound = two.replace('instance_geometry url="#g"', 'instance_controller url="#k"')
+    (tmp_path / "a.dae").write_text(
+        f'{one}<node id="b"{bound.replace("</instance_geometry>", "</instance_controller>", 1)}'
+    )
+    report = taken(tmp_path / "a.dae")
+    assert any("bind pose" in note for note in report.notes)
+    expected = tetrahedron().apply_translation([0, 7, -4]).apply_transform(Y_UP)
+    np.testing.assert_allclose(written(report).bounds[1][2], expected.bounds[1][2], atol=1e-6)
+
+
+def test_a_damaged_material_of_gltf_is_a_note(tmp_path: Path) -> None:
+    header = triangle_header(materials=[{"pbrMetallicRoughness": [1]}])
+    header["meshes"][0]["primitives"][0]["material"] = 0
+    (tmp_path / "a.glb").write_bytes(glb(header, TRIANGLE))
+    report = taken(tmp_path / "a.glb")
+    assert "material 0 is damaged: it is not used" in report.notes

@@ -1,11 +1,11 @@
-"""Lamps and cameras of Gazebo and glTF."""
+"""Lamps and cameras of Gazebo, glTF, COLLADA and OpenUSD."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from foreign import TRIANGLE, glb, taken, triangle_header
+from foreign import TRIANGLE, collada, glb, taken, triangle_header
 from spisim.scene.lamps import solid_angle
 
 BOX = "<visual name='v'><geometry><box/></geometry></visual>"
@@ -48,6 +48,31 @@ def test_lamps_of_gazebo(tmp_path: Path) -> None:
     assert lamps["head"].cutoff_rad == pytest.approx(0.5)
     assert lamps["head"].beam_rad == pytest.approx(0.25)
     assert any("'out' is left out" in note for note in report.notes)
+
+
+@pytest.mark.parametrize(
+    ("attenuation", "amount", "told"),
+    [
+        ("<constant>0</constant><linear>0</linear><quadratic>0.5</quadratic>", 6, "W/sr; it ends"),
+        ("<constant>0.9</constant><linear>0.01</linear><quadratic>0.001</quadratic>", 3,
+         "as 1 / (0.9 + 0.01 d + 0.001 d²) there, as 1 / d² here; it ends at 10 m there"),
+        ("<range>500</range>", 3, "as 1 / (1 + 1 d) there, as 1 / d² here"),
+    ],
+)  # fmt: skip
+def test_attenuation_of_gazebo(tmp_path: Path, attenuation: str, amount: float, told: str) -> None:
+    """Light that falls with the square of the distance is as bright here; other is told."""
+    file = world(
+        tmp_path / "a.sdf",
+        "<light name='bulb' type='point'><pose>0 0 5 0 0 0</pose><intensity>3</intensity>"
+        f"<attenuation>{attenuation}</attenuation></light>"
+        "<light name='night' type='point'><light_on>false</light_on></light>"
+        f"<model name='m'><link name='l'>{BOX}</link></model>",
+    )
+    report = taken(file, lamps="watts")
+    (lamp,) = report.written.scene.lamps
+    assert lamp.intensity.amount == pytest.approx(amount)
+    assert any("'bulb'" in note and told in note for note in report.notes), report.notes
+    assert any("'night' is left out" in note for note in report.notes)
 
 
 def test_an_included_sun(tmp_path: Path) -> None:
@@ -135,3 +160,125 @@ def test_lines_of_obj_are_left_out(tmp_path: Path) -> None:
     report = taken(tmp_path / "a.obj")
     assert report.triangles == 1
     assert any("points and lines are left out" in note for note in report.notes)
+
+
+LIGHTS = """<library_lights>
+ <light id="p"><technique_common><point><color>3 6 0</color><constant_attenuation>0
+ </constant_attenuation><quadratic_attenuation>0.25</quadratic_attenuation></point>
+ </technique_common></light>
+ <light id="s"><technique_common><spot><color>2 2 2</color><falloff_angle>60</falloff_angle></spot>
+ </technique_common></light>
+ <light id="d"><technique_common><directional><color>4 4 4</color></directional></technique_common>
+ </light>
+ <light id="a"><technique_common><ambient><color>1 1 1</color></ambient></technique_common></light>
+</library_lights><library_cameras><camera id="c"><optics><technique_common><perspective>
+<xfov>40</xfov><znear>0.1</znear><zfar>10</zfar></perspective></technique_common></optics></camera>
+</library_cameras><library_visual_scenes>"""
+NODES = """<node name="over"><translate>0 9000 0</translate><rotate>1 0 0 -90</rotate>
+<instance_light url="#p"/></node><node name="eye"><translate>0 0 9000</translate>
+<instance_camera url="#c"/><instance_light url="#s"/><instance_light url="#d"/>
+<instance_light url="#a"/></node></visual_scene>"""
+
+
+def test_lamps_and_cameras_of_collada(tmp_path: Path) -> None:
+    """In millimetres: what is 1000 times as near is a million times as bright, of W/sr."""
+    text = collada().replace("<library_visual_scenes>", LIGHTS).replace("</visual_scene>", NODES)
+    (tmp_path / "a.dae").write_text(text)
+    report = taken(tmp_path / "a.dae", lamps="watts")
+    point, spot, sun = report.written.scene.lamps
+    assert point.intensity.amount == pytest.approx(3 * 4 * 1e-6)
+    np.testing.assert_allclose(point.position_m, [0, 0, 9], atol=1e-6)
+    assert spot.intensity.amount == pytest.approx(2e-6)
+    assert spot.cutoff_rad == spot.beam_rad == pytest.approx(np.radians(30))
+    np.testing.assert_allclose(spot.position_m, [0, -9, 0], atol=1e-6)
+    for lamp in (spot, sun):
+        np.testing.assert_allclose(lamp.direction, [0, 1, 0], atol=1e-6)
+    assert sun.irradiance.amount == pytest.approx(4)
+    assert any("ambient light is left out" in note for note in report.notes)
+    assert report.drone.why == "the file's camera"
+    np.testing.assert_allclose(report.drone.position_m, [0, -9, 0], atol=1e-6)
+
+
+STAGE = """#usda 1.0
+(
+  metersPerUnit = 1
+  upAxis = "Z"
+)
+def Cube "crate" {{
+  double size = 2
+}}
+def {kind} "lamp" {{
+  float inputs:intensity = 2
+  float inputs:exposure = 1
+  {more}
+  double3 xformOp:translate = (0, 0, 4)
+  uniform token[] xformOpOrder = ["xformOp:translate"]
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "quantity", "amount"),
+    [
+        ("SphereLight", "float inputs:radius = 0.5", "intensity", np.pi),
+        ("SphereLight", "bool inputs:normalize = 1", "intensity", 1.0),
+        ("SphereLight", "float inputs:shaping:cone:angle = 30", "intensity", np.pi),
+        ("DistantLight", "bool inputs:normalize = 1", "irradiance", 4.0),
+        ("DistantLight", "float inputs:angle = 60", "irradiance", np.pi),
+        ("RectLight", "float inputs:width = 0.5", "radiance", 4.0),
+        ("DiskLight", "bool inputs:normalize = 1", "radiance", 4 / (np.pi / 4)),
+        ("CylinderLight", "float inputs:radius = 0.1", "radiance", 4.0),
+        ("DomeLight", "color3f inputs:color = (1, 0.5, 0)", "radiance", 2.0),
+        ("DomeLight_1", "asset inputs:texture:file = @b.hdr@", "radiance", 4.0),
+    ],
+)
+def test_lamps_of_usd(tmp_path: Path, kind: str, more: str, quantity: str, amount: float) -> None:
+    """Radiances, times the size that a lamp has, or over it."""
+    pytest.importorskip("pxr")
+    write_hdr(tmp_path / "b.hdr")
+    (tmp_path / "a.usda").write_text(STAGE.format(kind=kind, more=more))
+    assert len(taken(tmp_path / "a.usda").written.scene.objects) == 1
+    report = taken(tmp_path / "a.usda", lamps="watts", overwrite=True)
+    (lamp,) = report.written.scene.lamps
+    assert getattr(lamp, quantity).amount == pytest.approx(amount, rel=2e-3)
+    if quantity != "radiance":
+        np.testing.assert_allclose(lamp.direction, [0, 0, -1], atol=1e-6)
+    elif not kind.startswith("Dome"):
+        panel = next(o.mesh for o in report.written.scene.objects if o.name == "lamp")
+        down = panel.face_normals[:, 2] < -0.99
+        assert down.all() or kind == "CylinderLight"
+        assert panel.bounds[:, 2].mean() == pytest.approx(4, abs=1e-6)
+    if "cone" in more:
+        assert lamp.cutoff_rad == lamp.beam_rad == pytest.approx(np.radians(30))
+    if "b.hdr" in more:  # z up: the picture's middle is in -y, its left quarter in x
+        column = int(lamp.picture.max(axis=0).argmax())
+        azimuth = (column + 0.5) / lamp.picture.shape[1] * 2 * np.pi
+        seen = lamp.to_world @ [np.cos(azimuth), np.sin(azimuth), 0]
+        np.testing.assert_allclose(seen, [0, -1, 0], atol=0.3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "told"),
+    [
+        ("RectLight", "float inputs:width = 0", "size"),
+        ("SphereLight", "color3f inputs:color = (0, 0, 0)", "gives no light"),
+        ("GeometryLight", "", "GeometryLight is not read"),
+        ("DomeLight", "asset inputs:texture:file = @gone.hdr@", "no file 'gone.hdr'"),
+        ("DomeLight", "asset inputs:texture:file = @../b.hdr@", "outside the folders"),
+        ("DomeLight", "asset inputs:texture:file = @a.usda@", "no picture that can be read"),
+    ],
+)
+def test_lamps_of_usd_that_are_none(tmp_path: Path, kind: str, more: str, told: str) -> None:
+    pytest.importorskip("pxr")
+    (tmp_path / "a.usda").write_text(STAGE.format(kind=kind, more=more))
+    report = taken(tmp_path / "a.usda", lamps="watts")
+    assert not report.written.scene.lamps
+    assert any(told in note for note in report.notes), report.notes
+
+
+def write_hdr(path: Path) -> None:
+    """Eight rows of 16 pixels, not packed: bright in the middle, dim elsewhere."""
+    rgbe = np.zeros((8, 16, 4), np.uint8)
+    rgbe[...] = (16, 0, 0, 129)  # 16 / 256 * 2
+    rgbe[4, 8] = (128, 0, 0, 129)
+    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 16\n" + rgbe.tobytes())

@@ -501,3 +501,20 @@ def test_the_first_sensor_in_the_open_is_the_drone(tmp_path: Path) -> None:
     drone = taken(scene(tmp_path / "a.xml", sensors + shape("cube"))).drone
     assert drone.why == "camera 2 of the file"
     np.testing.assert_allclose(drone.position_m, [6, 0, 0])
+
+
+def test_a_sampler_that_a_sensor_refers_to(tmp_path: Path) -> None:
+    body = (
+        '<sampler type="independent" id="s"/><sensor type="perspective"><ref id="s"/></sensor>'
+        + shape("cube")
+    )
+    assert_same(written(taken(scene(tmp_path / "a.xml", body))), CUBE)
+
+
+def test_missing_meshes_may_be_left_out(tmp_path: Path) -> None:
+    gone = shape("obj", '<string name="filename" value="gone.obj"/>')
+    report = taken(scene(tmp_path / "a.xml", gone + shape("cube")), skip_missing=True)
+    assert_same(written(report), CUBE)
+    assert any(note.startswith("left out: ") and "gone.obj" in note for note in report.notes)
+    with pytest.raises(InputError, match=r"no shapes.*left out.*gone\.obj"):
+        taken(scene(tmp_path / "b.xml", gone), skip_missing=True, overwrite=True)

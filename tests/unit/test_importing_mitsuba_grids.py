@@ -178,3 +178,12 @@ def test_a_missing_picture_of_all_around_is_a_note(tmp_path: Path) -> None:
     report = taken(tmp_path / "a.xml", lamps="watts")
     assert not report.written.scene.lamps
     assert any("gone.exr" in note and "left out" in note for note in report.notes)
+
+
+def test_other_ways_between_cells_are_told(tmp_path: Path) -> None:
+    write_volume(tmp_path / "s.vol", RNG.random((2, 3, 4)))
+    ways = '<string name="filter_type" value="nearest"/><string name="wrap_mode" value="repeat"/>'
+    inside = grid("sigma_t", "s.vol").replace("</volume>", f"{ways}</volume>")
+    notes = " ".join(taken(scene(tmp_path / "a.xml", inside)).notes)
+    assert "its grid of sigma_t is nearest there" in notes
+    assert "repeated there beyond its box" in notes

@@ -272,7 +272,7 @@ def test_instances_count_as_triangles(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ('url="#g"', 'url="#h"', "Geometry #h not found"),
+        ('url="#g"', 'url="#h"', "geometry '#h' is not in the file"),
         ('url="#s"', 'url="#t"', "refers to what is not there|no scene"),
         ("0 2 1 0 1 3", "0 2 1 0 1 9", "vertex not in the file|cannot be read"),
         ("0 0 0 1000", "0 0 0 NaN", "not finite"),

@@ -1,6 +1,8 @@
 """Commands back to whoever sends frames: what they say, and what is none."""
 
+import gc
 import struct
+import sys
 import zlib
 
 import numpy as np
@@ -52,13 +54,13 @@ def test_rounding_of_a_quaternion_is_taken_off():
     assert pose == Pose()
 
 
-def test_thousands_of_changed_commands_do_no_harm():
+def fuzz(inputs):
     """What the parser takes for sound was sent, and what tells a pose tells a finite one."""
     rng = np.random.default_rng(2)
     parser = Parser()
     sent = {command(TOLD, 1)[HEADER.size : -4], b""}
     sound = 0
-    for _ in range(3000):
+    for _ in range(inputs):
         content = bytearray(command(TOLD if rng.random() < 0.8 else None, int(rng.integers(2**32))))
         for _ in range(rng.integers(0, 3)):
             at = int(rng.integers(len(content)))
@@ -77,4 +79,19 @@ def test_thousands_of_changed_commands_do_no_harm():
         except InputError:
             continue
         assert pose is None or np.isfinite([*pose.position_m, *pose.quaternion]).all()
-    assert sound > 500
+        assert len(parser._bytes) <= 2**17
+    return sound
+
+
+def test_thousands_of_changed_commands_do_no_harm():
+    assert fuzz(3_000) > 500
+
+
+@pytest.mark.slow
+def test_a_million_changed_commands_do_no_harm_and_take_no_memory():
+    fuzz(1_000)
+    gc.collect()
+    before = sys.getallocatedblocks()
+    assert fuzz(1_000_000) > 200_000
+    gc.collect()
+    assert sys.getallocatedblocks() - before < 1_000

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 Textures = Literal["mean", "picture", "off"]
 Lamps = Literal["off", "watts"]
+Surfaces = Literal["guess", "file"]
 EXAMPLE = "spisim scenes import hangar.glb -o hangar.yaml"
 
 #: Where Gazebo looks for models; read for convenience, --model-path does the same.
@@ -34,7 +35,7 @@ def command(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A scene or mesh: .glb .gltf .obj .stl .ply .dae .usd .usda .usdc .urdf .sdf "
+            help="A scene or mesh: .glb .gltf .obj .stl .ply .off .dae .usd .usda .usdc .urdf .sdf "
             ".world, Mitsuba's .xml.",
             show_default=False,
         ),
@@ -60,7 +61,9 @@ def command(
     ] = None,
     skip_missing: Annotated[
         bool,
-        typer.Option(help="Leave out, and tell, what needs files that are missing (Gazebo)."),
+        typer.Option(
+            help="Leave out, and tell, what needs files that are missing (Gazebo, robots, Mitsuba)."
+        ),
     ] = False,
     ground: Annotated[
         str | None,
@@ -80,6 +83,13 @@ def command(
             "as watts within the instrument's band."
         ),
     ] = "off",
+    surfaces: Annotated[
+        Surfaces,
+        typer.Option(
+            help="Materials guessed for 1550 nm, or as the file has them in its own light, red "
+            "(Mitsuba)."
+        ),
+    ] = "guess",
     drone: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="Where the drone is, metres, z up.")
     ] = None,
@@ -103,6 +113,7 @@ def command(
         ground,
         textures,
         lamps,
+        surfaces,
         None if drone is None else _point("--drone", drone),
         None if look_at is None else _point("--look-at", look_at),
         overwrite,

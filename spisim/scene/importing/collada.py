@@ -15,6 +15,8 @@ import trimesh
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
+from spisim.scene.importing.collada_lamps import light
+from spisim.scene.importing.collada_mending import mended
 from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.model import (
     Axis,
@@ -29,6 +31,9 @@ from spisim.scene.importing.xml import parse_xml
 from spisim.scene.shapes import check_mesh
 
 AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
+#: Cameras look along their -z, x to the right.
+LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
+BOUND = "skins are left out: skinned meshes are in their bind pose"
 #: Nodes instanced within nodes.
 MAX_DEPTH = 400
 MAX_NODES = 200_000
@@ -40,21 +45,23 @@ def read_collada(path: Path, folders: Folders) -> Content:
     from collada.common import DaeBrokenRefError, DaeIncompleteError, DaeUnsupportedError
 
     data = read_bytes(path)
-    parse_xml(data, path)  # for what it refuses: pycollada's own parser expands entities
+    root = parse_xml(data, path)  # for what it refuses: pycollada's own parser expands entities
     _refuse_nan(data)
     with readable(str(path), "a COLLADA file"):
-        lacking = [DaeUnsupportedError, DaeBrokenRefError, DaeIncompleteError]
-        document = collada.Collada(io.BytesIO(data), ignore=lacking)
+        data, lacking = mended(root, data)
+        overlooked = [DaeUnsupportedError, DaeBrokenRefError, DaeIncompleteError]
+        document = collada.Collada(io.BytesIO(data), ignore=overlooked)
         if document.scene is None:
             raise InputError(f"{path}: has no scene")
         content = _empty(document.assetInfo)
-        for lack in document.errors:
-            content.note(f"{path.name}: {_told(lack)}")
+        lacking += [_told(lack) for lack in document.errors]
+        for lack in lacking:
+            content.note(f"{path.name}: {lack}")
         walk = _Walk(content, _pictures(document, path, folders, content))
         for node in document.scene.nodes:
             walk.add(node, np.eye(4), path.stem, 0)
-        if not content.parts and document.errors:
-            raise InputError(f"{path}: holds no triangles that can be read: {content.notes[0]}")
+        if not content.parts and lacking:
+            raise InputError(f"{path}: holds no triangles that can be read: {lacking[0]}")
         return content
 
 
@@ -97,7 +104,14 @@ class _Walk:
 
     def add(self, node: Any, parent: Floats, name: str, depth: int) -> None:
         """A node and all below it; InputError for too many, which instances in turn soon make."""
-        from collada.scene import ControllerNode, GeometryNode, LightNode, Node, NodeNode
+        from collada.scene import (
+            CameraNode,
+            ControllerNode,
+            GeometryNode,
+            LightNode,
+            Node,
+            NodeNode,
+        )
 
         self._nodes += 1
         if self._nodes > MAX_NODES:
@@ -111,19 +125,31 @@ class _Walk:
             for child in node.children:
                 self.add(child, to_world, node.name or node.id or name, depth + 1)
         elif isinstance(node, GeometryNode):
-            self._add_geometry(node, parent, name)
+            self._add_geometry(node.geometry, node.materials, parent, name)
         elif isinstance(node, ControllerNode):
-            self._content.note(f"node {shown(name)}: skinned meshes are left out")
+            self._add_controlled(node, parent, name)
         elif isinstance(node, LightNode):
-            self._content.note("lamps are left out; give `lamps` in the scene file")
+            self._content.glows += light(node.light, parent, name, self._content)
+        elif isinstance(node, CameraNode):
+            self._content.cameras.append(parent @ LOOKING)
 
-    def _add_geometry(self, node: Any, to_world: Floats, name: str) -> None:
-        geometry = node.geometry
+    def _add_controlled(self, node: Any, to_world: Floats, name: str) -> None:
+        """A skinned mesh as it was bound to its joints, or a morphed one as it began."""
+        from collada.controller import Morph, Skin
+
+        controller = node.controller
+        if isinstance(controller, Skin):
+            bind = np.asarray(controller.bind_shape_matrix, float).reshape(4, 4)
+            self._content.note(BOUND)
+            self._add_geometry(controller.geometry, node.materials, to_world @ bind, name)
+        elif isinstance(controller, Morph):
+            self._content.note("morphs are left out: their meshes are as they begin")
+            self._add_geometry(controller.source_geometry, node.materials, to_world, name)
+
+    def _add_geometry(self, geometry: Any, materials: Any, to_world: Floats, name: str) -> None:
         if id(geometry) not in self._meshes:
             self._meshes[id(geometry)] = _meshes(geometry, self._content)
-        surfaces = {
-            bound.symbol: _surface(bound.target, self._pictures) for bound in node.materials
-        }
+        surfaces = {bound.symbol: _surface(bound.target, self._pictures) for bound in materials}
         for mesh, symbol in self._meshes[id(geometry)]:
             surface = surfaces.get(symbol, Surface(symbol))
             self._content.add(Part(name or geometry.name, mesh, to_world, surface))

@@ -21,6 +21,7 @@ from spisim.scene.importing.model import Content, Reader
 from spisim.scene.importing.sdf import read_sdf
 from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.importing.textures import Pictured, Use
+from spisim.scene.importing.told import ToldMaterials
 from spisim.scene.importing.units import choose_unit, choose_up, odd_sizes, to_metres
 from spisim.scene.importing.urdf import read_urdf
 from spisim.scene.importing.usd import read_usd
@@ -59,7 +60,7 @@ class Options:
     `units` is a name of `UNITS` or "auto"; `up` a letter of `TO_Z_UP`, or None for the file's own.
     `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything;
     `textures` what becomes of pictures: the mean of them, the whole, or nothing; `lamps` what of
-    lamps, which have no unit.
+    lamps, which have no unit; `surfaces` whether materials are guessed, or as the file has them.
     """
 
     units: str = "auto"
@@ -72,6 +73,7 @@ class Options:
     ground: str | None = None
     textures: Use = "mean"
     lamps: Literal["off", "watts"] = "off"
+    surfaces: Literal["guess", "file"] = "guess"
     position_m: Vector3 | None = None
     look_at_m: Vector3 | None = None
     overwrite: bool = False
@@ -125,8 +127,12 @@ def import_scene(
     if options.materials is not None:
         check_map(chosen, content.parts, options.materials)
     pictured = Pictured(options.textures)
-    matches = [match(part, chosen, pictured) for part in content.parts]
+    told = ToldMaterials() if options.surfaces == "file" else None
+    matches = [match(part, chosen, pictured, told) for part in content.parts]
     content.notes += pictured.notes
+    if told is not None:
+        _check_told(told, file)
+        content.notes += told.notes
     if pictured.rows:
         content.note(
             f"textures taken as reflectances, by a rule of thumb: {len(pictured.rows)}; {BEWARE}"
@@ -142,9 +148,11 @@ def import_scene(
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)
     fields, meshes, arrays = scene_fields(output.stem, content, matches, drone, file.name)
-    if pictured.rows:
-        fields["materials"] = pictured.rows
-    written = write_scene(output, fields, meshes, HEADER, arrays | pictured.files)
+    own = pictured.rows | (told.rows if told else {})
+    if own:
+        fields["materials"] = own
+    more = told.files if told else {}
+    written = write_scene(output, fields, meshes, HEADER, arrays | pictured.files | more)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
     if not near <= drone.nearest_m <= far:
@@ -173,6 +181,15 @@ def _reader(file: Path, readers: Mapping[str, Reader]) -> Reader:
     if not file.is_file():
         raise InputError(f"{file}: no such file")
     return readers[suffix]
+
+
+def _check_told(told: ToldMaterials, file: Path) -> None:
+    """InputError where a file tells nothing that could be kept."""
+    if not told.rows:
+        raise InputError(
+            f"{file}: --surfaces file: nothing in it tells surfaces in a way that is read; so do "
+            "Mitsuba's scenes"
+        )
 
 
 @contextmanager
@@ -232,7 +249,9 @@ def _lit(content: Content, lamps: Literal["off", "watts"]) -> Content:
         return content
     if lamps == "watts":
         content.note(f"lamps: {count}, {WATTS}")
-        return content
+        panels = [glow.panel for glow in content.glows if glow.panel is not None]
+        others = [glow for glow in content.glows if glow.panel is None]
+        return replace(content, parts=[*content.parts, *panels], glows=others)
     content.note(f"lamps: {count}, {OFF}")
     dark = [replace(part, radiance=0.0) if part.radiance else part for part in content.parts]
     return replace(content, parts=dark, glows=[])

@@ -18,6 +18,7 @@ from spisim.scene.pose import pose_matrix
 
 SEPARATOR = "::"
 MAX_DEPTH = 200
+NAMELESS = "a model, link, joint or frame in it has no name"
 
 
 def read_pose(element: Element | None, what: str) -> tuple[Floats, str]:
@@ -51,7 +52,7 @@ class Frames:
     def add(self, name: str, pose: Floats, relative_to: str, inner: Frames | None = None) -> None:
         """A frame, and for a model its own frames; InputError for a name that is taken."""
         if not name:
-            raise InputError(f"{self._what}: something in it has no name")
+            raise InputError(f"{self._what}: {NAMELESS}")
         if name in self._poses or name == self._root:
             raise InputError(f"{self._what}: two things in it are named {shown(name)}")
         self._poses[name] = (pose, relative_to)

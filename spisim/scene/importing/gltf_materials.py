@@ -26,7 +26,14 @@ def read_surfaces(
         for number, row in enumerate(header.get("images", []))
     ]
     textures = [_found(row, images) for row in header.get("textures", [])]
-    return [_surface(row, textures) for row in header.get("materials", [])]
+    surfaces = []
+    for number, row in enumerate(header.get("materials", [])):
+        try:
+            surfaces.append(_surface(row, textures))
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+            content.note(f"material {number} is damaged: it is not used")
+            surfaces.append(Surface())
+    return surfaces
 
 
 def _surface(row: dict[str, Any], textures: list[Texture | None]) -> Surface:

@@ -12,6 +12,8 @@ from reconstruction.arrays import Floats
 
 #: Of a grid that is written.
 MAX_CELLS = 2**24
+#: Along the longest edge, at least, where something ends within a box.
+CUT_CELLS = 64
 #: Of a cell, by which two grids may be off and still be taken for one.
 ALIGNED = 1e-3
 
@@ -20,11 +22,13 @@ ALIGNED = 1e-3
 class Lattice:
     """Values (nz, ny, nx) at the middles of cells that fill the unit cube, which `to_world` places.
 
-    Linear in between, and beyond the outermost middles as they are there.
+    Linear in between, and beyond the outermost middles as they are there; 0 outside of `within`, a
+    unit cube that is placed likewise, where it is given.
     """
 
     values: NDArray[np.float32]
     to_world: Floats
+    within: Floats | None = None
 
     def at(self, points: Floats) -> Floats:
         """Values (n,) at world points (n, 3)."""
@@ -37,7 +41,7 @@ class Lattice:
             x, y, z = np.minimum(low + step, count - 1).T
             weight = np.where(step, shares, 1 - shares).prod(axis=1)
             total += weight * self.values[z, y, x]
-        return total
+        return total if self.within is None else total * _is_inside(self.within, points)
 
     def cells(self, points: Floats) -> Floats:
         """Where points are, in cells from the middle of the first."""
@@ -51,6 +55,13 @@ class Lattice:
         return np.asarray(np.abs(edges * np.array(self.values.shape[::-1])[:, None]).max(axis=0))
 
 
+def _is_inside(cube: Floats, points: Floats) -> NDArray[np.bool_]:
+    """Whether points (n, 3) lie in a unit cube that is placed."""
+    inverse = np.linalg.inv(cube)
+    local = points @ inverse[:3, :3].T + inverse[:3, 3]
+    return np.asarray(((local >= 0) & (local <= 1)).all(axis=1))
+
+
 def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.float32]], bool]:
     """Values of several lattices on one grid (nz, ny, nx) that fills a box, and whether exactly.
 
@@ -58,6 +69,9 @@ def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.fl
     they do not meet, half as wide.
     """
     crossed = np.max([each.cells_along(box) for each in lattices], axis=0)
+    if any(each.within is not None for each in lattices):
+        edges = np.linalg.norm(box[:3, :3], axis=0)
+        crossed = np.maximum(crossed, CUT_CELLS * edges / edges.max())
     count = np.maximum(1, np.ceil(crossed - ALIGNED)).astype(int)
     exact = all(_meets(each, box, count) for each in lattices)
     if not exact:
@@ -75,8 +89,8 @@ def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.fl
 
 def _meets(lattice: Lattice, box: Floats, count: NDArray[np.int_]) -> bool:
     """Whether a box has cells of a lattice: all of them, if its first and last ones are such."""
-    if lattice.values.size == 1:
-        return True
+    if lattice.values.size == 1 or lattice.within is not None:
+        return lattice.within is None
     ends = (np.unique([0, min(1, each - 1), each - 1]) for each in count)
     places = lattice.cells(_middles(box, count, *ends))
     return bool(np.abs(places - np.round(places)).max() <= ALIGNED)

@@ -14,6 +14,7 @@ from reconstruction.errors import InputError, nearest
 from spisim.config import load_yaml, read_text
 from spisim.scene.importing.model import Part, Surface
 from spisim.scene.importing.textures import Pictured
+from spisim.scene.importing.told import ToldMaterials
 from spisim.scene.materials import material_table
 
 WHITE, BLACK = 0.8, 0.04
@@ -25,7 +26,7 @@ class Match:
 
     source: str
     material: str
-    how: str  # "map", "name", "guess", "texture" or "default"
+    how: str  # "map", "file", "name", "guess", "texture" or "default"
     why: str
 
 
@@ -61,15 +62,20 @@ def check_map(chosen: Mapping[str, str], parts: list[Part], path: Path) -> None:
             )
 
 
-def match(part: Part, chosen: Mapping[str, str], pictured: Pictured) -> Match:
+def match(
+    part: Part, chosen: Mapping[str, str], pictured: Pictured, told: ToldMaterials | None = None
+) -> Match:
     """Material of a part: the user's choice, else by name, word, texture or colour, or the default.
 
-    `pictured` makes materials of textures, and keeps them.
+    `pictured` makes materials of textures, and keeps them; so does `told`, where it is given, of
+    what the file itself tells.
     """
     surface = part.surface
     label = surface.label
     if label in chosen:
         return Match(label, chosen[label], "map", "--materials")
+    if told is not None and surface.told is not None:
+        return Match(label, *_swapped("file", told.material(label, surface.told, part.geometry)))
     if surface.name is not None and (exact := _exact(surface.name)):
         return Match(label, exact, "name", "of this name")
     for what, text in _clues(part):
@@ -80,6 +86,10 @@ def match(part: Part, chosen: Mapping[str, str], pictured: Pictured) -> Match:
     if texture is not None and (made := pictured.material(texture, part.geometry)):
         return Match(label, made[0], "texture", made[1])
     return _by_color(surface)
+
+
+def _swapped(how: str, found: tuple[str, str]) -> tuple[str, str, str]:
+    return found[0], how, found[1]
 
 
 def _clues(part: Part) -> list[tuple[str, str]]:

@@ -1,9 +1,10 @@
-"""Mesh files: which reader for which suffix; OBJ, STL and PLY through trimesh."""
+"""Mesh files: which reader for which suffix; OBJ, STL, PLY and OFF through trimesh."""
 
 import io
 import re
 import struct
 import warnings
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
@@ -29,6 +30,8 @@ from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, check_obj_indices, te
 
 #: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
 CUT_SHORT = "string or file could not be read to its end"
+#: What texts of Unicode other than UTF-8 begin with.
+MARKS = {BOM_UTF16_LE: "utf-16", BOM_UTF16_BE: "utf-16"}
 #: What may stand between `map_Kd` and the name of a picture: words, or up to three numbers.
 MAP_OPTIONS = re.compile(r"-(?:[a-z]+)(?:\s+(?:on|off|[rgbmlz]|[-+.\d]+(?:e[-+]?\d+)?(?=\s)))*\s+")
 
@@ -102,12 +105,18 @@ def read_ply(path: Path, folders: Folders) -> Content:
     return content
 
 
+def read_off(path: Path, folders: Folders) -> Content:
+    """The mesh of an OFF file; it has no materials."""
+    return _without_materials(read_bytes(path), path)
+
+
 READERS: dict[str, Reader] = {
     ".glb": read_glb,
     ".gltf": read_gltf,
     ".obj": read_obj,
     ".stl": read_stl,
     ".ply": read_ply,
+    ".off": read_off,
     ".dae": read_collada,
 }
 
@@ -140,9 +149,10 @@ def _trimesh(data: bytes, path: Path, **options: object) -> trimesh.Scene:
 
 def _text(path: Path) -> str:
     data = read_bytes(path)
-    if b"\0" in data[:4096]:
+    coding = next((name for mark, name in MARKS.items() if data.startswith(mark)), "utf-8")
+    if coding == "utf-8" and b"\0" in data[:4096]:
         raise InputError(f"{path}: cannot be read as OBJ: it is not a text file")
-    return data.decode("utf-8", errors="replace").replace("\r\n", "\n")
+    return data.decode(coding, errors="replace").replace("\r\n", "\n").removeprefix("\ufeff")
 
 
 def _refuse_relative_indices(text: str, path: Path) -> None:

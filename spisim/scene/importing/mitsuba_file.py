@@ -196,6 +196,9 @@ def _drop_unused(element: Element) -> None:
     for each in list(element.iter()):
         for inner in [child for child in each if child.tag in UNUSED]:
             each.remove(inner)
+    if element.tag == "sensor":
+        for reference in element.findall("ref"):  # to what is dropped, or a medium around it
+            element.remove(reference)
     if element.tag in UNUSED:
         element.attrib.clear()
         del element[:]

@@ -12,18 +12,17 @@ from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
-from spisim.scene.importing.exr import read_exr_red
 from spisim.scene.importing.files import read_bytes
 from spisim.scene.importing.lattice import MAX_CELLS, Lattice
 from spisim.scene.importing.mitsuba_file import Node
 from spisim.scene.importing.model import scaling, translation
-from spisim.scene.importing.textures import GAMMA, Texture, read_red
+from spisim.scene.importing.surround import read_linear_red, surround
 
 #: The file that a node names.
 Find: TypeAlias = Callable[[Node], Path]
 
-#: Axes of a picture of all around here, x to where its columns begin and z up, in Mitsuba's.
-FROM_MITSUBA = np.array([[0.0, -1, 0], [0, 0, 1], [-1, 0, 0]])
+#: Rows of a picture of all around for one of the file's, and pixels up to which.
+FINER, FINE_PIXELS = 4, 2**22
 
 
 def is_grid(value: object) -> bool:
@@ -63,26 +62,14 @@ def _read_volume(path: Path) -> tuple[NDArray[np.float32], Floats, Floats]:
 def read_surround(node: Node, find: Find) -> tuple[NDArray[np.float32], Floats]:
     """Linear red (h, w) of an `envmap` as a lamp of a scene file has it, and its axes (3, 3).
 
-    Mitsuba's first and last rows are the poles, here rows are bands; its columns go the other way
-    round. Mirrored ones are turned in the picture. InputError for what cannot be read.
+    Mitsuba's first and last rows are the poles, here rows are bands: finer ones, so that what lies
+    between the file's rows is the same. InputError for what cannot be read.
     """
-    path = find(node)
-    if path.suffix.lower() == ".exr":
-        red = read_exr_red(path)
-    else:
-        stored, _ = read_red(Texture(path.name, path))
-        red = (stored ** (1 / GAMMA)).astype(np.float32)
-    if min(red.shape) < 2 or red.min() < 0 or not red.any():
-        raise InputError(f"{path.name}: should hold values from 0 on, and not only 0")
+    red = read_linear_red(find(node))
     rows = len(red)
-    place = (np.arange(rows) + 0.5) / rows * (rows - 1)
+    count = max(1, min(FINER, FINE_PIXELS // red.size)) * rows
+    place = (np.arange(count) + 0.5) / count * (rows - 1)
     low = np.minimum(place.astype(int), rows - 2)
     share = (place - low).astype(np.float32)[:, None]
-    picture = ((1 - share) * red[low] + share * red[low + 1])[:, ::-1]
-    axes = node.value("to_world", np.eye(4))[:3, :3] @ FROM_MITSUBA
-    axes = axes / np.linalg.norm(axes, axis=0)
-    if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3):
-        raise InputError(f"{node.what}: its transform is no rotation")
-    if np.linalg.det(axes) < 0:
-        picture, axes = picture[:, ::-1], axes * [1, -1, 1]
-    return np.ascontiguousarray(picture), axes
+    bands = (1 - share) * red[low] + share * red[low + 1]
+    return surround(bands, node.value("to_world", np.eye(4)), node.what)

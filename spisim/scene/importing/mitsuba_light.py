@@ -5,7 +5,7 @@ of its longest wavelength is taken, of a colour its red, which is nearest. Lamps
 keep their numbers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
+from spisim.scene.importing.mitsuba_bounds import clipped, grid_box
 from spisim.scene.importing.mitsuba_file import Node
 from spisim.scene.importing.mitsuba_grid import Find, is_grid, read_lattice, read_surround
 from spisim.scene.importing.model import Content, Daylight, Glow, Haze, Part
@@ -34,8 +35,10 @@ SAY = {"constant": "environment", "directional": "directional", "point": "point"
 
 
 def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None], name: str,
-                content: Content, find: Find) -> None:  # fmt: skip
+                content: Content, find: Find, first: int | None = None) -> None:  # fmt: skip
     """Add a medium that fills parts of a shape, in the world; note what cannot be told.
+
+    They are the content's from the `first` on, unless they are not seen.
 
     `boxes` (4, 4) of cubes of edge 1 are those of parts that are one. InputError for grids that are
     missing or damaged.
@@ -46,7 +49,10 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
     for key in sorted(set(grids) - {"sigma_t", "albedo"}):
         content.note(f"{what}: a grid of {key} is left out, and the medium")
         return
+    for key, way in _other_ways(node, grids):
+        content.note(f"{what}: its grid of {key} is {way}")
     density, brightness = grids.get("sigma_t"), grids.get("albedo")
+    bounds = grid_box(node, density)
     if brightness is not None and not brightness.values.max() <= 1:
         raise InputError(f"{node.what}: its albedo is over 1")
     extinction, albedo, g = _coefficients(node)
@@ -58,19 +64,35 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
     told += " at most, a grid" if density is not None else ""
     told += f", albedo {albedo:.4g}" if brightness is None else ", albedo of a grid"
     told += f", g {g:.3g} (red, as at 1550 nm)"
-    for part, box in zip(parts, boxes, strict=True):
+    for number, (part, box) in enumerate(zip(parts, boxes, strict=True)):
+        within = None if first is None else first + number
         haze = Haze(node.id or name, part.to_world, extinction, albedo, g, None,
-                    density, brightness)  # fmt: skip
+                    density, brightness, within)  # fmt: skip
         if box is not None:
-            content.hazes.append(replace(haze, to_world=box))
+            haze = replace(haze, to_world=box)
         else:
             try:
-                mesh = closed(as_mesh(part.geometry), name)
+                haze = replace(haze, mesh=closed(as_mesh(part.geometry), name))
             except InputError as error:
                 content.note(f"{what}: {told}: left out, {error}")
                 continue
-            content.hazes.append(replace(haze, mesh=mesh))
+        if bounds is not None and (cut := clipped(haze, bounds)) is not haze:
+            content.note(f"{what}: it ends where its grid does, as in Mitsuba")
+            if cut is None:
+                continue
+            haze = cut
+        content.hazes.append(haze)
         content.note(f"{what}: {told} is a volume of the scene file")
+
+
+def _other_ways(node: Node, grids: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Grids that Mitsuba goes on from cell to cell, and beyond the rim, otherwise than here."""
+    for key in grids:
+        grid = node.properties[key]
+        if (between := grid.value("filter_type", "trilinear")) != "trilinear":
+            yield key, f"{between} there, linear between the middles of cells here"
+        if (beyond := grid.value("wrap_mode", "clamp")) != "clamp":
+            yield key, f"{beyond}ed there beyond its box, here it goes on as it is at its rim"
 
 
 def _coefficients(node: Node) -> tuple[float, float, float]:
@@ -125,7 +147,8 @@ def take_emitter(node: Node, content: Content, find: Find, shape: str | None = N
     if not 0 < amount < np.inf:
         content.note(f"{what} is left out: it gives no light")
         return 0.0
-    content.note(f"{what} has no unit; as watts {amount:.4g} {unit}")
+    odd = "; its picture is left out" if "texture" in node.properties else ""
+    content.note(f"{what} has no unit; as watts {amount:.4g} {unit}{odd}")
     if node.type == "area":
         return amount
     content.glows.append(_glow(node, {"type": SAY[node.type], field: amount}))

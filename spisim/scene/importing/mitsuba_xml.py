@@ -14,13 +14,15 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import shapes
-from spisim.scene.importing.files import Folders
+from spisim.scene.importing.files import Folders, MissingFile
 from spisim.scene.importing.meshes import read_obj, read_ply
+from spisim.scene.importing.mitsuba_bsdf import told_surface
 from spisim.scene.importing.mitsuba_file import Node, Parse, Source, read_source
 from spisim.scene.importing.mitsuba_light import take_emitter, take_medium
 from spisim.scene.importing.model import Content, Part, Shape, Surface, translation
 from spisim.scene.importing.serialized import read_serialized
 from spisim.scene.importing.textures import Texture
+from spisim.scene.importing.told import Told
 from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
@@ -53,7 +55,8 @@ def read_scene(path: Path, folders: Folders, parse: Parse) -> Content:
         elif node.kind == "emitter":
             take_emitter(node, content, reader.file)
     if not content.parts:
-        raise InputError(f"{path}: has no shapes that can be read")
+        left_out = "; ".join(note for note in content.notes if note.startswith("left out: "))
+        raise InputError(f"{path}: has no shapes that can be read{left_out and f'; {left_out}'}")
     return content
 
 
@@ -66,6 +69,7 @@ class _Shapes:
         self._content = content
         self._files: dict[tuple[Path, int], list[Part]] = {}
         self._textures: dict[int, Texture | None] = {}
+        self._surfaces: dict[tuple[int, bool], Told | None] = {}
 
     def add(self, node: Node, parent: Floats) -> None:
         """What a shape shows, where all that it is in stands at `parent`."""
@@ -91,7 +95,9 @@ class _Shapes:
             self._content.note(f"{node.what}: shapes of this type are left out")
             return
         name = node.id or node.name or kind
-        parts = self._parts(node, kind, name)
+        parts = self._parts_there(node, kind, name)
+        if parts is None:
+            return
         if kind in MESHES and parts:
             name = node.id or Path(node.value("filename", name)).stem
         surface, radiance = self._surface(node), 0.0
@@ -101,7 +107,8 @@ class _Shapes:
             elif each.kind == "medium" and node.properties.get("interior") is each:
                 placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
                 boxes = [_as_box(part, to_world) for part in parts]
-                take_medium(each, placed, boxes, name, self._content, self.file)
+                first = None if surface is None else len(self._content.parts)
+                take_medium(each, placed, boxes, name, self._content, self.file, first)
         if surface is None:
             self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
             return
@@ -111,6 +118,16 @@ class _Shapes:
                 geometry = shapes.as_mesh(geometry).copy()
                 geometry.invert()
             self._content.add(Part(name, geometry, to_world @ part.to_world, surface, radiance))
+
+    def _parts_there(self, node: Node, kind: str, name: str) -> list[Part] | None:
+        """As `_parts`; None, and a note, for a file that is missing and may be left out."""
+        try:
+            return self._parts(node, kind, name)
+        except MissingFile as error:
+            if not self._folders.skip_missing:
+                raise
+            self._content.note(f"left out: {error}")
+            return None
 
     def _parts(self, node: Node, kind: str, name: str) -> list[Part]:
         """Geometry of a shape in its own coordinates."""
@@ -172,7 +189,17 @@ class _Shapes:
         ]
         words = (*(METALS.get(name, "metal") for name in metals), *types)
         body = next((textures[name] for name in BODY if textures.get(name)), None)
-        return Surface(names[0] if names else None, colors[0] if colors else None, words, body)
+        flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
+        told = self._told(outer, flips)
+        color = colors[0] if colors else None
+        return Surface(names[0] if names else None, color, words, body, told)
+
+    def _told(self, bsdf: Node, flips: bool) -> Told | None:
+        """Once for all shapes that share it."""
+        key = id(bsdf), flips
+        if key not in self._surfaces:
+            self._surfaces[key] = told_surface(bsdf, flips, self._texture)
+        return self._surfaces[key]
 
     def _texture(self, node: Node) -> Texture | None:
         """The picture of a texture; Mitsuba lays it on its own way, so that only its mean fits."""

@@ -17,6 +17,7 @@ from spisim.scene.description import BoxObject, CylinderObject, RectangleObject,
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.lattice import Lattice
 from spisim.scene.importing.textures import Texture
+from spisim.scene.importing.told import Told
 
 Axis = Literal["x", "y", "z"]
 Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
@@ -30,13 +31,14 @@ class Surface:
     """What a file says about a material: its name, a colour (RGB from 0 to 1), and other words.
 
     `words` are names of bsdfs and textures, which may tell what it is where the name does not;
-    `texture` is the picture of its colours.
+    `texture` is the picture of its colours, `told` all that it says, in its own light.
     """
 
     name: str | None = None
     color: tuple[float, float, float] | None = None
     words: tuple[str, ...] = ()
     texture: Texture | None = None
+    told: Told | None = None
 
     @property
     def label(self) -> str:
@@ -62,8 +64,9 @@ class Part:
 class Haze:
     """A body of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
 
-    Or a closed `mesh`. `extinction` is per unit of the file, times `density` where that is given;
-    then `albedo` is times `brightness` where that is given.
+    Or a closed `mesh`, or what a `part` (its number) encloses that is seen. `extinction` is per
+    unit of the file, times `density` where that is given; then `albedo` is times `brightness`
+    where that is given.
     """
 
     name: str
@@ -74,6 +77,7 @@ class Haze:
     mesh: trimesh.Trimesh | None = None
     density: Lattice | None = None
     brightness: Lattice | None = None
+    part: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ class Glow:
     """A lamp that is no surface: the `fields` of a scene file that tell its type and strength.
 
     And where it is and shines to, as far as it has a place and a direction; or a `picture` (h, w)
-    of all around in `axes` (3, 3).
+    of all around in `axes` (3, 3); or a `panel`, which is in the scene only where it shines.
     """
 
     name: str
@@ -90,6 +94,7 @@ class Glow:
     direction: Floats | None = None
     picture: NDArray[np.float32] | None = None
     axes: Floats | None = None
+    panel: Part | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,4 +224,6 @@ def _reason(error: Exception) -> str:
             return f"no valid JSON in line {error.lineno}"
         case UnicodeDecodeError():
             return "it is not text in UTF-8"
+        case AttributeError() | TypeError():
+            return "something in it is of another kind than the format says"
     return "it is damaged, or holds what is not supported"

@@ -14,9 +14,15 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
+from spisim.scene.importing.attenuation import at_a_metre, number_or
 from spisim.scene.importing.model import Content, Daylight, Glow
 from spisim.scene.importing.xml import numbers
 
+#: SDFormat's factors of 1 / (c + l d + q d²) where a file leaves one out, and its range.
+ATTENUATION = (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
+REACH_M = 10.0
+#: A range beyond this ends no light that matters.
+FAR_M = 100.0
 SUN_KLX, SKY_KLX = 100.0, 20.0
 #: Fields of a lamp and units, by the type of a light.
 LAMPS = {
@@ -58,7 +64,10 @@ def lamp(light: Light, content: Content) -> list[Glow]:
         content.note(f"{what}: lights of type {light.kind!r:.80} are left out")
         return []
     field, unit = LAMPS[light.kind]
-    strength = _strength(element, what)
+    strength, why = _strength(element, what), ""
+    if light.kind != "directional":
+        factor, why = _attenuation(element, what)
+        strength *= factor
     cone: dict[str, Any] = {}
     if light.kind == "spot":
         spot = element.find("spot")
@@ -66,13 +75,15 @@ def lamp(light: Light, content: Content) -> list[Glow]:
             numbers((spot.findtext(tag) if spot is not None else None) or "0", 1, what)[0]
             for tag in ("outer_angle", "inner_angle")
         )
+        falloff = number_or(spot.findtext("falloff") if spot is not None else None, 0.0, what)
+        why += f"; its edge has the power {falloff:.4g} there, 1 here" if falloff != 1 else ""
         cutoff = min(90.0, float(np.degrees(outer)) / 2)  # told from side to side
         cone = {"cutoff_deg": cutoff,
                 "beam_deg": min(max(0.0, float(np.degrees(inner)) / 2), cutoff)}  # fmt: skip
     if not strength > 0 or not cone.get("cutoff_deg", 1) > 0:
         content.note(f"{what} is left out: it gives no light")
         return []
-    content.note(f"{what} has no unit; as watts {strength:.4g} {unit}")
+    content.note(f"{what} has no unit; as watts {strength:.4g} {unit}{why}")
     name = element.get("name") or light.kind
     fields = {"type": light.kind, field: strength, **cone}
     position = None if light.kind == "directional" else light.pose[:3, 3]
@@ -104,8 +115,21 @@ def _daylight(
     return Daylight(sun_klx, _direction(sun), sky_klx)
 
 
+def _attenuation(element: Element, what: str) -> tuple[float, str]:
+    """As `at_a_metre`, with SDFormat's defaults, and how far a light is to reach."""
+    row = element.find("attenuation")
+    if row is None:
+        return 1.0, ""
+    told = (number_or(row.findtext(tag), given, what) for tag, given in ATTENUATION)
+    factor, why = at_a_metre(*told)
+    reach = number_or(row.findtext("range"), REACH_M, what)
+    return factor, why + (f"; it ends at {reach:.4g} m there" if reach < FAR_M else "")
+
+
 def _strength(element: Element, what: str) -> float:
-    """Intensity times the mean of its colour."""
+    """Intensity times the mean of its colour; 0 for one that is off."""
+    if (element.findtext("light_on") or "true").strip().lower() in ("false", "0"):
+        return 0.0
     text = element.findtext("intensity") or "1"
     intensity = max(0.0, numbers(text, 1, f"{what}: intensity")[0])
     return intensity * _brightness(element.findtext("diffuse"), 1.0, what)

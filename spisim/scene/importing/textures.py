@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from reconstruction.errors import InputError
-from spisim.scene.importing.exr import read_exr_red
+from spisim.config.linear import LINEAR
 from spisim.scene.importing.files import read_bytes, shown
 from spisim.scene.shapes import texture_coordinates
 
@@ -105,8 +105,9 @@ class Pictured:
 def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Red (h, w) as `RULE` takes it, and opacity, both from 0 to 1; InputError if unreadable."""
     factor = np.float32(np.clip(texture.factor, 0, 1) ** GAMMA)
-    if isinstance(texture.source, Path) and texture.source.suffix.lower() == ".exr":
-        red = np.clip(read_exr_red(texture.source), 0, 1) ** GAMMA
+    if isinstance(texture.source, Path) and texture.source.suffix.lower() in LINEAR:
+        linear = LINEAR[texture.source.suffix.lower()](texture.source)
+        red = np.clip(linear, 0, 1) ** GAMMA
         return red * factor, np.ones_like(red)
     data = texture.source if isinstance(texture.source, bytes) else read_bytes(texture.source)
     try:
@@ -128,6 +129,16 @@ def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]
         raise InputError(f"no picture that can be read; known: {', '.join(FORMATS)}") from None
     red = red**GAMMA if texture.linear else red
     return (red * factor).astype(np.float32), share.astype(np.float32)
+
+
+def linear_red(texture: Texture) -> NDArray[np.float32]:
+    """Red (h, w) in proportion to light, from 0 to 1; InputError if unreadable."""
+    stored, _ = read_red(texture)
+    is_linear = isinstance(texture.source, Path) and texture.source.suffix.lower() in LINEAR
+    if texture.linear or is_linear:
+        return np.asarray(stored ** (1 / GAMMA), dtype=np.float32)
+    curved = ((stored + 0.055) / 1.055) ** 2.4  # of sRGB
+    return np.where(stored <= 0.04045, stored / 12.92, curved).astype(np.float32)
 
 
 def _thinned(red: NDArray[np.float32]) -> NDArray[np.float32]:

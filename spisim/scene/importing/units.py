@@ -93,7 +93,10 @@ def to_metres(content: Content, scale: float) -> Content:
 
 
 def _moved_grid(grid: Lattice | None, move: Floats) -> Lattice | None:
-    return None if grid is None else replace(grid, to_world=move @ grid.to_world)
+    if grid is None:
+        return None
+    within = None if grid.within is None else move @ grid.within
+    return replace(grid, to_world=move @ grid.to_world, within=within)
 
 
 def _moved(glow: Glow, move: Floats, factor: float) -> Glow:

@@ -28,9 +28,12 @@ from spisim.scene.importing.model import (
     readable,
     with_texture_coordinates,
 )
+from spisim.scene.importing.usd_lamps import read_lamp
 from spisim.scene.shapes import check_mesh, check_triangles
 
 MAX_LAYERS = 1000
+#: Cameras look along their -z, x to the right.
+LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
 AXES: dict[str, Axis] = {"X": "x", "Y": "y", "Z": "z"}
 #: Turns that take a shape about z to one about another axis.
 ABOUT = {"X": [0.0, 1.0, 0.0], "Y": [-1.0, 0.0, 0.0], "Z": [0.0, 0.0, 0.0]}
@@ -48,13 +51,14 @@ def read_usd(path: Path, folders: Folders) -> Content:
     with readable(str(path), "OpenUSD"):
         stage = Usd.Stage.Open(str(path.resolve()))
         axis = str(UsdGeom.GetStageUpAxis(stage))
-        unit_m = float(UsdGeom.GetStageMetersPerUnit(stage))
+        stated = stage.GetRootLayer().pseudoRoot.GetInfo("metersPerUnit")  # of either precision
+        unit_m = float(stated or UsdGeom.GetStageMetersPerUnit(stage))
         if not 0 < unit_m < np.inf:
             raise InputError(f"{path}: metersPerUnit should be a positive number; found {unit_m}")
         content = Content(
             unit_m, f"metersPerUnit of the stage: {unit_m:g}", AXES[axis], f"upAxis: {axis}"
         )
-        _Stage(stage, content).read()
+        _Stage(stage, content, folders).read()
         if told.TakeUncoalescedDiagnostics():
             content.note(f"{path.name}: OpenUSD doubts some of what it says")
         return content
@@ -81,11 +85,12 @@ def _check_layers(top: Path, folders: Folders) -> None:
 
 
 class _Stage:
-    def __init__(self, stage: Any, content: Content) -> None:
+    def __init__(self, stage: Any, content: Content, folders: Folders) -> None:
         from pxr import UsdGeom
 
         self._stage = stage
         self._content = content
+        self._folders = folders
         self._poses = UsdGeom.XformCache()
         self._meshes: dict[str, list[tuple[trimesh.Trimesh | Shape, Any]]] = {}
 
@@ -119,8 +124,10 @@ class _Stage:
         if kind not in READERS:
             if kind in ("BasisCurves", "NurbsCurves", "NurbsPatch", "Points", "TetMesh", "Volume"):
                 self._content.note(f"{shown(str(prim.GetPath()))}: {kind} is left out")
-            elif kind.endswith("Light"):
-                self._content.note("lamps are left out; give `lamps` in the scene file")
+            elif "Light" in kind and kind != "LightFilter":
+                self._content.glows += read_lamp(prim, to_world, self._content, self._folders)
+            elif kind == "Camera":
+                self._content.cameras.append(to_world @ LOOKING)
             return
         original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         key = str(original.GetPath())

@@ -38,7 +38,7 @@ def scene_fields(
     `matches` are the materials of the content's parts.
     """
     arrays: Arrays = {}
-    objects, meshes, lamps = _objects(content.parts, matches)
+    objects, meshes, lamps, names = _objects(content.parts, matches)
     fields: dict[str, Any] = {
         "name": name,
         "description": f"imported from {source}",
@@ -51,7 +51,7 @@ def scene_fields(
     if content.hazes:
         taken: set[str] = set()
         fields["volumes"] = [
-            row for haze in content.hazes for row in _haze_rows(haze, taken, meshes, arrays)
+            row for haze in content.hazes for row in _haze_rows(haze, taken, meshes, arrays, names)
         ]
     named = {lamp["name"] for lamp in lamps}
     lamps += [_glow_row(glow, named, arrays) for glow in content.glows]
@@ -82,9 +82,14 @@ def _glow_row(glow: Glow, taken: set[str], arrays: Arrays) -> dict[str, Any]:
     return row
 
 
-def _haze_rows(haze: Haze, taken: set[str], meshes: Meshes, arrays: Arrays) -> list[dict[str, Any]]:
-    """A volume; of an albedo that varies two: one that scatters, and one that absorbs the rest."""
-    shape, box = _haze_shape(haze, meshes)
+def _haze_rows(
+    haze: Haze, taken: set[str], meshes: Meshes, arrays: Arrays, names: Mapping[int, str]
+) -> list[dict[str, Any]]:
+    """A volume; of an albedo that varies two: one that scatters, and one that absorbs the rest.
+
+    `names` are those of the objects of all parts, by their number.
+    """
+    shape, box = _haze_shape(haze, meshes, names)
     if haze.density is None and haze.brightness is None:
         return [_volume(haze.name, shape, haze, haze.extinction, haze.albedo, taken)]
     even = Lattice(np.ones((1, 1, 1), np.float32), box)
@@ -117,9 +122,17 @@ def _volume(
     }
 
 
-def _haze_shape(haze: Haze, meshes: Meshes) -> tuple[dict[str, Any], Floats]:
+def _haze_shape(
+    haze: Haze, meshes: Meshes, names: Mapping[int, str]
+) -> tuple[dict[str, Any], Floats]:
     """What a scene file says of where a volume is, and the box of its density (4, 4)."""
     box = np.eye(4)
+    even = haze.density is None and haze.brightness is None
+    if haze.part is not None and (even or haze.mesh is not None):
+        if haze.mesh is not None:
+            low, high = haze.mesh.copy().apply_transform(haze.to_world).bounds
+            box[:3, :3], box[:3, 3] = np.diag(high - low), low
+        return {"object": names[haze.part]}, box
     if haze.mesh is not None:
         file = _unique_file(f"{haze.name} bounds", meshes)
         meshes[file] = haze.mesh.copy().apply_transform(haze.to_world)
@@ -138,13 +151,17 @@ def _haze_shape(haze: Haze, meshes: Meshes) -> tuple[dict[str, Any], Floats]:
 
 def _objects(
     parts: Sequence[Part], matches: Sequence[Match]
-) -> tuple[list[dict[str, Any]], Meshes, list[dict[str, Any]]]:
-    """Rows of a scene file, one for all copies of a part, their meshes, and rows of area lamps."""
+) -> tuple[list[dict[str, Any]], Meshes, list[dict[str, Any]], dict[int, str]]:
+    """Rows of a scene file, one for all copies of a part, their meshes, and rows of area lamps.
+
+    And the name of each part's object, by its number.
+    """
     groups: dict[Any, list[tuple[dict[str, Any], str, Floats]]] = {}
+    numbers: dict[Any, list[int]] = {}
     stretched_meshes: dict[Any, trimesh.Trimesh] = {}
     files: dict[int, str] = {}
     meshes: Meshes = {}
-    for part, match in zip(parts, matches, strict=True):
+    for number, (part, match) in enumerate(zip(parts, matches, strict=True)):
         geometry, scale, pose = _placeable(part, stretched_meshes)
         if isinstance(geometry, trimesh.Trimesh):
             if id(geometry) not in files:
@@ -158,6 +175,7 @@ def _objects(
         shape["material"] = match.material
         key = part.radiance, repr(shape)
         groups.setdefault(key, []).append((shape, part.name, pose))
+        numbers.setdefault(key, []).append(number)
     taken: set[str] = set()
     rows = [_row(copies, taken) for copies in groups.values()]
     lamps = [
@@ -166,7 +184,12 @@ def _objects(
         if radiance > 0
         for name in _names(row)
     ]
-    return rows, meshes, lamps
+    names = {
+        number: name
+        for members, row in zip(numbers.values(), rows, strict=True)
+        for number, name in zip(members, _names(row), strict=True)
+    }
+    return rows, meshes, lamps, names
 
 
 def _names(row: Mapping[str, Any]) -> list[str]:

@@ -1,0 +1,67 @@
+"""Results that were written, as shots."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ..capture import Optics
+from ..errors import InputError, nearest
+from ..outputs.result_file import FORMAT, read_result
+from ..reconstructor import Names
+from ..result import Result
+from .shot import Shot
+
+GROUPS = {"image": "images", "ranging": "rangings", "depth": "depths"}
+
+
+def is_result(path: Path) -> bool:
+    """Whether a file says that it is a result."""
+    with suppress(OSError), h5py.File(path, "r") as file:
+        told = file.attrs.get("format")
+        return told in (FORMAT.name, FORMAT.name.encode())
+    return False
+
+
+def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Names]) -> Shot:
+    """What a result shows, by the first method named of each station, else by its default one.
+
+    It tells neither where its spots point nor when it was taken: its ranges are left out. Raises
+    InputError, naming the file, for what is damaged or lacks a method.
+    """
+    result = read_result(path)
+    picked = {
+        station: _picked(getattr(result, group), methods.get(station), station, path)
+        for station, group in GROUPS.items()
+        if station != "ranging"
+    }
+    return Shot(stamp_ns, picked["image"], picked["depth"], _optics(result),
+                warnings=result.warnings)  # fmt: skip
+
+
+def _picked(maps: Mapping[str, Any], names: Names, station: str, path: Path) -> Any:
+    name = names if names is None or isinstance(names, str) else next(iter(names), None)
+    if name is None:
+        return next(iter(maps.values()), None)
+    if name not in maps:
+        raise InputError(f"{path}: holds no {station} by {name!r}: {nearest(name, maps)}")
+    return maps[name]
+
+
+def _optics(result: Result) -> Optics | None:
+    """Tangents of the half angles, of the lengths of the pixels' rays, √(1 + x² + y²)."""
+    if result.range_over_depth is None:
+        return None
+    height, width = result.range_over_depth.shape
+    u = (2 * np.arange(width) + 1 - width) / width
+    v = (2 * np.arange(height) + 1 - height) / height
+    squares = np.stack(np.meshgrid(u**2, v**2), axis=-1).reshape(-1, 2)
+    lengths = np.asarray(result.range_over_depth, float).ravel()
+    found = np.linalg.lstsq(squares, lengths**2 - 1, rcond=None)[0]
+    across, down = (float(np.sqrt(value)) if value > 0 else 0.0 for value in found)
+    if not (across > 0 or down > 0):
+        return None
+    return Optics(across or down, down or across)

@@ -1,0 +1,74 @@
+"""Materials as a file itself tells them, in its own light."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from spisim.scene.shapes import texture_coordinates
+
+#: What a picture multiplies, so that its largest value is the field's own.
+TINTED = "reflectance"
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """Fields of a row of a scene file's materials, and what of the file's is not in them.
+
+    `pictures` (h, w) are of its `reflectance` and `opacity`, where the mesh has coordinates; their
+    mean elsewhere.
+    """
+
+    fields: Mapping[str, Any]
+    pictures: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    odd: tuple[str, ...] = ()
+
+
+class ToldMaterials:
+    """Materials of a scene file's own: their `rows`, and pictures beside it."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, dict[str, Any]] = {}
+        self.files: dict[str, NDArray[np.float32]] = {}
+        self.notes: list[str] = []
+        self._names: dict[tuple[str, str], str] = {}
+
+    def material(self, label: str, told: Told, geometry: object) -> tuple[str, str]:
+        """Name of the material that a surface is, and why."""
+        whole = isinstance(geometry, trimesh.Trimesh) and texture_coordinates(geometry) is not None
+        fields = dict(told.fields)
+        for name, picture in told.pictures.items():
+            fields[name] = float(picture.max() if whole and name == TINTED else picture.mean())
+        pictures = {name: each for name, each in told.pictures.items() if whole and each.any()}
+        fields = {
+            name: float(f"{value:.6g}") if isinstance(value, float) else value
+            for name, value in fields.items()
+        }
+        key = label, repr((sorted(fields.items()), sorted(map(id, pictures.values()))))
+        if key not in self._names:
+            self._names[key] = self._add(label, fields, pictures)
+            flat = [f"its picture of {name} is a mean" for name in told.pictures if not whole]
+            for each in (*told.odd, *flat):
+                self.notes.append(f"material {label!r:.80}: {each}")
+        return self._names[key], f"{fields['bsdf']}, as the file has it"
+
+    def _add(
+        self, label: str, fields: dict[str, Any], pictures: Mapping[str, NDArray[np.float32]]
+    ) -> str:
+        plain = f"file {label}"[:76]
+        name, number = plain, 1
+        while name in self.rows:
+            number += 1
+            name = f"{plain} {number}"
+        for kind, picture in pictures.items():
+            file = f"told_{len(self.files) + 1}.npy"
+            tinted = kind == TINTED
+            self.files[file] = picture / picture.max() if tinted else picture
+            fields = fields | {"texture" if tinted else kind: file}
+        self.rows[name] = {**fields, "source": "the imported file, in its own light"}
+        return name
