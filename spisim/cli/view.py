@@ -147,6 +147,7 @@ def _follow(source: str, recording: Recording, frames: int | None, methods: dict
     reception = Reception(source_at(source), recorders=[viewer.frame])
     chosen = methods | {"image": methods["image"] or USUAL_IMAGES[0]}
     loop = Loop(reception, results=[viewer.result], **chosen)
+    say(f"Waiting for frames of {source}; Ctrl-C ends.")
     receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
     receiving.start()
     try:
