@@ -13,6 +13,7 @@ from reconstruction.evaluation import method_title
 from reconstruction.image import CarryingMethod, Imaging, image_method
 from reconstruction.result import BASELINE
 
+from .page import capital
 from .pictures import Scale
 
 STEPS = 12
@@ -59,7 +60,7 @@ def build_up(
         return None
     patterns = Scale(0.0, 1.0, "gray", "")
     strips = {
-        method_title("images", name).capitalize(): scale.address(
+        capital(method_title("images", name)): scale.address(
             np.hstack([step.images[name] for step in steps])
         )
         for name in steps[0].images
@@ -82,29 +83,42 @@ def _steps(capture: Capture, result: Result, truth: NDArray[np.floating] | None)
     name = next(iter(result.images))
     if isinstance(image_method(name), CarryingMethod):
         name = BASELINE
-    frame, buckets = result.frame, capture.buckets
-    plan = capture.setup.plan_of(frame)
+    plan = capture.setup.plan_of(result.frame)
     counts = np.unique(np.geomspace(min(FEWEST, plan.sampled), plan.sampled, STEPS).round())
     for count in counts.astype(int):
         kept = np.isin(plan.index, plan.distinct[:count])
-        readings = Imaging(plan.only(kept)).of(buckets.usable[frame, kept])
-        if not readings.decoder.index.size:  # all of them saturated
+        images = _images(capture, result, kept, name)
+        if not images:
             continue
-        coefficients = readings.decode(buckets.signal[frame, kept], buckets.variance[frame, kept])
-        images = {
-            each: np.asarray(readings.solver(each)(coefficients).image, np.float64)
-            for each in dict.fromkeys((name, BASELINE))
-        }
-        if not readings.decoder.level:  # the darkest pixel is taken to be dark
-            images = {each: image - image.min() for each, image in images.items()}
         row = plan.patterns.row(int(plan.distinct[count - 1]))
         yield Step(
             int(count),
-            np.count_nonzero(kept) * buckets.pattern_period_s,
+            np.count_nonzero(kept) * capture.buckets.pattern_period_s,
             images,
             ((row - row.min()) / (np.ptp(row) or 1.0)).astype(np.float32),
             np.nan if truth is None else _likeness(images[name], truth),
         )
+
+
+def _images(
+    capture: Capture, result: Result, kept: NDArray[np.bool_], name: str
+) -> dict[str, Floats]:
+    """By a method and the plain one from some exposures (M,); none where they are all saturated."""
+    names = dict.fromkeys((name, BASELINE))
+    if kept.all():
+        return {each: np.asarray(result.images[each], np.float64) for each in names}
+    frame, buckets = result.frame, capture.buckets
+    plan = capture.setup.plan_of(frame).only(kept)
+    readings = Imaging(plan).of(buckets.usable[frame, kept])
+    if not readings.decoder.index.size:
+        return {}
+    coefficients = readings.decode(buckets.signal[frame, kept], buckets.variance[frame, kept])
+    images = {
+        each: np.asarray(readings.solver(each)(coefficients).image, np.float64) for each in names
+    }
+    if readings.decoder.level:
+        return images
+    return {each: image - image.min() for each, image in images.items()}  # the darkest is dark
 
 
 def _likeness(image: Floats, truth: NDArray[np.floating]) -> float:
