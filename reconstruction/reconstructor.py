@@ -13,11 +13,11 @@ from .capture import Frames, Recording, Setup
 from .depth import (
     DEPTH_METHODS,
     Context,
+    Corridor,
     DepthEstimate,
     View,
     depth_method,
     lacks,
-    nearest_obstacle,
     pixel_rays,
     unlike,
 )
@@ -81,11 +81,12 @@ class Reconstructor:
         self._depths = {
             name: depth_method(name, setup).compile(context) for name in _depth_names(depth, setup)
         }
-        self._rays: Floats | None = None
+        self._corridor: Corridor | None = None
         self._stretch: Image | None = None
         if setup.optics is not None:
-            self._rays = pixel_rays(setup.optics, setup.plan.shape)
-            self._stretch = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
+            rays = pixel_rays(setup.optics, setup.plan.shape)
+            self._corridor = Corridor(rays)
+            self._stretch = np.linalg.norm(rays, axis=-1).astype(np.float32)
         logger.info(
             "methods of image: %s; of ranging: %s; of depth: %s",
             *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
@@ -209,8 +210,8 @@ class Reconstructor:
         for name, each in maps.items():
             if each.obstacle_m is not None:
                 found[name] = each.obstacle_m
-            elif self._rays is not None and np.isfinite(each.depth_m).any():
-                found[name] = nearest_obstacle(each.depth_m, self._rays)
+            elif self._corridor is not None and np.isfinite(each.depth_m).any():
+                found[name] = self._corridor.nearest_m(each.depth_m)
         return found
 
     @property

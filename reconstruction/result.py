@@ -30,7 +30,7 @@ class Result:
     method finds any. By those methods that can tell, ``depth_deviations`` is the standard deviation
     of ln depth, nan where there is no depth, and ``nothings`` the probability that there is nothing
     within reach (see `DepthEstimate`); ``obstacles_m`` by all of them is the depth of the nearest
-    obstacle ahead (see `nearest_obstacle`), nan without one. ``range_over_depth`` (H, W): length of
+    obstacle ahead (see `Corridor`), nan without one. ``range_over_depth`` (H, W): length of
     each pixel's ray per unit of depth, None where the optics are unknown.
     ``timings_s``: seconds per stage; ``notes``: what the user must know of some images, ranges and
     depths, by stage, as "depth anchored" or "ranging cw". ``recording``: the digest of the

@@ -2,7 +2,7 @@
 
 from .method import REACH_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
 from .methods import DEPTH_METHODS, depth_method, lacks, unlike
-from .obstacle import nearest_obstacle
+from .obstacle import Corridor
 from .pointcloud import point_cloud_ply
 from .rays import pixel_of, pixel_rays, range_over_depth
 
@@ -10,13 +10,13 @@ __all__ = [
     "DEPTH_METHODS",
     "REACH_M",
     "Context",
+    "Corridor",
     "DepthEstimate",
     "DepthMethod",
     "DepthSolver",
     "View",
     "depth_method",
     "lacks",
-    "nearest_obstacle",
     "pixel_of",
     "pixel_rays",
     "point_cloud_ply",

@@ -44,7 +44,7 @@ class DepthEstimate:
     of ln depth, at least where there is a depth, and ``nothing``: probability in each pixel that
     there is nothing within REACH_M; both None where the method cannot tell. ``obstacle_m``: depth
     of the nearest obstacle ahead, nan without one, None where it is to be read off the map (see
-    `nearest_obstacle`). ``note``: what the user must know of it, such as that another method took
+    `Corridor`). ``note``: what the user must know of it, such as that another method took
     over.
     """
 

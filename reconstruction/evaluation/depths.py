@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Mask
-from ..depth import REACH_M, nearest_obstacle
+from ..depth import REACH_M, Corridor
 from .numbers import number
 
 Figures = dict[str, float | None]
@@ -111,7 +111,7 @@ def free_metrics(depth_m: Floats, true_m: Floats, nothing: ArrayLike | None) -> 
 def obstacle_metrics(
     depth_m: Floats, true_m: Floats, rays: Floats | None, obstacle_m: float | None = None
 ) -> Figures:
-    """Nearest obstacle in the corridor ahead, as told or else of the map; see `nearest_obstacle`.
+    """Nearest obstacle in the corridor ahead, as told or else of the map; see `Corridor`.
 
     ``obstacle_error``: relative, above 0 is too far. ``obstacle_missed``: 1 where it is told to be
     more than 25 % too far or not at all, else 0; None without one. ``obstacle_false``: 1 where one
@@ -119,8 +119,9 @@ def obstacle_metrics(
     """
     if rays is None:
         return dict.fromkeys(("obstacle_error", "obstacle_missed", "obstacle_false"))
-    found = nearest_obstacle(depth_m, rays) if obstacle_m is None else obstacle_m
-    true = nearest_obstacle(true_m, rays)
+    corridor = Corridor(rays)
+    found = corridor.nearest_m(depth_m) if obstacle_m is None else obstacle_m
+    true = corridor.nearest_m(true_m)
     error = found / true - 1
     return {
         "obstacle_error": number(error),

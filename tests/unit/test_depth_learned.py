@@ -14,10 +14,10 @@ from reconstruction.capture import Optics, Setup
 from reconstruction.cli import main
 from reconstruction.depth import (
     Context,
+    Corridor,
     DepthEstimate,
     View,
     depth_method,
-    nearest_obstacle,
     pixel_rays,
 )
 from reconstruction.depth.methods import learned
@@ -384,9 +384,9 @@ def test_measured_depths_join_by_inverse_variance():
 def test_obstacles_are_nearer_than_the_map_has_them_by_half_a_deviation(capture):
     found, plain = solved(capture)
     assert plain.obstacle_m is None
-    rays = pixel_rays(capture.setup.optics, found.depth_m.shape)
+    corridor = Corridor(pixel_rays(capture.setup.optics, found.depth_m.shape))
     near_m = found.depth_m * np.exp(-learned.CAUTION * found.deviation)
-    assert found.obstacle_m == pytest.approx(nearest_obstacle(near_m, rays), rel=0.05)
+    assert found.obstacle_m == pytest.approx(corridor.nearest_m(near_m), rel=0.05)
     result = Reconstructor(capture.setup, image="edge-preserving")(capture.frame(0))
     assert result.obstacle_m == pytest.approx(found.obstacle_m, rel=1e-6)
-    assert result.obstacle_m < nearest_obstacle(result.depth_m, rays)
+    assert result.obstacle_m < corridor.nearest_m(result.depth_m)

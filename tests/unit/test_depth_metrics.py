@@ -5,7 +5,7 @@ import pytest
 
 from reconstruction.capture import Optics
 from reconstruction.depth import REACH_M, pixel_rays
-from reconstruction.depth.obstacle import CORRIDOR_M, OBSTACLE_M2, nearest_obstacle
+from reconstruction.depth.obstacle import CORRIDOR_M, OBSTACLE_M2, Corridor
 from reconstruction.evaluation import depth_metrics
 
 SHAPE = (64, 64)
@@ -100,9 +100,9 @@ def test_only_what_is_in_the_corridor_is_an_obstacle():
         box = with_box(4.0, 8, column=column, behind=SKY)
         at_m = abs(column - 32) * wide
         if at_m < CORRIDOR_M / 2 - 2 * wide:
-            assert nearest_obstacle(box, RAYS) == 4
+            assert Corridor(RAYS).nearest_m(box) == 4
         if at_m > CORRIDOR_M / 2 + 6 * wide:
-            assert np.isnan(nearest_obstacle(box, RAYS))
+            assert np.isnan(Corridor(RAYS).nearest_m(box))
 
 
 @pytest.mark.parametrize("depth_m", [1.0, 4.0, 12.0])
@@ -116,7 +116,7 @@ def test_an_obstacle_has_a_size_whatever_the_pixels(depth_m, pixels):
     for count, seen in ((least, True), (least - 1, False)):
         depth = np.full(pixels**2, np.nan)
         depth[order[:count]] = depth_m
-        found = nearest_obstacle(depth.reshape(pixels, pixels), rays)
+        found = Corridor(rays).nearest_m(depth.reshape(pixels, pixels))
         assert (found == depth_m) if seen else np.isnan(found)
 
 
@@ -140,15 +140,15 @@ def test_where_nothing_is_told_all_is_free_within_reach():
 
 def test_a_map_of_one_row_has_its_obstacles():
     rays = pixel_rays(Optics(TAN, TAN), (1, 64))
-    assert nearest_obstacle(np.full((1, 64), 5.0), rays) == 5.0
+    assert Corridor(rays).nearest_m(np.full((1, 64), 5.0)) == 5.0
 
 
 def test_what_may_not_be_there_counts_by_its_chance():
     box = with_box(4.0, 12, behind=WALL)
     sure, unsure = np.ones(SHAPE), np.full(SHAPE, 1.0)
     unsure[box == 4] = 1e-3
-    assert nearest_obstacle(box, RAYS, chance=sure) == nearest_obstacle(box, RAYS) == 4
-    assert nearest_obstacle(box, RAYS, chance=unsure) == WALL[0, 0]
+    assert Corridor(RAYS).nearest_m(box, sure) == Corridor(RAYS).nearest_m(box) == 4
+    assert Corridor(RAYS).nearest_m(box, unsure) == WALL[0, 0]
 
 
 def test_an_obstacle_told_beside_the_map_is_the_one_that_counts():

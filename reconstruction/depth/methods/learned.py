@@ -13,14 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...arrays import Floats
 from ...capture import Setup
 from ...capture.readings.cw import CwSpots
 from ...errors import InputError
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
 from ..observer import Observer
-from ..obstacle import nearest_obstacle
+from ..obstacle import Corridor
 from ..rays import pixel_rays
 from ..shown import inputs_of, of_share
 from .anchored import METHOD as ANCHORED
@@ -62,8 +61,8 @@ class Learned:
             return _Instead(anchored, unlike)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
         assert context.setup.optics is not None
-        rays = pixel_rays(context.setup.optics, context.setup.plan.shape)
-        return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense, rays)
+        corridor = Corridor(pixel_rays(context.setup.optics, context.setup.plan.shape))
+        return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense, corridor)
 
 
 class LearnedSolver:
@@ -75,10 +74,10 @@ class LearnedSolver:
         observer: Observer,
         anchored: DepthSolver,
         dense: DepthSolver | None,
-        rays: Floats,
+        corridor: Corridor,
     ) -> None:
         self._network, self._observer = network, observer
-        self._anchored, self._dense, self._rays = anchored, dense, rays
+        self._anchored, self._dense, self._corridor = anchored, dense, corridor
 
     def __call__(self, view: View) -> DepthEstimate | None:
         """The map, or the anchored one of a view unlike those learned from."""
@@ -107,7 +106,7 @@ class LearnedSolver:
         return replace(
             found,
             depth_m=np.where(found.nothing > LIKELY, np.nan, found.depth_m),
-            obstacle_m=nearest_obstacle(near_m, self._rays, chance=1 - found.nothing),
+            obstacle_m=self._corridor.nearest_m(near_m, 1 - found.nothing),
         )
 
 
