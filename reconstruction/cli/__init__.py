@@ -22,6 +22,8 @@ COMMANDS = {
 }
 """Module of each, imported when it is called, and what it does."""
 INTERRUPTED = 130
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""What libraries of linear algebra go by, besides OMP_NUM_THREADS."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -30,6 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Raises SystemExit for wrong arguments; an interrupt gives 130.
     """
     write_anything()
+    _calculate_on_one_thread()
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
         arguments.insert(0, "reconstruct")
@@ -71,6 +74,16 @@ class _Parser(argparse.ArgumentParser):
 
     def _print_message(self, message: str, file: Any = None) -> None:
         super()._print_message(printable(message), file)
+
+
+def _calculate_on_one_thread() -> None:
+    """Matrices of a frame are small: more threads wait for each other, and take other work's time.
+
+    Who sets one of the variables decides; so does who has loaded NumPy before.
+    """
+    if "numpy" not in sys.modules and "OMP_NUM_THREADS" not in os.environ:
+        for name in THREADS:
+            os.environ.setdefault(name, "1")
 
 
 def _parser(called: Container[str]) -> argparse.ArgumentParser:

@@ -77,3 +77,17 @@ assert main([{str(tmp_path / "capture.h5")!r}, "-o", {str(tmp_path)!r}]) == 0
     assert not loaded & (FORBIDDEN_ON_THE_RIG | SLOW_TO_LOAD)
     assert (tmp_path / "result.h5").exists()
     assert (tmp_path / "depth.png").exists()
+
+
+@pytest.mark.parametrize(("already", "expected"), [("", "1"), ("import numpy", None)])
+def test_the_rigs_program_calculates_on_one_thread(already: str, expected: str | None) -> None:
+    code = f"""
+import os
+for name in [name for name in os.environ if name.endswith("_THREADS")]:
+    del os.environ[name]
+{already}
+from reconstruction.cli import main
+main(["reconstruct", "missing.h5", "-o", "nowhere"])
+assert os.environ.get("OPENBLAS_NUM_THREADS") == {expected!r}
+"""
+    loaded_after(code)
