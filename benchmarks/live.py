@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 from options import benchmark_options, finish
+from threadpoolctl import threadpool_limits
 
 import spisim
 from reconstruction import Capture, Reconstructor, Result
@@ -153,7 +154,8 @@ def drawn(frames: int, rng: np.random.Generator) -> Faults:
 
 
 def run(capture: Capture, frames: int, faults: Faults) -> Run:
-    """Receive and reconstruct what another process sends."""
+    """Receive and reconstruct what another process sends, on one thread as the program does."""
+    threadpool_limits(1)
     source = TcpListen("tcp-listen://127.0.0.1:0", "127.0.0.1", 0)
     reception = Reception(source)
     digests: dict[int, str] = {}
