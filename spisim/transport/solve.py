@@ -32,6 +32,8 @@ logger = logging.getLogger(__name__)
 SPOT_PATHS_PER_SPP = 64
 #: And first of all on the way to an error: a launch of fewer takes as long.
 FIRST_SPOT_PATHS = 256
+#: Estimates of the image at least, on the way to an error: thousands of coefficients tell it well.
+LEAST_IMAGES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +131,8 @@ def solve(
         budgets = [Paths(each, gauge=gauge) for each, gauge in zip(paths, gauges, strict=True)]
     else:
         budgets = [
-            TargetError(transport_noise_share, gauge, first)
-            for gauge, first in zip(gauges, (1, FIRST_SPOT_PATHS), strict=True)
+            TargetError(transport_noise_share, gauges[0], launches=LEAST_IMAGES),
+            TargetError(transport_noise_share, gauges[1], FIRST_SPOT_PATHS),
         ]
     image = transport_image(
         world,

@@ -11,7 +11,8 @@ from spisim.scene import Material, SceneObject
 from spisim.scene.bsdf import Mirror, ThinPane
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
-from spisim.transport.engine.sampling import TransportWarning
+from spisim.transport.engine.estimator import transport_image
+from spisim.transport.engine.sampling import Paths, TransportWarning
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.reference import Renderer
 from spisim.transport.world import build_world
@@ -92,6 +93,17 @@ def test_two_mirrors_in_a_row_throw_the_projector_back() -> None:
     closed = REFLECTANCE**2 * 1e-5 / (VIEW.pixel_area * cosine2 * squared)
     assert images.sum(axis=(1, 2)).mean() == pytest.approx(closed, rel=0.01, abs=0)
     assert np.count_nonzero(images.sum(axis=0)) == 1
+
+
+def test_errors_of_what_mirrors_show_are_as_told() -> None:
+    """Estimates side by side each get their share of the light that only the mirror brings."""
+    world = build_world(worlds.scene(*worlds.room(), mirror(3.0, 0.3, 0.7)))
+    estimates = [
+        transport_image(world, VIEW, NEAR, Paths(8), seed=seed) for seed in worlds.seeds(24)
+    ]
+    scatter = np.var([each.mean["image"] for each in estimates], axis=0, ddof=1).sum()
+    told = np.mean([each.error["image"] ** 2 for each in estimates], axis=0).sum()
+    assert scatter / told == pytest.approx(1, abs=0.2)
 
 
 @pytest.mark.slow

@@ -59,6 +59,7 @@ class TargetError:
     gauge: Gauge
     first: int = 1
     most: int = 2**20
+    launches: int = MIN_LAUNCHES  # at least
 
 
 SamplingBudget = Paths | TargetError
@@ -143,8 +144,9 @@ def repeat(
         launches = replicas * -(-max(budget.launches, -(-budget.per_cell // most)) // replicas)
         samples = max(1, round(budget.per_cell / launches))
     else:
+        launches = budget.launches
         samples = min(budget.first, most)
-    done, beside = 0.0, replicas
+    done, beside = 0.0, min(replicas, launches)
     for step in count():
         values, unsummed = launch(samples, _seeds(seed, step), beside)
         dropped += unsummed
@@ -158,7 +160,7 @@ def repeat(
             progress(done)
         if done >= 1:
             break
-        if isinstance(budget, TargetError) and running.count >= MIN_LAUNCHES:
+        if isinstance(budget, TargetError) and running.count >= launches:
             least = min(running.weight / 3, LEAST_LANES / cells)
             missing = max(running.weight * (1 / max(done, 0.5) - 1), least)
             beside = min(replicas, max(1, math.ceil(missing)))
@@ -185,8 +187,8 @@ def _share_done(budget: TargetError, running: _Running) -> float:
     if running.weight >= budget.most:
         return 1.0
     share = (budget.target / max(running.size(), budget.target)) ** 2
-    if running.count < MIN_LAUNCHES:
-        return float(min(share, running.count / MIN_LAUNCHES))
+    if running.count < budget.launches:
+        return float(min(share, running.count / budget.launches))
     return float(share)
 
 

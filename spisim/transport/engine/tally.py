@@ -27,7 +27,7 @@ class Contribution(NamedTuple):
     length_m: Any  # whole optical path
     scatterings: Any  # in fog, along the whole path
     active: Any
-    replica: Any = 0  # which of the estimates side by side it is part of
+    replica: Any  # which of the estimates side by side it is part of
 
 
 Deposit = Callable[[Contribution], None]

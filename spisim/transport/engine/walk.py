@@ -119,8 +119,8 @@ class Walk:
         if self.sky is not None:
             escaped = path.active & ~in_fog & ~on_surface
             light = path.beta * self.sky(ray.d)
-            found = Contribution(light, launch.cell, path.length_m, path.scatterings, escaped)
-            self.deposit(found._replace(replica=launch.replica))
+            place = (launch.cell, path.length_m, path.scatterings)
+            self.deposit(Contribution(light, *place, escaped, launch.replica))
         path.active &= in_fog | on_surface
         distance = dr.select(path.active, distance, 0)
         point = mi.Point3f(ray(distance))
@@ -215,6 +215,7 @@ class Walk:
                 path.length_m + length_m + end.length_m,
                 path.scatterings + end.scatterings,
                 lit & carries_light(value),
+                launch.replica,
             )
         )
 
