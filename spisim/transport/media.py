@@ -315,6 +315,24 @@ class Media:
             density = dr.select(chosen, pdf, density)
         return direction, weight, density
 
+    def bend(self, incoming: Any, sampler: Any) -> Any:
+        """A direction as any one of the media scatters; see `bending`."""
+        count = len(self.parts)
+        medium = dr.minimum(mi.UInt32(sampler.next_1d() * count), count - 1)
+        choice, square = sampler.next_1d(), sampler.next_2d()
+        point = mi.Point3f(0)  # phase functions are the same everywhere
+        return self.scatter(medium, point, incoming, choice, square, mi.Bool(True))[0]
+
+    def bending(self, point: Any, incoming: Any, outgoing: Any, active: Any) -> tuple[Any, Any]:
+        """What all media scatter from one direction into another, 1/(m sr); density of `bend`."""
+        scattered, density = mi.Float(0), mi.Float(0)
+        context, interaction = mi.PhaseFunctionContext(), _interaction(point, incoming)
+        for part in self.parts:
+            phase, _ = part.phase.eval_pdf(context, interaction, outgoing, active)
+            scattered += part.albedo * part.extinction_at(point) * phase.x
+            density += phase.x / len(self.parts)
+        return scattered, density
+
     def extinction_at(self, point: Any) -> Any:
         """Extinction of all media together, 1/m."""
         total: Any = mi.Float(0)

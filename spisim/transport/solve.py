@@ -34,6 +34,9 @@ SPOT_PATHS_PER_SPP = 64
 FIRST_SPOT_PATHS = 256
 #: Estimates of the image at least, on the way to an error: thousands of coefficients tell it well.
 LEAST_IMAGES = 4
+#: And paths per pixel in each of them: most of the light is found along rays, of which there are
+#: several to a path.
+LEAST_PATHS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +134,12 @@ def solve(
         budgets = [Paths(each, gauge=gauge) for each, gauge in zip(paths, gauges, strict=True)]
     else:
         budgets = [
-            TargetError(transport_noise_share, gauges[0], launches=LEAST_IMAGES),
+            TargetError(
+                transport_noise_share,
+                gauges[0],
+                1 if placed.projector.pixels % 2 else LEAST_PATHS,
+                launches=LEAST_IMAGES,
+            ),
             TargetError(transport_noise_share, gauges[1], FIRST_SPOT_PATHS),
         ]
     image = transport_image(

@@ -44,7 +44,7 @@ def direct_light(
     The ray is followed to the first surface, be it a pane or not. The end with the narrower field
     is the one to follow rays from: they should lie in the field of the other.
     """
-    lane, cell, replica, sampler = _low_discrepancy(this, replicas, seed)
+    lane, cell, replica, sampler = low_discrepancy(this, replicas, seed)
     ray, weight = this.pencil(lane, sampler)
     si, reach = world.first_surface(ray)
     pencil = _Pencil(ray, si, reach, other.choose(lane, sampler))
@@ -73,7 +73,7 @@ def mirrored_light(
     """
     if world.mirrors is None:
         return
-    lane, cell, replica, sampler = _low_discrepancy(source, replicas, seed ^ 1)  # others
+    lane, cell, replica, sampler = low_discrepancy(source, replicas, seed ^ 1)  # others
     random: Any = mi.sample_tea_float32  # whose stubs take Python's numbers alone
     turn = (mi.Float(lane) + 0.5) / source.lanes + random(replica, dr.opaque(mi.UInt32, seed))
     fold = world.mirrors.choose_any(turn - dr.floor(turn), sampler)  # all planes in turn
@@ -98,10 +98,7 @@ def _off_surface(world: World, pencil: _Pencil, other: Sink, sampler: Any, add: 
     ray, si, reach, number = pencil
     end = other.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
-    outward = isinstance(other, Detectors)
-    mode = mi.TransportMode.Importance if outward else mi.TransportMode.Radiance
-    context = mi.BSDFContext(mode)
-    reflected = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
+    reflected = si.bsdf().eval(surface_context(other), si, si.to_local(towards), si.is_valid())
     value = reflected.x * end.importance
     lit = carries_light(value) & si.is_valid()
     value *= world.geometry.transmission(si, si.p, towards, gap, mi.Bool(False), lit)
@@ -141,7 +138,13 @@ def _off_fog(
     add(value, distance + gap, 1, lit)
 
 
-def _low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> tuple[Any, Any, Any, Any]:
+def surface_context(other: Sink) -> Any:
+    """Light that goes to detectors leaves the surface; else it is followed against its way."""
+    outward = isinstance(other, Detectors)
+    return mi.BSDFContext(mi.TransportMode.Importance if outward else mi.TransportMode.Radiance)
+
+
+def low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> tuple[Any, Any, Any, Any]:
     """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
     number: Any = dr.arange(mi.UInt32, replicas * this.lanes)
     beside = dr.opaque(mi.UInt32, replicas)

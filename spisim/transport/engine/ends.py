@@ -64,7 +64,8 @@ class Projector:
 
     W(ω) = 1 / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance. The
     lens is a point, or a disc that is focused at a distance: a pixel's light then leaves all over
-    the disc towards the pixel's place in the focal plane. `samples` paths per pixel and launch.
+    the disc towards the pixel's place in the focal plane. `samples` paths per pixel and launch, or
+    one from one of so `many` neighbours, at random.
     """
 
     to_world: Any
@@ -75,11 +76,16 @@ class Projector:
     lens_radius_m: Any
     focus_m: Any
     samples: int
-    rate: Any  # the same for kernels, which then do for any number
+    many: int
+    rate: Any  # paths per pixel for kernels, which then do for any number
 
     @classmethod
-    def of(cls, view: ProjectorView, samples: int) -> Projector:
-        """Take a projector's place in the world from its numbers."""
+    def of(cls, view: ProjectorView, samples: float) -> Projector:
+        """Take a projector's place in the world from its numbers.
+
+        `samples` is a whole number, or one over another that divides the number of pixels.
+        """
+        many = max(1, round(1 / samples))
         return cls(
             to_world=transform(view.pose),
             to_optical=transform(np.linalg.inv(view.pose)),
@@ -88,13 +94,16 @@ class Projector:
             half_height=dr.opaque(mi.Float, view.tan_half_height),
             lens_radius_m=dr.opaque(mi.Float, view.lens_radius_m),
             focus_m=dr.opaque(mi.Float, view.focus_m),
-            samples=samples,
+            samples=max(1, int(samples)),
+            many=many,
             rate=dr.opaque(mi.Float, samples),
         )
 
     def times(self, factor: int) -> Projector:
-        """The same with so many times the paths."""
-        return replace(self, samples=factor * self.samples, rate=factor * self.rate)
+        """The same with so many times the paths, of every pixel."""
+        return replace(
+            self, samples=factor * self.samples, many=1, rate=factor * self.many * self.rate
+        )
 
     @property
     def pixels(self) -> int:
@@ -102,7 +111,7 @@ class Projector:
 
     @property
     def lanes(self) -> int:
-        return self.pixels * self.samples
+        return self.pixels * self.samples // self.many
 
     @property
     def paths(self) -> Any:
@@ -119,11 +128,10 @@ class Projector:
 
     def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
         """A ray through the lane's pixel, and its weight."""
-        return self._through(lane, sampler.next_2d(), sampler), dr.rcp(self.rate)
+        return self._through(self.cell(lane), sampler.next_2d(), sampler), dr.rcp(self.rate)
 
-    def _through(self, lane: Any, jitter: Any, sampler: Any) -> Any:
-        """A ray through a place in the lane's pixel."""
-        cell = self.cell(lane)
+    def _through(self, cell: Any, jitter: Any, sampler: Any) -> Any:
+        """A ray through a place in a pixel."""
         height, width = self.shape
         x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
         y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
@@ -131,7 +139,10 @@ class Projector:
 
     def launch(self, lane: Any, sampler: Any) -> Launch:
         jitter = stratified(lane // self.pixels, self.samples, sampler)
-        ray = self._through(lane, jitter, sampler)
+        many = dr.opaque(mi.UInt32, self.many)
+        among = dr.minimum(mi.UInt32(sampler.next_1d() * mi.Float(many)), many - 1)
+        cell = self.cell(lane * many + among)
+        ray = self._through(cell, jitter, sampler)
         return Launch(
             origin=ray.o,
             direction=ray.d,
@@ -139,7 +150,7 @@ class Projector:
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
             state=self.rate * self.importance_of(ray.d),
-            cell=self.cell(lane),
+            cell=cell,
         )
 
     def density(self, launch: Launch, first_vertex: Any) -> Any:

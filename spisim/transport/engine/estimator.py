@@ -18,6 +18,7 @@ from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.direct import direct_light, mirrored_light
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.footprint import Footprint
+from spisim.transport.engine.halo import halo_light
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.rays import FogRays
@@ -43,7 +44,9 @@ from spisim.transport.world import World
 
 #: Rays along which light scattered once is summed, for each path of a walk: a ray costs a tenth of
 #: a walk, and has a tenth to two times its variance.
-DIRECT_RAYS = 3
+DIRECT_RAYS = 4
+#: And light that fog and a surface scatter once each.
+HALO_RAYS = 2
 
 
 class Strategy(Enum):
@@ -76,10 +79,10 @@ def transport_image(
     pixels = projector.pixels
     replicas = 1 if outputs.bins is not None else replicas_of(pixels)  # cubes fill the memory
 
-    def launch(samples: int, seeds: Sequence[int], replicas: int) -> Sums:
+    def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = outputs.tallies(pixels, replicas)
         near = Projector.of(projector, samples)
-        far = JointDetectors.of(detector, -(-samples * pixels // len(detector.positions_m)))
+        far = JointDetectors.of(detector, -(-near.lanes // len(detector.positions_m)))
         image_light(world, near, far, seeds, tallies.add, strategy, max_vertices, replicas=replicas)
         return tallies.read(detector.area_m2)
 
@@ -104,6 +107,7 @@ def image_light(
     # In clear air there is no fog to connect to.
     bridged = strategy is Strategy.BOTH and bool(world.media.parts)
     rays, footprint = FogRays(world, near) if bridged else None, None
+    halo = bridged and not world.geometry.see_through
     outward = inward = alone
     if strategy is Strategy.BOTH:
         outward, inward = second_on_or_behind_glass, second_on
@@ -116,11 +120,15 @@ def image_light(
         mirrored_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
         if max_vertices == 1:
             return
+        if halo:
+            halo_light(world, near.times(HALO_RAYS), far, seeds[2], deposit, replicas=replicas)
     if strategy is not Strategy.DETECTOR:
-        out = Walk(world, near, far, True, outward, deposit, rays, footprint, replicas=replicas)
+        out = Walk(
+            world, near, far, True, outward, deposit, rays, footprint, halo, replicas=replicas
+        )
         out.run(seeds[0], max_vertices)
     if strategy is not Strategy.PROJECTOR:
-        back = Walk(world, far, near, False, inward, deposit, rays, replicas=replicas)
+        back = Walk(world, far, near, False, inward, deposit, rays, halo=halo, replicas=replicas)
         back.run(seeds[1], max_vertices)
 
 
@@ -145,10 +153,10 @@ def spot_histogram(
     replicas = replicas_of(count)
     histograms = partial(OrderTally, make=partial(HistogramTally, bins=bins))
 
-    def launch(samples: int, seeds: Sequence[int], replicas: int) -> Sums:
+    def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = Tallies(count, [histograms], replicas)
-        near = Beams.of(world, beams, samples)
-        far = Detectors.of(detectors, samples)
+        near = Beams.of(world, beams, int(samples))
+        far = Detectors.of(detectors, int(samples))
         direct_light(world, near, far, seeds[2], tallies.add, replicas=replicas)
         if max_vertices > 1:
             weight = balanced if strategy is Strategy.BOTH else alone

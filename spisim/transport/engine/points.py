@@ -33,6 +33,10 @@ class Points:
         """Point `number` of the lane's `sequence`; sequences and seeds are independent."""
         return cls(dr.brev(mi.UInt32(number)), _mix(sequence ^ _mix(seed)), mi.UInt32(0))
 
+    def again(self) -> Points:
+        """The same numbers from here on."""
+        return Points(self.number, self.stream, mi.UInt32(self.dimension))
+
     def next_1d(self, active: Any = True) -> Any:
         """A number in [0, 1)."""
         key = self._next_key()

@@ -18,6 +18,8 @@ MIN_LAUNCHES = 8
 MAX_LANES = 2**20
 #: And at least, on the way to an error, if not a third of all before: a launch has its price.
 LEAST_LANES = 2**14
+#: And at most so many times the paths before: the first few tell little of how many are missing.
+GROWTH = 3.0
 
 
 class TransportWarning(UserWarning):
@@ -52,19 +54,20 @@ class Paths:
 class TargetError:
     """Go on until errors are at most `target` by their gauge, or there are `most` paths per cell.
 
-    From `first` paths per cell and launch on, they are at most doubled at a time.
+    The first launch has `first` paths per cell, which may be less than one, the next as many as seem
+    to be missing.
     """
 
     target: float
     gauge: Gauge
-    first: int = 1
+    first: float = 1
     most: int = 2**20
     launches: int = MIN_LAUNCHES  # at least
 
 
 SamplingBudget = Paths | TargetError
 #: Paths per cell, seeds, and estimates side by side.
-Launch = Callable[[int, Sequence[int], int], Sums]
+Launch = Callable[[float, Sequence[int], int], Sums]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +91,13 @@ class _Running:
 
     def __init__(self, gauge: Gauge | None = None) -> None:
         self.count = 0
-        self.weight = 0
+        self.weight = 0.0
         self.mean: dict[str, Floats] = {}
         self._squares: dict[str, Floats] = {}
         self._gauge = gauge
         self._readings = None if gauge is None else _Running()
 
-    def add(self, values: Mapping[str, Floats], weight: int) -> None:
+    def add(self, values: Mapping[str, Floats], weight: float) -> None:
         self.count += 1
         self.weight += weight
         for name, value in values.items():
@@ -142,7 +145,7 @@ def repeat(
     running, dropped = _Running(budget.gauge), 0
     if isinstance(budget, Paths):
         launches = replicas * -(-max(budget.launches, -(-budget.per_cell // most)) // replicas)
-        samples = max(1, round(budget.per_cell / launches))
+        samples: float = max(1, round(budget.per_cell / launches))
     else:
         launches = budget.launches
         samples = min(budget.first, most)
@@ -162,9 +165,10 @@ def repeat(
             break
         if isinstance(budget, TargetError) and running.count >= launches:
             least = min(running.weight / 3, LEAST_LANES / cells)
-            missing = max(running.weight * (1 / max(done, 0.5) - 1), least)
-            beside = min(replicas, max(1, math.ceil(missing)))
-            samples = int(np.clip(np.ceil(missing / beside), 1, most))
+            missing = max(running.weight * min(1 / done - 1, GROWTH), least)
+            beside = min(replicas, max(1, math.ceil(missing / min(budget.first, 1))))
+            each = missing / beside
+            samples = budget.first if each <= budget.first < 1 else min(math.ceil(each), most)
     if dropped:
         warnings.warn(
             f"{dropped} contributions of light were not finite numbers and are left out: a "
@@ -172,7 +176,7 @@ def repeat(
             TransportWarning,
             stacklevel=2,
         )
-    paths = ends * running.weight * cells
+    paths = round(ends * running.weight * cells)
     return Estimate(running.mean, running.error(), running.count, paths, running.size(), dropped)
 
 

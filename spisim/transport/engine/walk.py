@@ -26,6 +26,7 @@ from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Connection, Launch, Projector
 from spisim.transport.engine.footprint import Footprint
+from spisim.transport.engine.halo import found_along_rays
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.path import Path, Ratio, quotient
 from spisim.transport.engine.rays import FogRays
@@ -79,6 +80,7 @@ class Walk:
     deposit: Deposit
     rays: FogRays | None = None
     footprint: Footprint | None = None
+    halo: bool = False  # light of `halo_light` is found by it alone
     sky: Sky | None = None
     ending: float = 1.0  # roulette may end paths that carry less than this share of their start
     replicas: int = 1  # estimates side by side, which paths take turns to be part of
@@ -149,6 +151,8 @@ class Walk:
         """P or D: deposit what a vertex sends to the other end."""
         end = self._flown(self.other.connect(lane, here.point, sampler), here)
         has_part = path.active & self.weight.part(path.vertex, path.crossings > 0)
+        if self.halo:
+            has_part &= ~self._in_halo(here, end, path, launch)
         join = self._join(here, end, path, has_part, sampler)
         others = join.ratio.value
         if self.rays is not None and self.outward:
@@ -162,6 +166,16 @@ class Walk:
             others = path.densities.footprint(self.footprint.density(end) * join.lobe.cosines)
         self._deposit(join, others, path.vertex, end, launch, path)
 
+    def _in_halo(self, here: Vertex, end: Connection, path: Path, launch: Launch) -> Any:
+        """Whether `halo_light` finds the light of a vertex that is joined to the other end."""
+        before = path.densities.before
+        if self.outward:
+            found = found_along_rays(before, here.point, end.point, here.in_fog)
+        else:
+            found = found_along_rays(here.point, before, launch.origin, ~here.in_fog)
+        scattered = path.densities.ratio > 0  # no mirror turned it
+        return found & scattered & (path.vertex == 2) & (path.scatterings == 1)
+
     def _flown(self, end: Connection, here: Vertex) -> Connection:
         """The other end, with the density of its paths' first flights as they are drawn."""
         away, gap = direction_to(end.point, here.point)
@@ -174,7 +188,10 @@ class Walk:
         """The bridge: deposit what a vertex sends on to a point of a ray."""
         assert self.rays is not None
         end, place = self.rays.connect(here.point, sampler, path.active)
-        join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
+        has_part = path.active & (path.vertex < limit)
+        if self.halo:
+            has_part &= here.in_fog | (path.vertex > 1)
+        join = self._join(here, end, path, has_part, sampler)
         detectors = quotient(join.lobe.forward * join.known, place * join.gap_m * join.gap_m)
         self._deposit(join, join.ratio.value + detectors, path.vertex + 1, end, launch, path)
 

@@ -1,0 +1,151 @@
+"""Light scattered once by fog and once by a surface: what blurs an image first, and most.
+
+A walk finds it by chance: it seldom collides in thin fog, and one from the detector brings it to
+any pixel. Here rays of the pixels are followed instead, and nothing is left to chance but where on
+its way, and by how much, the fog bends the light:
+
+* **Behind the surface.** From the surface S that a ray meets, by way of the fog at X, to the other
+  end D. X lies at t along the line SD, so far beside it that light is bent by an angle of the
+  phase function's own (joint importance sampling: Georgiev et al., ACM TOG 32(6), 164 (2013)). What
+  the two inverse squared distances and the phase function would scatter then cancels: for bends of
+  any angle, what is left lies between 1 and π/2 times the smallest.
+* **In front of it.** X anywhere on the ray, a bend drawn from the phase function, S what it meets.
+
+The first takes X between the planes through S and D across their line. All other light of this kind
+is left to the walks (`Halo`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+
+from spisim.transport.engine.apertures import JointDetectors
+from spisim.transport.engine.direct import low_discrepancy, surface_context
+from spisim.transport.engine.ends import Projector
+from spisim.transport.engine.lights import Lamp
+from spisim.transport.engine.tally import Contribution, Deposit, carries_light
+from spisim.transport.geometry import direction_to
+from spisim.transport.world import World
+
+#: Extinction below which a ray's fog counts as being the same all along, 1/m.
+THIN_PER_M = 1e-4
+
+
+class _Pencil(NamedTuple):
+    """A ray, the surface it meets, and how far it goes."""
+
+    ray: Any
+    si: Any
+    reach: Any
+    number: Any  # of the other end
+
+
+def halo_light(
+    world: World,
+    this: Projector,
+    other: JointDetectors | Lamp,
+    seed: int,
+    deposit: Deposit,
+    *,
+    replicas: int = 1,
+) -> None:
+    """Deposit what each lane's ray sends to the other end by way of fog and a surface."""
+    lane, cell, replica, points = low_discrepancy(this, replicas, seed ^ 2)  # other numbers
+    ray, weight = this.pencil(lane, points)
+    si, reach = world.first_surface(ray)
+    pencil = _Pencil(ray, si, reach, other.choose(lane, points))
+    for light in (_behind_surface, _before_surface):
+        value, length_m, lit = light(world, pencil, other, points)
+        deposit(Contribution(value * weight, cell, length_m, mi.UInt32(1), lit, replica))
+
+
+def found_along_rays(first: Any, second: Any, end: Any, surface_first: Any) -> Any:
+    """Whether `halo_light` finds light of two vertices, in their order from the projector.
+
+    One of them is on a surface that scatters, the other in fog.
+    """
+    between = (dr.dot(second - first, end - first) > 0) & (dr.dot(second - end, first - end) > 0)
+    return ~surface_first | between
+
+
+def _behind_surface(
+    world: World, pencil: _Pencil, other: JointDetectors | Lamp, points: Any
+) -> tuple[Any, Any, Any]:
+    """Value, path length and lanes of what the surface sends on by way of the fog."""
+    ray, si, reach, number = pencil
+    media = world.media
+    end = other.connect_to(number, si.p, points.again()).point
+    axis, length_m = direction_to(si.p, end)
+    choice = points.next_1d()
+    along = points.next_1d()
+    t = length_m * dr.select(choice < 0.5, along, dr.square(dr.sin(0.5 * dr.pi * along)))
+    root = dr.sqrt(t * (length_m - t))
+    bent = media.bend(axis, points)
+    cosine = dr.dot(axis, bent)
+    aside = bent - axis * cosine
+    sine = dr.maximum(dr.norm(aside), 1e-12)
+    spread = dr.sqrt(dr.square(length_m * cosine) + dr.square(2 * root * sine))
+    r = dr.select(
+        cosine > 0,
+        2 * dr.square(root) * sine / (length_m * cosine + spread),
+        (spread - length_m * cosine) / (2 * sine),
+    )
+    point = mi.Point3f(si.p + t * axis + (r / sine) * aside)
+    outgoing, first_m = direction_to(si.p, point)
+    seen = other.connect_to(number, point, points)
+    onward, second_m = direction_to(point, seen.point)
+    lit = si.is_valid() & (seen.importance > 0)
+    scattered, density = media.bending(point, outgoing, onward, lit)
+    density *= 0.5 / length_m + 0.5 / (dr.pi * root)
+    density *= length_m / (first_m * second_m)
+    density *= t / dr.square(first_m) + (length_m - t) / dr.square(second_m)
+    reflected = si.bsdf().eval(surface_context(other), si, si.to_local(outgoing), lit)
+    value = reflected.x * scattered * seen.importance / (density * dr.square(first_m))
+    lit &= (density > 0) & carries_light(value)
+    value *= world.geometry.transmission(si, si.p, outgoing, first_m, mi.Bool(False), lit)
+    value *= world.geometry.between(point, onward, second_m, lit)
+    value *= media.transmittance(ray.o, ray.d, reach, points, lit)
+    value *= media.transmittance(si.p, outgoing, first_m, points, lit)
+    value *= media.transmittance(point, onward, second_m, points, lit)
+    return value, reach + first_m + second_m, lit & carries_light(value)
+
+
+def _before_surface(
+    world: World, pencil: _Pencil, other: JointDetectors | Lamp, points: Any
+) -> tuple[Any, Any, Any]:
+    """The same of what the fog sends on by way of a surface."""
+    ray, _, reach, number = pencil
+    media = world.media
+    distance, density = _anywhere(media.extinction_at(ray.o), reach, points)
+    point = mi.Point3f(ray(distance))
+    medium = media.pick(point, points.next_1d())
+    choice, square = points.next_1d(), points.next_2d()
+    bent, scale, _ = media.scatter(medium, point, ray.d, choice, square, mi.Bool(True))
+    value = media.albedo(medium) * media.extinction_at(point) * scale / density
+    onward = mi.Ray3f(point, bent)
+    si: Any = world.geometry.scene.ray_intersect(onward, carries_light(value))
+    end = other.connect_to(number, si.p, points)
+    towards, gap = direction_to(si.p, end.point)
+    reflected = si.bsdf().eval(surface_context(other), si, si.to_local(towards), si.is_valid())
+    value *= reflected.x * end.importance
+    lit = si.is_valid() & carries_light(value)
+    value *= world.geometry.transmission(si, si.p, towards, gap, mi.Bool(False), lit)
+    value *= media.transmittance(ray.o, ray.d, distance, points, lit)
+    value *= media.transmittance(point, bent, si.t, points, lit)
+    value *= media.transmittance(si.p, towards, gap, points, lit)
+    return value, distance + si.t + gap, lit & carries_light(value)
+
+
+def _anywhere(extinction_per_m: Any, reach: Any, points: Any) -> tuple[Any, Any]:
+    """A distance along a ray, and its density: uniform, or as light is lost where the ray begins.
+
+    The one is right where light goes on to a surface all the same, the other in thick fog.
+    """
+    rate = dr.maximum(extinction_per_m, THIN_PER_M)
+    lost = 1 - dr.exp(-rate * reach)
+    choice, along = points.next_1d(), points.next_1d()
+    distance = dr.select(choice < 0.5, along * reach, -dr.log(1 - along * lost) / rate)
+    return distance, 0.5 * (dr.rcp(reach) + rate * dr.exp(-rate * distance) / lost)
