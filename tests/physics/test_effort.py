@@ -11,8 +11,13 @@ import spisim
 import worlds
 from reconstruction.operators import decoder_for, expose
 from spisim.measurement.diagnostics import truth_warnings
-from spisim.transport import Transport, solve
-from spisim.transport.solve import FIRST_SPOT_PATHS
+from spisim.transport.solve import (
+    FIRST_SPOT_PATHS,
+    LEAST_IMAGES,
+    LEAST_PATHS,
+    Transport,
+    solve,
+)
 
 PAPER = spisim.load_instrument("paper")
 SCENE = worlds.scene(*worlds.room(), extinction_per_m=0.3, g=0.8, albedo=0.98)
@@ -59,7 +64,8 @@ def test_a_small_share_takes_more_paths() -> None:
 def test_a_clear_scene_needs_the_fewest_paths_there_are() -> None:
     light = solve(worlds.scene(worlds.plane(4.0)), PAPER, transport_noise_share=0.3)
     spots = 8 * 4 * FIRST_SPOT_PATHS * 2
-    assert light.paths == 8 * PAPER.pattern_plan.pixels + spots
+    spots = 8 * 4 * FIRST_SPOT_PATHS * 2
+    assert light.paths == LEAST_IMAGES * LEAST_PATHS * PAPER.pattern_plan.pixels + spots
     assert light.noise_share < 0.3
 
 

@@ -135,6 +135,9 @@ def test_rays_through_the_edge_of_the_field_have_a_density(plane_world):
     """Rounding may put them outside, which is no reason to find their light elsewhere alone."""
 
     class Corners:
+        def next_1d(self):
+            return mi.Float(0)
+
         def next_2d(self):
             return mi.Point2f(0)
 

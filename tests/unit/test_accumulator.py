@@ -42,7 +42,9 @@ def added(values: list[float], length_m: float = 0.0) -> Sums:
         ],
     )
     value, length = mi.Float(np.array(values, dtype=np.float32)), mi.Float(length_m)
-    tallies.add(Contribution(value, mi.UInt32(1), length, mi.UInt32(0), mi.Bool(True), mi.UInt32(0)))
+    tallies.add(
+        Contribution(value, mi.UInt32(1), length, mi.UInt32(0), mi.Bool(True), mi.UInt32(0))
+    )
     return tallies.read(area_m2=0.5)
 
 

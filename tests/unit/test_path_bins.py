@@ -20,7 +20,9 @@ def histogram(bins: PathLengthBins, lengths_m: list[float]) -> np.ndarray:
     activate()
     tallies = Tallies(1, [partial(HistogramTally, bins=bins)])
     lengths = mi.Float(np.array(lengths_m, np.float32))
-    tallies.add(Contribution(mi.Float(1), mi.UInt32(0), lengths, mi.UInt32(0), mi.Bool(True), mi.UInt32(0)))
+    tallies.add(
+        Contribution(mi.Float(1), mi.UInt32(0), lengths, mi.UInt32(0), mi.Bool(True), mi.UInt32(0))
+    )
     return tallies.read(1.0).values["histogram"][0, 0]
 
 

@@ -7,8 +7,8 @@ its way, and by how much, the fog bends the light:
 * **Behind the surface.** From the surface S that a ray meets, by way of the fog at X, to the other
   end D. X lies at t along the line SD, so far beside it that light is bent by an angle of the
   phase function's own (joint importance sampling: Georgiev et al., ACM TOG 32(6), 164 (2013)). What
-  the two inverse squared distances and the phase function would scatter then cancels: for bends of
-  any angle, what is left lies between 1 and π/2 times the smallest.
+  the two inverse squared distances and the phase function would scatter then cancels: what is left
+  is at most π times what it is for a small bend anywhere on the line.
 * **In front of it.** X anywhere on the ray, a bend drawn from the phase function, S what it meets.
 
 The first takes X between the planes through S and D across their line. All other light of this kind
@@ -97,7 +97,7 @@ def _behind_surface(
     outgoing, first_m = direction_to(si.p, point)
     seen = other.connect_to(number, point, points)
     onward, second_m = direction_to(point, seen.point)
-    lit = si.is_valid() & (seen.importance > 0)
+    lit = si.is_valid() & (first_m > 0) & (second_m > 0) & (seen.importance > 0)  # by rounding
     scattered, density = media.bending(point, outgoing, onward, lit)
     density *= 0.5 / length_m + 0.5 / (dr.pi * root)
     density *= length_m / (first_m * second_m)

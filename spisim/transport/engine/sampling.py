@@ -54,8 +54,8 @@ class Paths:
 class TargetError:
     """Go on until errors are at most `target` by their gauge, or there are `most` paths per cell.
 
-    The first launch has `first` paths per cell, which may be less than one, the next as many as seem
-    to be missing.
+    The first launch has `first` paths per cell, which may be less than one, the next as many as
+    seem to be missing.
     """
 
     target: float
