@@ -45,6 +45,11 @@ class World:
         """Clear air and diffuse surfaces: paths from the pixels alone find all light, and best."""
         return self.diffuse and not self.media.parts
 
+    @property
+    def hazy(self) -> bool:
+        """Fog, and surfaces none of which lets light straight through."""
+        return bool(self.media.parts) and not self.geometry.see_through
+
     def first_surface(self, ray: Any) -> tuple[Any, Any]:
         """What a ray meets, and how far it goes; out of the ball if it meets nothing."""
         si = self.geometry.scene.ray_intersect(ray)

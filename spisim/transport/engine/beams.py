@@ -11,7 +11,7 @@ The beam's first vertex x₁ plays the part of a point source whose lobe is the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -72,6 +72,10 @@ class Beams:
             samples=samples,
             rate=dr.opaque(mi.Float, samples),
         )
+
+    def times(self, factor: int) -> Beams:
+        """The same with so many times the paths."""
+        return replace(self, samples=factor * self.samples, rate=factor * self.rate)
 
     @property
     def lanes(self) -> int:

@@ -47,6 +47,8 @@ from spisim.transport.world import World
 DIRECT_RAYS = 4
 #: And light that fog and a surface scatter once each.
 HALO_RAYS = 2
+#: The same for lasers, whose spots outshine what is scattered more often.
+SPOT_RAYS, SPOT_HALO_RAYS = 8, 2
 
 
 class Strategy(Enum):
@@ -107,7 +109,7 @@ def image_light(
     # In clear air there is no fog to connect to.
     bridged = strategy is Strategy.BOTH and bool(world.media.parts)
     rays, footprint = FogRays(world, near) if bridged else None, None
-    halo = bridged and not world.geometry.see_through
+    halo = bridged and world.hazy
     outward = inward = alone
     if strategy is Strategy.BOTH:
         outward, inward = second_on_or_behind_glass, second_on
@@ -157,14 +159,24 @@ def spot_histogram(
         tallies = Tallies(count, [histograms], replicas)
         near = Beams.of(world, beams, int(samples))
         far = Detectors.of(detectors, int(samples))
-        direct_light(world, near, far, seeds[2], tallies.add, replicas=replicas)
+        rays = near.times(SPOT_RAYS)
+        direct_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
         if max_vertices > 1:
-            weight = balanced if strategy is Strategy.BOTH else alone
+            weight, halo = alone, False
+            if strategy is Strategy.BOTH:
+                weight, halo = balanced, world.hazy
+            if halo:
+                rays = near.times(SPOT_HALO_RAYS)
+                halo_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
             if strategy is not Strategy.DETECTOR:
-                out = Walk(world, near, far, True, weight, tallies.add, replicas=replicas)
+                out = Walk(
+                    world, near, far, True, weight, tallies.add, halo=halo, replicas=replicas
+                )
                 out.run(seeds[0], max_vertices - 1)
             if strategy is not Strategy.PROJECTOR:
-                back = Walk(world, far, near, False, weight, tallies.add, replicas=replicas)
+                back = Walk(
+                    world, far, near, False, weight, tallies.add, halo=halo, replicas=replicas
+                )
                 back.run(seeds[1], max_vertices - 1)
         return tallies.read(detectors.area_m2)
 

@@ -1,7 +1,7 @@
 """Light scattered once by fog and once by a surface: what blurs an image first, and most.
 
 A walk finds it by chance: it seldom collides in thin fog, and one from the detector brings it to
-any pixel. Here rays of the pixels are followed instead, and nothing is left to chance but where on
+any pixel. Here rays of pixels and lasers are followed instead, and nothing is left to chance but where on
 its way, and by how much, the fog bends the light:
 
 * **Behind the surface.** From the surface S that a ray meets, by way of the fog at X, to the other
@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.engine.apertures import JointDetectors
+from spisim.transport.engine.apertures import Detectors
+from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.direct import low_discrepancy, surface_context
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.lights import Lamp
@@ -45,8 +46,8 @@ class _Pencil(NamedTuple):
 
 def halo_light(
     world: World,
-    this: Projector,
-    other: JointDetectors | Lamp,
+    this: Projector | Beams,
+    other: Detectors | Lamp,
     seed: int,
     deposit: Deposit,
     *,
@@ -72,7 +73,7 @@ def found_along_rays(first: Any, second: Any, end: Any, surface_first: Any) -> A
 
 
 def _behind_surface(
-    world: World, pencil: _Pencil, other: JointDetectors | Lamp, points: Any
+    world: World, pencil: _Pencil, other: Detectors | Lamp, points: Any
 ) -> tuple[Any, Any, Any]:
     """Value, path length and lanes of what the surface sends on by way of the fog."""
     ray, si, reach, number = pencil
@@ -114,7 +115,7 @@ def _behind_surface(
 
 
 def _before_surface(
-    world: World, pencil: _Pencil, other: JointDetectors | Lamp, points: Any
+    world: World, pencil: _Pencil, other: Detectors | Lamp, points: Any
 ) -> tuple[Any, Any, Any]:
     """The same of what the fog sends on by way of a surface."""
     ray, _, reach, number = pencil

@@ -168,13 +168,18 @@ class Walk:
 
     def _in_halo(self, here: Vertex, end: Connection, path: Path, launch: Launch) -> Any:
         """Whether `halo_light` finds the light of a vertex that is joined to the other end."""
-        before = path.densities.before
+        begun = isinstance(self.this, Beams)  # paths from beams start at their first vertex
         if self.outward:
-            found = found_along_rays(before, here.point, end.point, here.in_fog)
+            found = found_along_rays(path.densities.before, here.point, end.point, here.in_fog)
+            scatterings, vertices = path.scatterings, path.vertex + (1 if begun else 0)
+        elif isinstance(self.other, Beams):
+            found = found_along_rays(end.point, here.point, launch.origin, here.in_fog)
+            scatterings, vertices = path.scatterings + end.scatterings, path.vertex + 1
         else:
-            found = found_along_rays(here.point, before, launch.origin, ~here.in_fog)
-        scattered = path.densities.ratio > 0  # no mirror turned it
-        return found & scattered & (path.vertex == 2) & (path.scatterings == 1)
+            found = found_along_rays(here.point, path.densities.before, launch.origin, ~here.in_fog)
+            scatterings, vertices = path.scatterings, path.vertex
+        by_mirror = path.densities.ratio * path.densities.start == 0
+        return found & ~by_mirror & (vertices == 2) & (scatterings == 1)
 
     def _flown(self, end: Connection, here: Vertex) -> Connection:
         """The other end, with the density of its paths' first flights as they are drawn."""
