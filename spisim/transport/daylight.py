@@ -177,6 +177,6 @@ def _received(
         return float(np.max(error_w / np.maximum(mean_w + floor_w, tiny)))
 
     gauge = Gauge(lambda sums: sums["image"], size)
-    budget = TargetError(target, gauge, FIRST_PATHS, REPLICAS * MOST_PATHS)
+    budget = TargetError(target, gauge, FIRST_PATHS, REPLICAS * MOST_PATHS, REPLICAS)
     found = repeat(launch, budget, detectors, seed, None, replicas=REPLICAS)
     return Received(found.mean["image"], found.error["image"], found.dropped)

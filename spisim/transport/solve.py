@@ -33,7 +33,7 @@ SPOT_PATHS_PER_SPP = 64
 #: And first of all on the way to an error: a launch of fewer takes as long.
 FIRST_SPOT_PATHS = 64
 #: Estimates of the image at least, on the way to an error: thousands of coefficients tell it well.
-LEAST_IMAGES = 4
+LEAST_IMAGES = 5
 #: And paths per pixel in each of them: most of the light is found along rays, of which there are
 #: several to a path.
 LEAST_PATHS = 0.5
