@@ -170,6 +170,29 @@ def test_pictures_of_all_around(tmp_path: Path, steps: str) -> None:
         assert value == pytest.approx(theirs.eval(seen)[0], rel=2e-3), (row, column)
 
 
+def test_pictures_of_all_around_keep_what_each_row_sends(tmp_path: Path) -> None:
+    """Between dark rows a bright one is as bright on the whole as by straight lines from the poles.
+
+    The middles of pixels do not tell: bands cut the corners between them.
+    """
+    red = np.full((9, 4), 0.1, np.float32)
+    red[4] = 20.0
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"R": red, "G": red, "B": red}).write(str(tmp_path / "b.exr"))
+    (tmp_path / "a.xml").write_text(
+        '<scene version="3.0.0"><shape type="cube"/><emitter type="envmap"><string name="filename" '
+        'value="b.exr"/></emitter></scene>'
+    )
+    (lamp,) = taken(tmp_path / "a.xml", lamps="watts", up="z").written.scene.lamps
+    picture = lamp.radiance.amount * lamp.picture[:, 0]
+    polar = (np.arange(8000) + 0.5) / 1000  # in rows of the file, 1000 places for each
+    seen = np.interp(polar / 8, (np.arange(len(picture)) + 0.5) / len(picture), picture)
+    there = np.interp(polar, np.arange(9), red[:, 0])
+    each = [float(values[500:-500].reshape(7, 1000).mean(axis=1)[2]) for values in (seen, there)]
+    assert each[0] == pytest.approx(each[1], rel=0.005)  # a dark row beside the bright one
+    assert seen.mean() == pytest.approx(there.mean(), rel=1e-3)
+
+
 def test_a_missing_picture_of_all_around_is_a_note(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(
         '<scene version="3.0.0"><shape type="cube"/><emitter type="envmap"><string name="filename" '
