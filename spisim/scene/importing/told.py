@@ -20,8 +20,8 @@ TINTED = "reflectance"
 class Told:
     """Fields of a row of a scene file's materials, and what of the file's is not in them.
 
-    `pictures` (h, w) are of its `reflectance` and `opacity`, where the mesh has coordinates; their
-    mean elsewhere.
+    `source` is one of them where their values are not the file's own. `pictures` (h, w) are of its
+    `reflectance` and `opacity`, where the mesh has coordinates; their mean elsewhere.
     """
 
     fields: Mapping[str, Any]
@@ -70,5 +70,5 @@ class ToldMaterials:
             tinted = kind == TINTED
             self.files[file] = picture / picture.max() if tinted else picture
             fields = fields | {"texture" if tinted else kind: file}
-        self.rows[name] = {**fields, "source": "the imported file, in its own light"}
+        self.rows[name] = {"source": "the imported file, in its own light", **fields}
         return name
