@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 import OpenEXR
 import pytest
+from scipy.ndimage import map_coordinates
 
 from foreign import taken
 from reconstruction.errors import InputError
@@ -105,6 +106,22 @@ def test_a_grid_elsewhere(tmp_path: Path, shape: str, tolerance: float) -> None:
         place.p = point.tolist()
         expected.append(theirs.eval_1(place))
     np.testing.assert_allclose(extinction(volume, points), expected, atol=tolerance)
+
+
+def test_a_rough_grid_moved_against_its_box(tmp_path: Path) -> None:
+    """Full and empty cells side by side."""
+    rng = np.random.default_rng(8)
+    rough = 5.0 * (rng.random((6, 6, 6)) < 0.3)
+    write_volume(tmp_path / "s.vol", rough)
+    moved = '<scale value="3"/><translate x="-1.3" y="-1.4" z="-1.6"/>'
+    file = scene(tmp_path / "a.xml", grid("sigma_t", "s.vol", moved))
+    (volume,) = taken(file).written.scene.volumes
+    points = rng.uniform(-1, 1, (4000, 3))
+    cells = (points - [-1.3, -1.4, -1.6]) * 2 - 0.5
+    exact = map_coordinates(rough, cells[:, ::-1].T, order=1, mode="nearest")
+    found = extinction(volume, points)
+    assert found.mean() == pytest.approx(exact.mean(), rel=1e-3)
+    assert np.sqrt(np.mean((found - exact) ** 2)) < 0.01 * 5
 
 
 def test_albedo_on_a_grid(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ https://mitsuba.readthedocs.io/en/stable/src/key_topics/scene_format.html
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +70,7 @@ class _Shapes:
         self._content = content
         self._files: dict[tuple[Path, int], list[Part]] = {}
         self._textures: dict[int, Texture | None] = {}
-        self._surfaces: dict[tuple[int, bool], Told | None] = {}
+        self._surfaces: dict[tuple[int, bool], Callable[[], Told | None]] = {}
 
     def add(self, node: Node, parent: Floats) -> None:
         """What a shape shows, where all that it is in stands at `parent`."""
@@ -194,11 +195,11 @@ class _Shapes:
         color = colors[0] if colors else None
         return Surface(names[0] if names else None, color, words, body, told)
 
-    def _told(self, bsdf: Node, flips: bool) -> Told | None:
+    def _told(self, bsdf: Node, flips: bool) -> Callable[[], Told | None]:
         """Once for all shapes that share it."""
         key = id(bsdf), flips
         if key not in self._surfaces:
-            self._surfaces[key] = told_surface(bsdf, flips, self._texture)
+            self._surfaces[key] = cache(partial(told_surface, bsdf, flips, self._texture))
         return self._surfaces[key]
 
     def _texture(self, node: Node) -> Texture | None:

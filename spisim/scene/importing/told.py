@@ -35,8 +35,13 @@ class ToldMaterials:
     def __init__(self) -> None:
         self.rows: dict[str, dict[str, Any]] = {}
         self.files: dict[str, NDArray[np.float32]] = {}
-        self.notes: list[str] = []
+        self._odd: dict[str, list[str]] = {}
         self._names: dict[tuple[str, str], str] = {}
+
+    @property
+    def notes(self) -> list[str]:
+        """What of the file's materials is not in these."""
+        return [f"{_several(labels)}: {each}" for each, labels in self._odd.items()]
 
     def material(self, label: str, told: Told, geometry: object) -> tuple[str, str]:
         """Name of the material that a surface is, and why."""
@@ -54,7 +59,9 @@ class ToldMaterials:
             self._names[key] = self._add(label, fields, pictures)
             flat = [f"its picture of {name} is a mean" for name in told.pictures if not whole]
             for each in (*told.odd, *flat):
-                self.notes.append(f"material {label!r:.80}: {each}")
+                labels = self._odd.setdefault(each, [])
+                if label not in labels:
+                    labels.append(label)
         return self._names[key], f"{fields['bsdf']}, as the file has it"
 
     def _add(
@@ -72,3 +79,9 @@ class ToldMaterials:
             fields = fields | {"texture" if tinted else kind: file}
         self.rows[name] = {"source": "the imported file, in its own light", **fields}
         return name
+
+
+def _several(labels: list[str]) -> str:
+    if len(labels) == 1:
+        return f"material {labels[0]!r:.80}"
+    return f"materials {labels[0]!r:.80} and {len(labels) - 1} more"
