@@ -126,3 +126,133 @@ def test_what_is_no_such_surface_is_guessed(tmp_path: Path, pbr: Any, more: dict
     with pytest.raises(InputError, match="nothing in it tells surfaces"):
         taken(gltf(tmp_path, pbr, **more), surfaces="file")
     assert len(taken(gltf(tmp_path, pbr, **more)).materials) == 1
+
+
+STAGE = """#usda 1.0
+(
+  metersPerUnit = 1
+  upAxis = "Z"
+)
+def Mesh "sheet" (
+  prepend apiSchemas = ["MaterialBindingAPI"]
+)
+{{
+  point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+  int[] faceVertexCounts = [3]
+  int[] faceVertexIndices = [0, 1, 2]
+  texCoord2f[] primvars:st = [(0, 0), (1, 0), (0, 1)] (
+    interpolation = "vertex"
+  )
+  rel material:binding = </plate>
+}}
+def Material "plate"
+{{
+  float inputs:smooth = 0.5
+  token outputs:surface.connect = </plate/surface.outputs:surface>
+  def Shader "surface"
+  {{
+    uniform token info:id = "UsdPreviewSurface"
+    {inputs}
+    token outputs:surface
+  }}
+  def Shader "picture"
+  {{
+    uniform token info:id = "UsdUVTexture"
+    asset inputs:file = @{file}@
+    float4 inputs:scale = (0.5, 1, 1, 1)
+    token inputs:sourceColorSpace = "{space}"
+    float2 inputs:st.connect = </plate/place.outputs:result>
+    float3 outputs:rgb
+    float outputs:g
+    float outputs:b
+    float outputs:a
+  }}
+  def Shader "place"
+  {{
+    uniform token info:id = "UsdPrimvarReader_float2"
+    string inputs:varname = "{varname}"
+    float2 outputs:result
+  }}
+}}
+"""
+
+
+def stage(folder: Path, *inputs: str, **changes: str) -> Path:
+    """A triangle of a preview surface with these inputs."""
+    Image.fromarray(COLOURS).save(folder / "c.png")
+    lines = "\n    ".join(line.replace("<", "</plate/picture.outputs:") for line in inputs)
+    fields = {"inputs": lines, "file": "c.png", "space": "sRGB", "varname": "st"} | changes
+    (folder / "a.usda").write_text(STAGE.format(**fields))
+    return folder / "a.usda"
+
+
+COLOURED = "color3f inputs:diffuseColor.connect = <rgb>"
+
+
+def test_a_preview_surface(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    file = stage(
+        tmp_path,
+        "color3f inputs:diffuseColor = (0.3, 0.9, 0.9)",
+        "float inputs:roughness.connect = </plate.inputs:smooth>".replace("</plate", "PLATE"),
+        "float inputs:metallic = 0.25",
+        "float inputs:opacity = 0.75",
+        "float inputs:clearcoat = 1",
+        "normal3f inputs:normal = (0, 0, 1)",
+    )
+    file.write_text(file.read_text().replace("PLATE", "</plate"))
+    found, notes = material(file)
+    assert found.bsdf == Principled(0.25, 0.25, 0.5)
+    assert found.reflectance == pytest.approx(0.3)
+    assert found.opacity == pytest.approx(0.75)
+    assert "its clear coat is left out" in notes
+    assert "bumps" not in notes
+
+
+def test_pictures_of_a_preview_surface(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    file = stage(
+        tmp_path,
+        COLOURED,
+        "float inputs:roughness.connect = <g>",
+        "float inputs:metallic.connect = <b>",
+        "float inputs:opacity.connect = <a>",
+        "float inputs:opacityThreshold = 0.5",
+        "color3f inputs:emissiveColor = (1, 0, 0)",
+    )
+    found, notes = material(file)
+    linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
+    assert found.texture is not None
+    np.testing.assert_allclose(
+        found.reflectance * found.texture[0], [0, 0, linear / 2, linear / 2], atol=1e-4
+    )
+    np.testing.assert_allclose(np.asarray(found.opacity)[1], [1, 1, 0, 0])
+    assert isinstance(found.bsdf, Principled)
+    assert found.bsdf.roughness == pytest.approx((150 / 255) ** 2, rel=1e-4)
+    assert found.bsdf.metallic == pytest.approx(64 / 255, rel=1e-4)
+    assert "its own light is left out" in notes
+
+
+def test_a_mean_of_a_preview_surface_that_is_guessed(tmp_path: Path) -> None:
+    """As of other formats' pictures: the rule of thumb."""
+    pytest.importorskip("pxr")
+    (thing,) = taken(stage(tmp_path, COLOURED)).written.scene.objects
+    red = 188 * 51 / (255 + 51) / 255 * 0.5 ** (1 / 2.2)  # where it is not transparent
+    assert thing.material.reflectance == pytest.approx(0.7 * red, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "changes", "told"),
+    [
+        ([COLOURED], {"file": "gone.png"}, "gone.png"),
+        ([COLOURED], {"file": "/etc/c.png"}, "outside the folders"),
+        (["int inputs:useSpecularWorkflow = 1"], {}, ""),
+    ],
+)
+def test_preview_surfaces_that_are_not_read(
+    tmp_path: Path, inputs: list[str], changes: dict[str, str], told: str
+) -> None:
+    pytest.importorskip("pxr")
+    with pytest.raises(InputError, match="nothing in it tells surfaces"):
+        taken(stage(tmp_path, *inputs, **changes), surfaces="file")
+    assert told in " ".join(taken(tmp_path / "a.usda").notes)
