@@ -142,18 +142,18 @@ def take_emitter(node: Node, content: Content, find: Find, shape: str | None = N
         return 0.0
     quantity, field, unit = LAMPS[node.type]
     source = node.properties.get(quantity)
-    pictured = isinstance(source, Node) and source.type == "bitmap"
+    picture = source if isinstance(source, Node) and source.type == "bitmap" else None
     try:
-        amount = _mean_red(source, find) if pictured else _infrared(node, quantity, 1.0)
+        amount = _mean_red(picture, find) if picture else _infrared(node, quantity, 1.0)
     except InputError as error:
-        why = f": {error}" if pictured else ", which is no number: give `lamps` in the scene file"
+        why = f": {error}" if picture else ", which is no number: give `lamps` in the scene file"
         content.note(f"{what} is left out{why}")
         return 0.0
     if not 0 < amount < np.inf:
         content.note(f"{what} is left out: it gives no light")
         return 0.0
     odd = "; its picture is left out" if "texture" in node.properties else ""
-    odd += ", the mean of its picture's red" if pictured else ""
+    odd += ", the mean of its picture's red" if picture else ""
     content.note(f"{what} has no unit; as watts {amount:.4g} {unit}{odd}")
     if node.type == "area":
         return amount
