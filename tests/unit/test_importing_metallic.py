@@ -256,3 +256,41 @@ def test_preview_surfaces_that_are_not_read(
     with pytest.raises(InputError, match="nothing in it tells surfaces"):
         taken(stage(tmp_path, *inputs, **changes), surfaces="file")
     assert told in " ".join(taken(tmp_path / "a.usda").notes)
+
+
+def world(folder: Path, metal: str, more: str = "") -> Path:
+    """A box of SDFormat."""
+    Image.fromarray(COLOURS).save(folder / "c.png")
+    (folder / "a.sdf").write_text(
+        "<sdf version='1.9'><model name='m'><link name='l'><visual name='v'><geometry><box/>"
+        f"</geometry><transparency>0.25</transparency><material>{more}<pbr>{metal}</pbr>"
+        "</material></visual></link></model></sdf>"
+    )
+    return folder / "a.sdf"
+
+
+@pytest.mark.parametrize(
+    ("metal", "expected"),
+    [
+        ("<metal/>", Principled(0.25, 0.5, 0.5)),
+        ("<metal><metalness>0.9</metalness><roughness>0.2</roughness></metal>",
+         Principled(0.04, 0.9, 0.5)),
+        ("<metal><roughness_map>c.png</roughness_map><metalness>0</metalness>"
+         "<normal_map>c.png</normal_map></metal>",
+         Principled(round((94 / 255) ** 2, 6), 0.0, 0.5)),
+    ],
+)  # fmt: skip
+def test_surfaces_of_gazebo(tmp_path: Path, metal: str, expected: Principled) -> None:
+    found, notes = material(world(tmp_path, metal, "<diffuse>0.3 0.8 0.8 1</diffuse>"))
+    assert found.bsdf == expected
+    assert found.reflectance == pytest.approx(0.3)
+    assert found.opacity == pytest.approx(0.75)
+    assert ("its bumps are left out" in notes) == ("normal_map" in metal)
+
+
+@pytest.mark.parametrize(
+    "metal", ["", "<specular/>", "<metal><albedo_map>x.png</albedo_map></metal>"]
+)
+def test_surfaces_of_gazebo_that_are_guessed(tmp_path: Path, metal: str) -> None:
+    with pytest.raises(InputError, match="nothing in it tells surfaces"):
+        taken(world(tmp_path, metal), surfaces="file")

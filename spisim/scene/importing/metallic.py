@@ -1,4 +1,4 @@
-"""Surfaces by metalness and roughness, as glTF and OpenUSD's preview surface have them.
+"""Surfaces by metalness and roughness, as glTF, OpenUSD's preview surface and Gazebo have them.
 
 What they and `principled` are made of differs a little: theirs shine more at grazing angles where
 they are metals. https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html#appendix-b-brdf-implementation

@@ -21,8 +21,8 @@ KIND, PICTURE, COORDINATES = "UsdPreviewSurface", "UsdUVTexture", "UsdPrimvarRea
 PRIMVAR = "st"
 CHANNELS = {"rgb": 0, "r": 0, "g": 1, "b": 2, "a": 3}
 #: What else a surface may have, and what it is without.
-LEFT_OUT = {"normal": "bumps", "displacement": "bumps", "emissiveColor": "own light",
-            "clearcoat": "clear coat"}  # fmt: skip
+LEFT_OUT = {"normal": "bumps are", "displacement": "bumps are", "emissiveColor": "own light is",
+            "clearcoat": "clear coat is"}  # fmt: skip
 #: Its inputs, what they are called here, and their defaults; of a colour, red.
 INPUTS = {"diffuseColor": ("base", 0.18), "metallic": ("metal", 0.0),
           "roughness": ("roughness", 0.5), "opacity": ("opacity", 1.0)}  # fmt: skip
@@ -59,7 +59,7 @@ def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
     surface = Surface(name, color, texture=texture)
     if _red(_source(shader, "useSpecularWorkflow"), 0) != 0:
         return surface
-    odd = [f"its {what} is left out" for key, what in LEFT_OUT.items() if _is_there(shader, key)]
+    odd = [f"its {what} left out" for key, what in LEFT_OUT.items() if _is_there(shader, key)]
     threshold = _red(_source(shader, "opacityThreshold"), 0.0)
     made = Metallic(
         numbers["base"],
