@@ -155,6 +155,8 @@ def test_parameters_includes_and_references(tmp_path: Path) -> None:
     [
         ('<bsdf type="roughconductor"><string name="material" value="Al"/></bsdf>',
          "aluminium-rough"),
+        ('<bsdf type="roughconductor"><string name="material" value="Au"/></bsdf>',
+         "aluminium-rough"),  # bare, and as bright as gold to 0.2; not painted
         ('<bsdf type="thindielectric"/>', "glass-pane"),
         ('<bsdf type="diffuse" id="red brick"/>', "brick"),
         ('<bsdf type="mask"><bsdf type="diffuse" id="grass"/></bsdf>', "grass"),

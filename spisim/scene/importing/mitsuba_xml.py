@@ -27,7 +27,7 @@ from spisim.scene.importing.told import Told
 from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
-#: What Mitsuba calls metals, as words.
+#: What Mitsuba calls metals, as words; others are bare conductors.
 METALS = {"Al": "aluminium", "Zn": "zinc", "Cr": "chrome", "Cu": "copper"}
 #: Shapes of Mitsuba that have no counterpart here.
 LEFT_OUT = ("bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids", "ellipsoidsmesh")
@@ -188,7 +188,7 @@ class _Shapes:
             for name, value in bsdf.properties.items()
             if name in BODY and np.shape(value) == (3,)
         ]
-        words = (*(METALS.get(name, "metal") for name in metals), *types)
+        words = (*(METALS[name] for name in metals if name in METALS), *types)
         body = next((textures[name] for name in BODY if textures.get(name)), None)
         flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
         told = self._told(outer, flips)
