@@ -96,7 +96,7 @@ class Pictured:
         row: dict[str, Any] = {"reflectance": round(RULE * mean, 3), "source": f"{why}: a guess"}
         if whole and red.any():
             file = f"texture_{len(self.files) + 1}.png"
-            self.files[file] = np.round(255 * _thinned(red)).astype(np.uint8)
+            self.files[file] = np.round(255 * thinned(red)).astype(np.uint8)
             row |= {"reflectance": RULE, "texture": file}
         self.rows[name] = row
         return name, f"{RULE * mean:.2f}, {why}"
@@ -150,7 +150,7 @@ def linear_red(texture: Texture) -> NDArray[np.float32]:
     return np.where(stored <= 0.04045, stored / 12.92, curved).astype(np.float32)
 
 
-def _thinned(red: NDArray[np.float32]) -> NDArray[np.float32]:
+def thinned(red: NDArray[np.float32]) -> NDArray[np.float32]:
     """Every second pixel, or fewer, of a picture that is too large to be written."""
     step = 1
     while (red.shape[0] // step) * (red.shape[1] // step) > MAX_WRITTEN:

@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from spisim.scene.importing.textures import thinned
 from spisim.scene.shapes import texture_coordinates
 
 #: What a picture multiplies, so that its largest value is the field's own.
@@ -34,7 +35,7 @@ class ToldMaterials:
 
     def __init__(self) -> None:
         self.rows: dict[str, dict[str, Any]] = {}
-        self.files: dict[str, NDArray[np.float32]] = {}
+        self.files: dict[str, NDArray[np.uint16]] = {}
         self._odd: dict[str, list[str]] = {}
         self._names: dict[tuple[str, str], str] = {}
 
@@ -73,9 +74,10 @@ class ToldMaterials:
             number += 1
             name = f"{plain} {number}"
         for kind, picture in pictures.items():
-            file = f"told_{len(self.files) + 1}.npy"
+            file = f"told_{len(self.files) + 1}.png"
             tinted = kind == TINTED
-            self.files[file] = picture / picture.max() if tinted else picture
+            share = thinned(picture / picture.max() if tinted else picture)
+            self.files[file] = np.round(65535 * share).astype(np.uint16)
             fields = fields | {"texture" if tinted else kind: file}
         self.rows[name] = {"source": "the imported file, in its own light", **fields}
         return name
