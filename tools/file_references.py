@@ -387,7 +387,7 @@ def _bsdf_table() -> Iterator[str]:
         what = re.sub(r"\s+", " ", (model.__doc__ or "").partition("\n\n")[0])
         parameters = [
             f"`{part.name}`"
-            + ("" if part.default is dataclasses.MISSING else f" ({part.default:g})")
+            + ("" if part.default is dataclasses.MISSING else f" ({_short(part.default)})")
             for part in dataclasses.fields(model)
         ]
         yield f"| `{name}` | {what} | {', '.join(parameters) or 'none'} |"

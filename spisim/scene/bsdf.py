@@ -1,16 +1,17 @@
 """How surfaces scatter light, as data; the transport turns it into what its renderer needs.
 
-`roughness` is, for every model, the width α of the GGX distribution of microfacet slopes (Walter et
-al. 2007). `ior` is the refractive index relative to air; `eta` and `k` are the real and imaginary
-part of a metal's. The reflectance of these models at normal incidence, where it follows from
-refraction, is `fresnel_reflectance`; elsewhere it is None and the material's own number counts.
+`roughness` is, for every model, the width α of the distribution of microfacet slopes: GGX, or for
+rough plastics, metals and dielectrics Beckmann's, the Gaussian, too (Walter et al. 2007). `ior` is
+the refractive index relative to air; `eta` and `k` are the real and imaginary part of a metal's.
+The reflectance of these models at normal incidence, where it follows from refraction, is
+`fresnel_reflectance`; elsewhere it is None and the material's own number counts.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 from reconstruction.errors import InputError, nearest
 
@@ -20,6 +21,9 @@ MAX_IOR = 5.0
 #: Of a clear coat; there are none denser.
 MAX_COAT_IOR = 3.0
 MIN_SPECULAR = 0.01
+#: How microfacet slopes may be spread.
+Distribution = Literal["ggx", "beckmann"]
+DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
 #: Beads and prisms are no better; below it, and single precision loses the lobe.
 MIN_RETRO_ROUGHNESS = 0.001
 
@@ -51,10 +55,12 @@ class RoughPlastic:
 
     roughness: float
     ior: float = 1.5
+    distribution: Distribution = "ggx"
     fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_roughness(self.roughness)
+        _check_distribution(self.distribution)
         _check_ior(self.ior, MAX_COAT_IOR)
 
 
@@ -88,9 +94,11 @@ class RoughConductor:
     roughness: float
     eta: float
     k: float
+    distribution: Distribution = "ggx"
 
     def __post_init__(self) -> None:
         _check_roughness(self.roughness)
+        _check_distribution(self.distribution)
         _check_metal(self.eta, self.k)
 
     @property
@@ -120,9 +128,11 @@ class RoughDielectric:
 
     roughness: float
     ior: float = 1.5
+    distribution: Distribution = "ggx"
 
     def __post_init__(self) -> None:
         _check_roughness(self.roughness)
+        _check_distribution(self.distribution)
         _check_ior(self.ior)
 
     @property
@@ -230,7 +240,7 @@ BSDFS: Mapping[str, type[Any]] = MappingProxyType(
 )
 
 
-def make_bsdf(name: str, parameters: Mapping[str, float]) -> Bsdf:
+def make_bsdf(name: str, parameters: Mapping[str, float | str]) -> Bsdf:
     """Model of a name in `BSDFS` with its parameters.
 
     Raises InputError for an unknown name, a parameter that is not the model's own, is missing or
@@ -256,6 +266,13 @@ def _fresnel(index: complex) -> float:
 
 def _check_roughness(roughness: float) -> None:
     _check_range("roughness", roughness, MIN_ROUGHNESS, 1)
+
+
+def _check_distribution(distribution: str) -> None:
+    if distribution not in DISTRIBUTIONS:
+        raise InputError(
+            f"unknown distribution {distribution!r}: {nearest(distribution, DISTRIBUTIONS)}"
+        )
 
 
 def _check_ior(ior: float, largest: float = MAX_IOR) -> None:

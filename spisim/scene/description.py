@@ -14,7 +14,7 @@ from spisim.atmosphere.sections.fog import Fog
 from spisim.atmosphere.structure import Structure
 from spisim.atmosphere.weather import Weather
 from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector, named
-from spisim.scene.bsdf import BSDFS, MIN_RETRO_ROUGHNESS, MIN_SPECULAR
+from spisim.scene.bsdf import BSDFS, MIN_RETRO_ROUGHNESS, MIN_SPECULAR, Distribution
 from spisim.scene.lamp_fields import AnyLamp
 
 
@@ -198,7 +198,9 @@ class MaterialDescription(Section):
     bsdf: str = Field("diffuse", json_schema_extra={"enum": list(BSDFS)})
     """Model of how the surface scatters."""
     roughness: Number | None = _up_to_1(MIN_RETRO_ROUGHNESS)
-    """Width α of the GGX distribution of slopes; at least 0.01 but for `retroreflector`."""
+    """Width α of the distribution of slopes; at least 0.01 but for `retroreflector`."""
+    distribution: Distribution | None = None
+    """How the slopes of `rough-…` are spread: as GGX, or as Beckmann's, with fewer steep ones."""
     ior: NumberSpectrum | None = None
     """Refractive index relative to air; above 1 to 5, of a coat to 3."""
     eta: NumberSpectrum | None = None
@@ -216,9 +218,11 @@ class MaterialDescription(Section):
     opacity: Fraction | Name | None = None
     """Share of the surface that is there, or a picture of it."""
 
-    def parameters(self) -> dict[str, Spectrum]:
+    def parameters(self) -> dict[str, Spectrum | str]:
         """Parameters of the model, as far as given."""
-        names = ("roughness", "ior", "eta", "k", "metallic", "specular", "returned")
+        names = (
+            "roughness", "distribution", "ior", "eta", "k", "metallic", "specular", "returned"
+        )  # fmt: skip
         return {name: getattr(self, name) for name in names if name in self.model_fields_set}
 
 

@@ -151,11 +151,13 @@ def _along(beam: Floats, triangles: Floats, within_m: float) -> Floats:
 def straight_back(material: Material, cosine: float) -> float:
     """Radiance straight back to the source, of that of a white diffuse surface across the light.
 
-    Rough metals by their microfacets that face the source (GGX, Walter et al. 2007), tape by its
+    Rough metals by their microfacets that face the source (Walter et al. 2007), tape by its
     body alone: how much more it is depends on how far the detector is off. Mirrors and panes count
     as dark: what comes back from behind a pane has another range than its truth.
     """
     match material.bsdf:
+        case RoughConductor(roughness=alpha, distribution="beckmann"):
+            return material.reflectance * _gaussian_facets(alpha, max(cosine, 1e-6))
         case RoughConductor(roughness=alpha):
             width = cosine**2 * (alpha**2 - 1) + 1
             shadowing = cosine + math.sqrt(alpha**2 + (1 - alpha**2) * cosine**2)
@@ -163,6 +165,16 @@ def straight_back(material: Material, cosine: float) -> float:
         case Mirror() | Conductor() | Dielectric() | RoughDielectric() | ThinPane():
             return 0.0
     return material.reflectance * cosine
+
+
+def _gaussian_facets(alpha: float, cosine: float) -> float:
+    """Of a white metal, with Beckmann's distribution and Smith's shadowing both ways."""
+    slope = max(math.sqrt(1 - cosine**2) / cosine, 1e-6)
+    steep = 1 / (alpha * slope)
+    tail = math.exp(-(steep**2)) / (steep * math.sqrt(math.pi))
+    unshadowed = 2 / (1 + math.erf(steep) + tail)
+    facing = math.exp(-((slope / alpha) ** 2)) / (alpha**2 * cosine**4)
+    return facing * unshadowed**2 / (4 * cosine)
 
 
 def clearance_m(scene: Scene) -> float:

@@ -121,7 +121,7 @@ def make_material(
     that are not known near the wavelength.
     """
     parameters = {
-        field: at_wavelength(field, values, wavelength_nm)
+        field: values if isinstance(values, str) else at_wavelength(field, values, wavelength_nm)
         for field, values in described.parameters().items()
     }
     bsdf = make_bsdf(described.bsdf, parameters)

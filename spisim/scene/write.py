@@ -92,7 +92,7 @@ def write_scene(
     """Write a scene file, load it to see that it is one, then give it its name.
 
     `fields` name the files of `meshes` and `arrays`, which are written into a folder beside the
-    scene file; `.png` of arrays are grey pictures of bytes. `header` is a comment. Raises
+    scene file; `.png` of arrays are grey pictures of 8 or 16 bits. `header` is a comment. Raises
     InputError for a scene that does not load; then, and when interrupted, nothing is left behind
     and older files stay.
     """
@@ -130,7 +130,7 @@ def _ply(mesh: trimesh.Trimesh) -> bytes:
     return b"\n".join([first, form, f"comment {mark(MESH)}".encode(), rest])
 
 
-def _png(grey: NDArray[np.uint8]) -> bytes:
+def _png(grey: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     """A picture (h, w) with its mark."""
     marked = PngInfo()
     marked.add_text("Software", mark(MESH))

@@ -56,14 +56,15 @@ def _model(bsdf: Bsdf, material: Material) -> dict[str, Any]:
             return {"type": "diffuse", "reflectance": _spectrum(_reflectance(material))}
         case Plastic(ior):
             return _plastic(material, ior, 0.0)
-        case RoughPlastic(roughness, ior):
-            return _plastic(material, ior, roughness)
+        case RoughPlastic(roughness, ior, distribution):
+            return _plastic(material, ior, roughness, distribution)
         case Mirror():
             return {"type": "conductor", **_metal(_reflectance(material))}
         case Conductor(eta, k):
             return {"type": "conductor", **_metal(_texture(material), complex(eta, k))}
-        case RoughConductor(roughness, eta, k):
-            return _rough("conductor", roughness) | _metal(_texture(material), complex(eta, k))
+        case RoughConductor(roughness, eta, k, distribution):
+            metal = _metal(_texture(material), complex(eta, k))
+            return _rough("conductor", roughness, distribution) | metal
         case Principled():
             return _principled(bsdf, material)
         case Retroreflector():
@@ -78,7 +79,7 @@ def _clear(bsdf: Clear) -> dict[str, Any]:
         case Dielectric():
             return {"type": "dielectric", **indices}
         case RoughDielectric():
-            return _rough("dielectric", bsdf.roughness) | indices
+            return _rough("dielectric", bsdf.roughness, bsdf.distribution) | indices
         case ThinPane():
             return {"type": "thindielectric", **indices}
 
@@ -105,9 +106,11 @@ def _retroreflector(bsdf: Retroreflector, material: Material) -> dict[str, Any]:
     }
 
 
-def _plastic(material: Material, ior: float, roughness: float) -> dict[str, Any]:
-    scale = body_scale(ior, roughness)
-    return plastic(ior, roughness, _spectrum(_reflectance(material) * scale))
+def _plastic(
+    material: Material, ior: float, roughness: float, distribution: str = "ggx"
+) -> dict[str, Any]:
+    scale = body_scale(ior, roughness, distribution)
+    return plastic(ior, roughness, distribution, _spectrum(_reflectance(material) * scale))
 
 
 def _metal(reflectance: Quantity, index: complex | None = None) -> dict[str, Any]:
@@ -118,8 +121,8 @@ def _metal(reflectance: Quantity, index: complex | None = None) -> dict[str, Any
     return described | {"eta": _spectrum(index.real), "k": _spectrum(index.imag)}
 
 
-def _rough(plugin: str, roughness: float) -> dict[str, Any]:
-    return {"type": f"rough{plugin}", "distribution": "ggx", "alpha": float(roughness)}
+def _rough(plugin: str, roughness: float, distribution: str = "ggx") -> dict[str, Any]:
+    return {"type": f"rough{plugin}", "distribution": distribution, "alpha": float(roughness)}
 
 
 def _texture(material: Material) -> Quantity:

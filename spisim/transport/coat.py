@@ -15,7 +15,7 @@ _NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]
 
 
 @cache
-def body_scale(ior: float, roughness: float) -> float:
+def body_scale(ior: float, roughness: float, distribution: str) -> float:
     """Factor on the reflectance of Mitsuba's plastics that makes their body lose no light.
 
     Light that came through the coat, T(i), is to leave as T(i) T(o) cos(o) / π over the mean of T,
@@ -26,16 +26,19 @@ def body_scale(ior: float, roughness: float) -> float:
     """
     cosines = np.repeat(_NODES, _NODES.size), np.tile(_NODES, _NODES.size)
     weights = 4 * np.outer(_NODES * _WEIGHTS, _NODES * _WEIGHTS).ravel()
-    body = _body_term(ior, roughness, *cosines)
-    return float(2 * _NODES * _WEIGHTS @ _transmittance(ior, roughness) / (weights @ body))
+    body = _body_term(ior, roughness, distribution, *cosines)
+    through = _transmittance(ior, roughness, distribution)
+    return float(2 * _NODES * _WEIGHTS @ through / (weights @ body))
 
 
-def _transmittance(ior: float, roughness: float) -> Floats:
+def _transmittance(ior: float, roughness: float, distribution: str) -> Floats:
     """T at `_NODES`, cosines of incidence: light that comes through in one go, by quadrature."""
     count = _NODES.size
     cosine, first, second = (axis.ravel() for axis in np.meshgrid(*[_NODES] * 3, indexing="ij"))
     wi = _directions(cosine)
-    facets: Any = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, roughness, True)
+    kinds = mi.MicrofacetType
+    kind = kinds.Beckmann if distribution == "beckmann" else kinds.GGX
+    facets: Any = mi.MicrofacetDistribution(kind, roughness, True)
     normal, _ = facets.sample(wi, mi.Point2f(np.array([first, second], dtype=np.float32)))
     index: Any = mi.Float(ior)
     reflected, inner, _, ratio = mi.fresnel(dr.dot(wi, normal), index)
@@ -45,9 +48,12 @@ def _transmittance(ior: float, roughness: float) -> Floats:
     return through.reshape(count, count * count) @ np.outer(_WEIGHTS, _WEIGHTS).ravel()
 
 
-def _body_term(ior: float, roughness: float, cos_in: Floats, cos_out: Floats) -> Floats:
+def _body_term(
+    ior: float, roughness: float, distribution: str, cos_in: Floats, cos_out: Floats
+) -> Floats:
     """What Mitsuba's plugin has for π f(i, o) of a body of reflectance 1."""
-    bsdf: Any = mi.load_dict(plastic(ior, roughness, {"type": "rgb", "value": [1.0] * 3}))
+    white = {"type": "rgb", "value": [1.0] * 3}
+    bsdf: Any = mi.load_dict(plastic(ior, roughness, distribution, white))
     context = mi.BSDFContext()
     context.component = 1
     si: Any = mi.SurfaceInteraction3f()
@@ -56,7 +62,9 @@ def _body_term(ior: float, roughness: float, cos_in: Floats, cos_out: Floats) ->
     return np.pi * np.asarray(value, np.float64) / cos_out
 
 
-def plastic(ior: float, roughness: float, body: dict[str, Any]) -> dict[str, Any]:
+def plastic(
+    ior: float, roughness: float, distribution: str, body: dict[str, Any]
+) -> dict[str, Any]:
     """Mitsuba's plastic in air, over a body of this reflectance; smooth for a roughness of 0."""
     described = {
         "type": "plastic",
@@ -65,7 +73,8 @@ def plastic(ior: float, roughness: float, body: dict[str, Any]) -> dict[str, Any
         "diffuse_reflectance": body,
     }
     if roughness > 0:
-        described |= {"type": "roughplastic", "distribution": "ggx", "alpha": float(roughness)}
+        described |= {"type": "roughplastic", "distribution": distribution}
+        described["alpha"] = float(roughness)
     return described
 
 

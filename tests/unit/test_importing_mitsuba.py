@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+import OpenEXR
 import pytest
 import trimesh
 
@@ -154,6 +155,8 @@ def test_parameters_includes_and_references(tmp_path: Path) -> None:
     [
         ('<bsdf type="roughconductor"><string name="material" value="Al"/></bsdf>',
          "aluminium-rough"),
+        ('<bsdf type="roughconductor"><string name="material" value="Au"/></bsdf>',
+         "aluminium-rough"),  # bare, and as bright as gold to 0.2; not painted
         ('<bsdf type="thindielectric"/>', "glass-pane"),
         ('<bsdf type="diffuse" id="red brick"/>', "brick"),
         ('<bsdf type="mask"><bsdf type="diffuse" id="grass"/></bsdf>', "grass"),
@@ -430,6 +433,11 @@ def test_media_in_boxes(tmp_path: Path) -> None:
         (shape("cube") + '<emitter type="spot"/>', "lamps: 1, all left out: .* --lamps watts"),
         (shape("cube") + '<emitter type="constant"/>', r"constant emitter: .* W/\(m² sr\)"),
         (shape("cube") + '<emitter type="projector"/>', "projector emitter: .* left out"),
+        (shape("cube", '<emitter type="area"><texture type="checkerboard" name="radiance"/>'
+               "</emitter>"), "area emitter on 'cube': .* is left out, which is no number"),
+        (shape("cube", '<emitter type="area"><texture type="bitmap" name="radiance"><string '
+               'name="filename" value="gone.exr"/></texture></emitter>'),
+         "area emitter on 'cube': .* is left out: .*no file 'gone.exr'"),
     ],
 )  # fmt: skip
 def test_light_and_media_that_are_told(tmp_path: Path, body: str, message: str) -> None:
@@ -475,6 +483,21 @@ def test_lamps_and_media_in_meshes(tmp_path: Path) -> None:
     assert np.degrees(lamps["spot"].beam_rad) == pytest.approx(22.5)
     np.testing.assert_allclose(lamps["directional"].direction, [0, 0, -1], atol=1e-6)
     assert lamps["environment"].radiance.amount == pytest.approx(0.5)
+
+
+def test_a_shining_picture_is_its_mean(tmp_path: Path) -> None:
+    """Linear red, which may be above 1."""
+    red = np.array([[0.0, 9.0], [1.0, 2.0]], np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"R": red, "G": 0 * red, "B": 0 * red}).write(str(tmp_path / "b.exr"))
+    light = (
+        '<emitter type="area"><texture type="bitmap" name="radiance"><string name="filename" '
+        'value="b.exr"/></texture></emitter>'
+    )
+    report = taken(scene(tmp_path / "a.xml", shape("cube", light)), lamps="watts")
+    (lamp,) = report.written.scene.lamps
+    assert lamp.radiance.amount == pytest.approx(3.0, rel=1e-3)
+    assert any("watts 3 W/(m² sr), the mean of its picture's red" in n for n in report.notes)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 import OpenEXR
 import pytest
+from scipy.ndimage import map_coordinates
 
 from foreign import taken
 from reconstruction.errors import InputError
@@ -107,6 +108,22 @@ def test_a_grid_elsewhere(tmp_path: Path, shape: str, tolerance: float) -> None:
     np.testing.assert_allclose(extinction(volume, points), expected, atol=tolerance)
 
 
+def test_a_rough_grid_moved_against_its_box(tmp_path: Path) -> None:
+    """Full and empty cells side by side."""
+    rng = np.random.default_rng(8)
+    rough = 5.0 * (rng.random((6, 6, 6)) < 0.3)
+    write_volume(tmp_path / "s.vol", rough)
+    moved = '<scale value="3"/><translate x="-1.3" y="-1.4" z="-1.6"/>'
+    file = scene(tmp_path / "a.xml", grid("sigma_t", "s.vol", moved))
+    (volume,) = taken(file).written.scene.volumes
+    points = rng.uniform(-1, 1, (4000, 3))
+    cells = (points - [-1.3, -1.4, -1.6]) * 2 - 0.5
+    exact = map_coordinates(rough, cells[:, ::-1].T, order=1, mode="nearest")
+    found = extinction(volume, points)
+    assert found.mean() == pytest.approx(exact.mean(), rel=1e-3)
+    assert np.sqrt(np.mean((found - exact) ** 2)) < 0.01 * 5
+
+
 def test_albedo_on_a_grid(tmp_path: Path) -> None:
     """One volume scatters and one absorbs: together they have extinction and albedo of both."""
     write_volume(tmp_path / "s.vol", SIGMA)
@@ -168,6 +185,29 @@ def test_pictures_of_all_around(tmp_path: Path, steps: str) -> None:
         seen.wi = (-(lamp.to_world @ local)).tolist()
         value = lamp.radiance.amount * lamp.picture[row, column]
         assert value == pytest.approx(theirs.eval(seen)[0], rel=2e-3), (row, column)
+
+
+def test_pictures_of_all_around_keep_what_each_row_sends(tmp_path: Path) -> None:
+    """Between dark rows a bright one is as bright on the whole as by straight lines from the poles.
+
+    The middles of pixels do not tell: bands cut the corners between them.
+    """
+    red = np.full((9, 4), 0.1, np.float32)
+    red[4] = 20.0
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"R": red, "G": red, "B": red}).write(str(tmp_path / "b.exr"))
+    (tmp_path / "a.xml").write_text(
+        '<scene version="3.0.0"><shape type="cube"/><emitter type="envmap"><string name="filename" '
+        'value="b.exr"/></emitter></scene>'
+    )
+    (lamp,) = taken(tmp_path / "a.xml", lamps="watts", up="z").written.scene.lamps
+    picture = lamp.radiance.amount * lamp.picture[:, 0]
+    polar = (np.arange(8000) + 0.5) / 1000  # in rows of the file, 1000 places for each
+    seen = np.interp(polar / 8, (np.arange(len(picture)) + 0.5) / len(picture), picture)
+    there = np.interp(polar, np.arange(9), red[:, 0])
+    each = [float(values[500:-500].reshape(7, 1000).mean(axis=1)[2]) for values in (seen, there)]
+    assert each[0] == pytest.approx(each[1], rel=0.005)  # a dark row beside the bright one
+    assert seen.mean() == pytest.approx(there.mean(), rel=1e-3)
 
 
 def test_a_missing_picture_of_all_around_is_a_note(tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from PIL import Image
 
 from foreign import TRIANGLE, glb, taken, triangle_header
 from reconstruction.errors import InputError
+from spisim.config import load_yaml
+from spisim.scene import find_material
 from spisim.scene.bsdf import (
     Conductor,
     Dielectric,
@@ -17,10 +19,12 @@ from spisim.scene.bsdf import (
     Mirror,
     Plastic,
     Principled,
+    RoughConductor,
     RoughDielectric,
     RoughPlastic,
     ThinPane,
 )
+from spisim.scene.importing.metals import METALS, WAVELENGTHS_NM
 
 
 @pytest.fixture(autouse=True)
@@ -53,7 +57,13 @@ WATER = '<string name="int_ior" value="water"/>'
         ("dielectric", WATER, Dielectric(1.333 / 1.000277), None),
         ("thindielectric", WATER, ThinPane(1.333 / 1.000277), None),
         ("roughdielectric", WATER + GGX, RoughDielectric(0.2, 1.333 / 1.000277), None),
+        ("roughdielectric", WATER, RoughDielectric(0.1, 1.333 / 1.000277, "beckmann"), None),
         ("conductor", '<string name="material" value="none"/>', Mirror(), 1.0),
+        ("conductor", "", Mirror(), 1.0),
+        ("roughconductor", "", RoughConductor(0.1, 1e-6, 1.0, "beckmann"), 1.0),
+        ("conductor", '<string name="material" value="Au"/>', Conductor(0.5241, 10.74), 0.982),
+        ("roughconductor", '<string name="material" value="Ni_palik"/>' + GGX,
+         RoughConductor(0.2, 3.09, 7.717), 0.838),
         ("conductor", '<float name="eta" value="0.8"/><float name="k" value="6"/>',
          Conductor(0.8, 6.0), None),
         ("principled", RGB.format("base_color") + '<float name="roughness" value="0.5"/>',
@@ -68,16 +78,17 @@ def test_surfaces(tmp_path: Path, kind: str, inside: str, bsdf, reflectance: flo
     (thing,) = report.written.scene.objects
     assert type(thing.material.bsdf) is type(bsdf)
     for name, value in vars(bsdf).items():
-        assert getattr(thing.material.bsdf, name) == pytest.approx(value, rel=1e-5)
+        found = getattr(thing.material.bsdf, name)
+        assert found == (value if isinstance(value, str) else pytest.approx(value, rel=1e-5))
     if reflectance is not None:
-        assert thing.material.reflectance == pytest.approx(reflectance)
+        assert thing.material.reflectance == pytest.approx(reflectance, rel=1e-3)
     assert [match.how for match, _ in report.materials] == ["file"]
 
 
 @pytest.mark.parametrize(
     "inside",
     [
-        '<bsdf type="conductor"><string name="material" value="Cu"/></bsdf>',
+        '<bsdf type="conductor"><string name="material" value="CuO"/></bsdf>',
         '<bsdf type="dielectric"><string name="int_ior" value="honey"/></bsdf>',
         '<bsdf type="roughdielectric"><float name="alpha_u" value="0.1"/></bsdf>',
         '<bsdf type="hair"/>',
@@ -89,6 +100,30 @@ def test_what_nothing_here_is_like_is_guessed(tmp_path: Path, inside: str) -> No
     how = {match.how for match, _ in report.materials}
     assert "file" in how
     assert how & {"guess", "default"}
+
+
+def test_a_metal_by_its_name_has_its_index_at_this_wavelength(tmp_path: Path) -> None:
+    """As published, which the scene file says and the report tells; no other wavelength's."""
+    metal = '<string name="material" value="Au"/><float name="specular_reflectance" value="0.5"/>'
+    body = f'<shape type="cube"><bsdf type="conductor" id="x">{metal}</bsdf></shape>'
+    report = taken(scene(tmp_path / "a.xml", body), surfaces="file")
+    (thing,) = report.written.scene.objects
+    assert "Johnson & Christy (1972)" in thing.material.source
+    notes = " ".join(report.notes)
+    assert "Au by its name, at 1550 nm 0.524 + 10.7i, not as in visible light" in notes
+    assert "its specular_reflectance 0.5 is left out" in notes
+    described = load_yaml((tmp_path / "taken" / "scene.yaml").read_text(), tmp_path)
+    (row,) = described["materials"].values()
+    assert row["eta"][850] == 0.1641
+
+
+def test_metals_have_the_indices_of_shipped_materials() -> None:
+    """Both are from the same tables."""
+    for name, shipped in (("Al", "aluminium-polished"), ("Cu", "copper")):
+        for number, nm in enumerate(WAVELENGTHS_NM):
+            bsdf = find_material(shipped, wavelength_nm=nm).bsdf
+            assert METALS[name].eta[number] == pytest.approx(bsdf.eta, rel=2e-3)
+            assert METALS[name].k[number] == pytest.approx(bsdf.k, rel=2e-3)
 
 
 def test_other_formats_tell_no_surfaces(tmp_path: Path) -> None:

@@ -80,6 +80,10 @@ def material_of(folder: Path, fields: str, item: str = "") -> Material:
         ("bsdf: rough-conductor, eta: 1.44, k: 16, roughness: 1", RoughConductor(1, 1.44, 16)),
         ("bsdf: dielectric, ior: 3.48", Dielectric(3.48)),
         ("bsdf: rough-dielectric, roughness: 0.1", RoughDielectric(0.1)),
+        (
+            "bsdf: rough-dielectric, roughness: 0.1, distribution: beckmann",
+            RoughDielectric(0.1, distribution="beckmann"),
+        ),
         ("bsdf: thin-pane", ThinPane(1.5)),
         ("reflectance: 0.5, bsdf: principled, metallic: 0.3", Principled(metallic=0.3)),
         ("reflectance: 0.5, bsdf: retroreflector, returned: 0.2", Retroreflector(0.2)),
@@ -153,6 +157,14 @@ def test_pictures_are_read_as_they_stand(folder: Path) -> None:
         ("reflectance: 0.5, bsdf: plastic, rougness: 1", ["did you mean 'roughness'"]),
         ("reflectance: 0.5, bsdf: rough-plastic, roughness: 0", ["between 0.01 and 1", "found 0"]),
         ("reflectance: 0.5, bsdf: rough-plastic, roughness: 2", ["between 0.01 and 1", "found 2"]),
+        (
+            "bsdf: rough-dielectric, roughness: 0.1, distribution: bekmann",
+            ["mine.distribution", "'ggx' or 'beckmann'", "found 'bekmann'"],
+        ),
+        (
+            "reflectance: 0.5, bsdf: principled, distribution: ggx",
+            ["distribution does not go with bsdf principled"],
+        ),
         ("reflectance: 0.5, bsdf: plastic, ior: 1", ["ior should be greater than 1"]),
         ("reflectance: 0.5, bsdf: plastic, ior: 4", ["not above 3", "found 4"]),
         ("reflectance: 0.5, bsdf: plastic, ior: yes", ["ior", "number", "True"]),

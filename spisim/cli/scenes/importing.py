@@ -87,7 +87,7 @@ def command(
         Surfaces,
         typer.Option(
             help="Materials guessed for 1550 nm, or as the file has them in its own light, red "
-            "(Mitsuba)."
+            "(Mitsuba, glTF, OpenUSD, Gazebo)."
         ),
     ] = "guess",
     drone: Annotated[

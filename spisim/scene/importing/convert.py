@@ -188,7 +188,7 @@ def _check_told(told: ToldMaterials, file: Path) -> None:
     if not told.rows:
         raise InputError(
             f"{file}: --surfaces file: nothing in it tells surfaces in a way that is read; so do "
-            "Mitsuba's scenes"
+            "Mitsuba's scenes, glTF and Gazebo by metalness, and OpenUSD's preview surfaces"
         )
 
 

@@ -2,19 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from reconstruction.errors import InputError
 from spisim.scene.importing.files import Folders, shown
 from spisim.scene.importing.gltf_buffers import Buffers, unquoted, within
+from spisim.scene.importing.metallic import Metallic
 from spisim.scene.importing.model import Content, Surface
 from spisim.scene.importing.textures import Texture
+from spisim.scene.importing.told import Told
 
 #: Extensions that name another picture of the same, in a format that may be read where its is not.
 OTHER_PICTURES = ("EXT_texture_webp", "MSFT_texture_dds", "KHR_texture_basisu")
 SPECULAR = "KHR_materials_pbrSpecularGlossiness"
+#: Extensions that make a surface of another kind, those that are layers of it, and those kept.
+OTHERS = (
+    SPECULAR,
+    "KHR_materials_unlit",
+    "KHR_materials_transmission",
+    "KHR_materials_diffuse_transmission",
+)
+LAYER = "KHR_materials_"
+KEPT = ("KHR_materials_ior", "KHR_materials_specular", "KHR_materials_emissive_strength")
+#: What the channels of pictures are of.
+CHANNELS = {
+    "baseColorTexture": {"base": 0, "opacity": 3},
+    "metallicRoughnessTexture": {"roughness": 1, "metal": 2},
+}
 
 
 def read_surfaces(
@@ -29,7 +47,7 @@ def read_surfaces(
     surfaces = []
     for number, row in enumerate(header.get("materials", [])):
         try:
-            surfaces.append(_surface(row, textures))
+            surfaces.append(replace(_surface(row, textures), told=_told(row, textures)))
         except (AttributeError, IndexError, KeyError, TypeError, ValueError):
             content.note(f"material {number} is damaged: it is not used")
             surfaces.append(Surface())
@@ -55,6 +73,45 @@ def _surface(row: dict[str, Any], textures: list[Texture | None]) -> Surface:
         return Surface(row.get("name"), None, words)
     red, green, blue = (float(value) for value in color[:3])
     return Surface(row.get("name"), (red, green, blue), words)
+
+
+def _told(row: dict[str, Any], textures: list[Texture | None]) -> Callable[[], Told | None] | None:
+    """What makes a surface of all that a material says; None where that is not by metalness."""
+    extensions = row.get("extensions", {})
+    if "pbrMetallicRoughness" not in row or set(OTHERS) & set(extensions):
+        return None
+    pbr = row["pbrMetallicRoughness"]
+    color = [float(value) for value in pbr.get("baseColorFactor", (1, 1, 1, 1))]
+    mode, gloss = row.get("alphaMode", "OPAQUE"), extensions.get("KHR_materials_specular", {})
+    pictures: dict[str, tuple[Texture, int]] = {}
+    for name, channels in CHANNELS.items():
+        found = _texture(pbr[name], 1.0, textures) if name in pbr else None
+        if found is None and name in pbr:
+            return None
+        if found is not None:
+            pictures |= {what: (found, channel) for what, channel in channels.items()}
+    if mode == "OPAQUE":
+        pictures.pop("opacity", None)
+    odd = ["its bumps are left out"] if "normalTexture" in row else []
+    if any(row.get("emissiveFactor", ())):
+        odd.append("its own light is left out")
+    odd += [
+        f"its {name.removeprefix(LAYER)} is left out"
+        for name in extensions
+        if name.startswith(LAYER) and name not in KEPT
+    ]
+    surface = Metallic(
+        color[0],
+        float(pbr.get("metallicFactor", 1.0)),
+        float(pbr.get("roughnessFactor", 1.0)),
+        float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)),
+        float(gloss.get("specularFactor", 1.0)),
+        1.0 if mode == "OPAQUE" else color[3],
+        float(row.get("alphaCutoff", 0.5)) if mode == "MASK" else None,
+        pictures,
+        tuple(odd),
+    )
+    return cache(surface.told)
 
 
 def _texture(picture: dict[str, Any], red: float, textures: list[Texture | None]) -> Texture | None:

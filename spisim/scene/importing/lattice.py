@@ -14,6 +14,8 @@ from reconstruction.arrays import Floats
 MAX_CELLS = 2**24
 #: Along the longest edge, at least, where something ends within a box.
 CUT_CELLS = 64
+#: Cells across one of a grid that they do not meet: so many, where that makes no more than
+FINER, FINE_CELLS = (8, 4, 2), 2**22
 #: Of a cell, by which two grids may be off and still be taken for one.
 ALIGNED = 1e-3
 
@@ -66,7 +68,8 @@ def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.fl
     """Values of several lattices on one grid (nz, ny, nx) that fills a box, and whether exactly.
 
     The box is the unit cube, as `box` (4, 4) places it. Cells are as fine as the lattices'; where
-    they do not meet, half as wide.
+    they do not meet, finer: straight lines between their middles cut the corners of those between
+    the lattice's.
     """
     crossed = np.max([each.cells_along(box) for each in lattices], axis=0)
     if any(each.within is not None for each in lattices):
@@ -75,7 +78,8 @@ def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.fl
     count = np.maximum(1, np.ceil(crossed - ALIGNED)).astype(int)
     exact = all(_meets(each, box, count) for each in lattices)
     if not exact:
-        count = 2 * count
+        finer = (times for times in FINER if (times * count).prod() <= FINE_CELLS)
+        count = next(finer, FINER[-1]) * count
     while count.prod() > MAX_CELLS:
         count, exact = np.maximum(1, count // 2), False
     x, y, z = (np.arange(each) for each in count)

@@ -74,8 +74,8 @@ def match(
     label = surface.label
     if label in chosen:
         return Match(label, chosen[label], "map", "--materials")
-    if told is not None and surface.told is not None:
-        return Match(label, *_swapped("file", told.material(label, surface.told, part.geometry)))
+    if told is not None and surface.told is not None and (whole := surface.told()) is not None:
+        return Match(label, *_swapped("file", told.material(label, whole, part.geometry)))
     if surface.name is not None and (exact := _exact(surface.name)):
         return Match(label, exact, "name", "of this name")
     for what, text in _clues(part):

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from reconstruction.errors import InputError
 from spisim.scene.bsdf import MIN_ROUGHNESS, make_bsdf
+from spisim.scene.importing.metals import WAVELENGTHS_NM, metal
 from spisim.scene.importing.mitsuba_file import Node
 from spisim.scene.importing.textures import Texture, linear_red
 from spisim.scene.importing.told import Told
+from spisim.scene.materials import WAVELENGTH_NM, at_wavelength
 
 #: Mitsuba's names of what is clear, and their refractive indices.
 INDICES = MappingProxyType({
@@ -31,6 +33,8 @@ GLASS, COAT, AIR = "bk7", "polypropylene", "air"
 WRAPPERS = ("twosided", "mask", "bumpmap", "normalmap")
 #: Lobes of `principled` that nothing here has.
 LOBES = ("anisotropic", "clearcoat", "sheen", "spec_trans", "flatness", "spec_tint")
+#: Of a metal, whose two parts are above zero; a mirror at every angle has a real part of zero.
+LEAST_INDEX = 1e-6
 #: Bsdfs in one another.
 MAX_DEPTH = 8
 #: Pixels of a checkerboard.
@@ -69,9 +73,14 @@ def told_surface(node: Node, flips: bool, pictures: Pictures) -> Told | None:
 
 def _check(fields: Fields) -> None:
     """InputError unless a material can be made of them."""
-    names = ("bsdf", "reflectance", "opacity")
-    make_bsdf(fields["bsdf"], {name: value for name, value in fields.items() if name not in names})
-    if not all(0 <= fields.get(name, 0) <= 1 for name in names[1:]):
+    names = ("bsdf", "source", "reflectance", "opacity")
+    parameters = {
+        name: at_wavelength(name, value, WAVELENGTH_NM) if isinstance(value, dict) else value
+        for name, value in fields.items()
+        if name not in names
+    }
+    make_bsdf(fields["bsdf"], parameters)
+    if not all(0 <= fields.get(name, 0) <= 1 for name in names[2:]):
         raise InputError("reflects or holds back more than there is")
 
 
@@ -109,36 +118,43 @@ def _plastic(node: Node) -> tuple[Fields, tuple[str, ...]]:
     )
     if node.type == "plastic":
         return fields, odd
-    roughness, more = _roughness(node, 0.1)
-    fields |= {"bsdf": "rough-plastic", "roughness": roughness}
-    return fields, (*odd, *more, "light between its coat and body, lost there, is not here")
+    fields |= {"bsdf": "rough-plastic", **_roughness(node, 0.1)}
+    return fields, (*odd, "light between its coat and body, lost there, is not here")
 
 
 def _clear(node: Node) -> tuple[Fields, tuple[str, ...]]:
     names = {"dielectric": "dielectric", "thindielectric": "thin-pane",
              "roughdielectric": "rough-dielectric"}  # fmt: skip
     fields: Fields = {"bsdf": names[node.type], "ior": _ior(node, GLASS)}
-    if node.type != "roughdielectric":
-        return fields, ()
-    roughness, odd = _roughness(node, 0.1)
-    return fields | {"roughness": roughness}, odd
+    if node.type == "roughdielectric":
+        fields |= _roughness(node, 0.1)
+    return fields, ()
 
 
 def _metal(node: Node) -> tuple[Fields, tuple[str, ...]]:
-    """Numbers of a metal; its name is left to what is known of that at 1550 nm."""
+    """A metal by its numbers, by its name as at 1550 nm, or a mirror."""
+    name, share = node.value("material", "none"), _number(node, "specular_reflectance", 1.0)
+    numbers = "eta" in node.properties or "k" in node.properties
+    if name == "none" and not numbers and node.type == "conductor":
+        return {"bsdf": "mirror", "reflectance": share}, ()
+    odd = () if share == 1 else (f"its specular_reflectance {share:.3g} is left out",)
     fields: Fields = {"bsdf": "conductor"}
-    if node.value("material", "") == "none":
-        fields = {"bsdf": "mirror", "reflectance": _number(node, "specular_reflectance", 1.0)}
-        if node.type == "roughconductor":
-            raise InputError("a rough mirror")
-        return fields, ()
-    if "eta" not in node.properties or "k" not in node.properties:
-        raise InputError("a metal by its name")
-    fields |= {"eta": _number(node, "eta", 0.0), "k": _number(node, "k", 1.0)}
+    if name == "none":
+        fields |= {
+            key: max(_number(node, key, default), LEAST_INDEX)
+            for key, default in (("eta", 0.0), ("k", 1.0))
+        }
+    elif (known := metal(name)) is not None:
+        for key, values in (("eta", known.eta), ("k", known.k)):
+            fields[key] = dict(zip(WAVELENGTHS_NM, values, strict=True))
+        fields["source"] = known.source
+        odd = (*odd, f"{name} by its name, at {WAVELENGTH_NM:g} nm {known.eta[-1]:.3g} + "
+               f"{known.k[-1]:.3g}i, not as in visible light")  # fmt: skip
+    else:
+        raise InputError(f"a metal {name!r:.80}")
     if node.type == "conductor":
-        return fields, ()
-    roughness, odd = _roughness(node, 0.1)
-    return fields | {"bsdf": "rough-conductor", "roughness": roughness}, odd
+        return fields, odd
+    return fields | {"bsdf": "rough-conductor", **_roughness(node, 0.1)}, odd
 
 
 def _principled(node: Node) -> tuple[Fields, tuple[str, ...]]:
@@ -167,13 +183,12 @@ MAKERS: Mapping[str, Callable[[Node], tuple[Fields, tuple[str, ...]]]] = {
 }
 
 
-def _roughness(node: Node, default: float) -> tuple[float, tuple[str, ...]]:
+def _roughness(node: Node, default: float) -> Fields:
     if "alpha_u" in node.properties or "alpha_v" in node.properties:
         raise InputError("brushed")
     alpha = _number(node, "alpha", default)
     kind = node.value("distribution", "beckmann")
-    odd = () if kind == "ggx" else (f"its slopes are spread as {kind} there, as GGX here",)
-    return float(np.clip(alpha, MIN_ROUGHNESS, 1)), odd
+    return {"roughness": float(np.clip(alpha, MIN_ROUGHNESS, 1)), "distribution": kind}
 
 
 def _ior(node: Node, inner: str) -> float:

@@ -22,7 +22,7 @@ from spisim.scene.importing.surround import read_linear_red, surround
 Find: TypeAlias = Callable[[Node], Path]
 
 #: Rows of a picture of all around for one of the file's, and pixels up to which.
-FINER, FINE_PIXELS = 4, 2**22
+FINER, FINE_PIXELS = 16, 2**22
 
 
 def is_grid(value: object) -> bool:
@@ -62,8 +62,9 @@ def _read_volume(path: Path) -> tuple[NDArray[np.float32], Floats, Floats]:
 def read_surround(node: Node, find: Find) -> tuple[NDArray[np.float32], Floats]:
     """Linear red (h, w) of an `envmap` as a lamp of a scene file has it, and its axes (3, 3).
 
-    Mitsuba's first and last rows are the poles, here rows are bands: finer ones, so that what lies
-    between the file's rows is the same. InputError for what cannot be read.
+    Mitsuba's first and last rows are the poles, here rows are bands: finer ones, which follow the
+    straight lines from row to row but for 1/16 of a row about each. InputError for what cannot be
+    read.
     """
     red = read_linear_red(find(node))
     rows = len(red)

@@ -13,11 +13,13 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
+from spisim.config.linear import LINEAR
 from spisim.scene.importing.mitsuba_bounds import clipped, grid_box
 from spisim.scene.importing.mitsuba_file import Node
 from spisim.scene.importing.mitsuba_grid import Find, is_grid, read_lattice, read_surround
 from spisim.scene.importing.model import Content, Daylight, Glow, Haze, Part
 from spisim.scene.importing.shapes import as_mesh
+from spisim.scene.importing.textures import Texture, linear_red
 from spisim.scene.volumes import closed
 
 #: Illuminance that Mitsuba's physical sun and sky are taken for: a clear day.
@@ -139,15 +141,19 @@ def take_emitter(node: Node, content: Content, find: Find, shape: str | None = N
         content.note(f"{what} is left out: give `lamps` in the scene file")
         return 0.0
     quantity, field, unit = LAMPS[node.type]
+    source = node.properties.get(quantity)
+    picture = source if isinstance(source, Node) and source.type == "bitmap" else None
     try:
-        amount = _infrared(node, quantity, 1.0)
-    except InputError:
-        content.note(f"{what} is left out, which is no number: give `lamps` in the scene file")
+        amount = _mean_red(picture, find) if picture else _infrared(node, quantity, 1.0)
+    except InputError as error:
+        why = f": {error}" if picture else ", which is no number: give `lamps` in the scene file"
+        content.note(f"{what} is left out{why}")
         return 0.0
     if not 0 < amount < np.inf:
         content.note(f"{what} is left out: it gives no light")
         return 0.0
     odd = "; its picture is left out" if "texture" in node.properties else ""
+    odd += ", the mean of its picture's red" if picture else ""
     content.note(f"{what} has no unit; as watts {amount:.4g} {unit}{odd}")
     if node.type == "area":
         return amount
@@ -171,6 +177,15 @@ def _take_surround(node: Node, content: Content, find: Find) -> None:
     content.note(f"{what} has no unit; as watts up to {brightest:.4g} W/(m² sr)")
     fields = {"type": "environment", "radiance_w_per_m2_sr": scale}
     content.glows.append(Glow(node.id or node.name or "envmap", fields, None, None, picture, axes))
+
+
+def _mean_red(picture: Node, find: Find) -> float:
+    """Of a picture, over all of it; InputError for one that cannot be read."""
+    path = find(picture)
+    if reader := LINEAR.get(path.suffix.lower()):
+        return float(reader(path).mean())
+    linear = picture.value("raw", False)
+    return float(linear_red(Texture(path.name, path, linear=linear)).mean())
 
 
 def _glow(node: Node, fields: dict[str, Any]) -> Glow:
@@ -223,7 +238,7 @@ def _infrared(node: Node, name: str, default: float) -> float:
     """A spectrum as at 1550 nm: a number, or of a colour the red."""
     value: Any = node.properties.get(name, default)
     if isinstance(value, Node):  # a texture or volume that is the same everywhere
-        value = value.properties.get("value", default)
+        value = value.properties.get("value")
     if isinstance(value, bool | int | float):
         return float(value)
     if np.shape(value) == (3,):

@@ -6,6 +6,7 @@ https://mitsuba.readthedocs.io/en/stable/src/key_topics/scene_format.html
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from spisim.scene.importing.told import Told
 from spisim.scene.shapes import check_triangles
 
 MESHES = {"obj": read_obj, "ply": read_ply}
-#: What Mitsuba calls metals, as words.
+#: What Mitsuba calls metals, as words; others are bare conductors.
 METALS = {"Al": "aluminium", "Zn": "zinc", "Cr": "chrome", "Cu": "copper"}
 #: Shapes of Mitsuba that have no counterpart here.
 LEFT_OUT = ("bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids", "ellipsoidsmesh")
@@ -69,7 +70,7 @@ class _Shapes:
         self._content = content
         self._files: dict[tuple[Path, int], list[Part]] = {}
         self._textures: dict[int, Texture | None] = {}
-        self._surfaces: dict[tuple[int, bool], Told | None] = {}
+        self._surfaces: dict[tuple[int, bool], Callable[[], Told | None]] = {}
 
     def add(self, node: Node, parent: Floats) -> None:
         """What a shape shows, where all that it is in stands at `parent`."""
@@ -187,18 +188,18 @@ class _Shapes:
             for name, value in bsdf.properties.items()
             if name in BODY and np.shape(value) == (3,)
         ]
-        words = (*(METALS.get(name, "metal") for name in metals), *types)
+        words = (*(METALS[name] for name in metals if name in METALS), *types)
         body = next((textures[name] for name in BODY if textures.get(name)), None)
         flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
         told = self._told(outer, flips)
         color = colors[0] if colors else None
         return Surface(names[0] if names else None, color, words, body, told)
 
-    def _told(self, bsdf: Node, flips: bool) -> Told | None:
+    def _told(self, bsdf: Node, flips: bool) -> Callable[[], Told | None]:
         """Once for all shapes that share it."""
         key = id(bsdf), flips
         if key not in self._surfaces:
-            self._surfaces[key] = told_surface(bsdf, flips, self._texture)
+            self._surfaces[key] = cache(partial(told_surface, bsdf, flips, self._texture))
         return self._surfaces[key]
 
     def _texture(self, node: Node) -> Texture | None:

@@ -31,14 +31,15 @@ class Surface:
     """What a file says about a material: its name, a colour (RGB from 0 to 1), and other words.
 
     `words` are names of bsdfs and textures, which may tell what it is where the name does not;
-    `texture` is the picture of its colours, `told` all that it says, in its own light.
+    `texture` is the picture of its colours, `told` makes all that it says, in its own light, where
+    it says enough; the same each time.
     """
 
     name: str | None = None
     color: tuple[float, float, float] | None = None
     words: tuple[str, ...] = ()
     texture: Texture | None = None
-    told: Told | None = None
+    told: Callable[[], Told | None] | None = None
 
     @property
     def label(self) -> str:

@@ -1,6 +1,7 @@
 """What one `<visual>` of SDFormat shows: its geometry and what it says of its material."""
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -12,6 +13,7 @@ from spisim.scene.importing import shapes
 from spisim.scene.importing.files import Folders, MissingFile
 from spisim.scene.importing.heightmap import heightmap
 from spisim.scene.importing.meshes import READERS
+from spisim.scene.importing.metallic import Metallic
 from spisim.scene.importing.model import (
     Content,
     Part,
@@ -21,10 +23,15 @@ from spisim.scene.importing.model import (
     scaling,
     translation,
 )
+from spisim.scene.importing.textures import Texture
+from spisim.scene.importing.told import Told
 from spisim.scene.importing.units import to_metres
 from spisim.scene.importing.xml import numbers
 from spisim.scene.shapes import check_triangles
 
+#: What pictures are of, and those that are left out.
+MAPS = {"albedo_map": "base", "metalness_map": "metal", "roughness_map": "roughness"}
+MORE_MAPS = {"normal_map": "bumps are", "emissive_map": "own light is"}
 #: Geometries that Gazebo knows and that are not read.
 LEFT_OUT = ("polyline", "image", "empty")
 
@@ -135,7 +142,36 @@ class Visuals:
         if float(_number(material, "pbr/metal/metalness", 0.0, what)) >= 0.5 and not words:
             words = ("metal",)
         name = script.rpartition("/")[2] or None
-        return Surface(name, None if named else color, words, found.get("albedo_map"))
+        told = _told(visual, color, found, what)
+        return Surface(name, None if named else color, words, found.get("albedo_map"), told)
+
+
+def _told(
+    visual: Element,
+    color: tuple[float, float, float] | None,
+    found: dict[str, Texture | None],
+    what: str,
+) -> Callable[[], Told | None] | None:
+    """What makes a surface by metalness and roughness, where a visual has one."""
+    metal = visual.find("material/pbr/metal")
+    read = {name: found[tag] for tag, name in MAPS.items() if tag in found}
+    if metal is None or None in read.values():
+        return None
+    # a map alone says all; without either, SDFormat's default
+    share, roughness = (
+        _number(metal, tag, 1.0 if f"{tag}_map" in found else 0.5, what)
+        for tag in ("metalness", "roughness")
+    )
+    odd = tuple(f"its {told} left out" for tag, told in MORE_MAPS.items() if tag in found)
+    surface = Metallic(
+        1.0 if color is None else color[0],
+        share,
+        roughness,
+        opacity=1 - max(_number(visual, "transparency", 0.0, what), 0.0),
+        pictures={name: (texture, 0) for name, texture in read.items() if texture is not None},
+        odd=odd,
+    )
+    return cache(surface.told)
 
 
 def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:

@@ -96,7 +96,7 @@ class Pictured:
         row: dict[str, Any] = {"reflectance": round(RULE * mean, 3), "source": f"{why}: a guess"}
         if whole and red.any():
             file = f"texture_{len(self.files) + 1}.png"
-            self.files[file] = np.round(255 * _thinned(red)).astype(np.uint8)
+            self.files[file] = np.round(255 * thinned(red)).astype(np.uint8)
             row |= {"reflectance": RULE, "texture": file}
         self.rows[name] = row
         return name, f"{RULE * mean:.2f}, {why}"
@@ -109,6 +109,16 @@ def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]
         linear = LINEAR[texture.source.suffix.lower()](texture.source)
         red = np.clip(linear, 0, 1) ** GAMMA
         return red * factor, np.ones_like(red)
+    red, share = read_channels(texture, 0, 3)
+    red = red**GAMMA if texture.linear else red
+    return (red * factor).astype(np.float32), share
+
+
+def read_channels(texture: Texture, *numbers: int) -> list[NDArray[np.float32]]:
+    """Red, green, blue or opacity (h, w), 0 to 3, as they stand in a picture: from 0 to 1.
+
+    InputError if unreadable, as those are whose numbers are no integers.
+    """
     data = texture.source if isinstance(texture.source, bytes) else read_bytes(texture.source)
     try:
         with (
@@ -118,17 +128,16 @@ def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]
             if picture.width * picture.height > MAX_PIXELS:
                 raise InputError(f"more than {MAX_PIXELS:,} pixels are not read")
             if picture.mode.startswith("I"):  # grey, 16 bits, which conversion would clip
-                red = np.asarray(picture).astype(np.float32) / 65535
-                share = np.ones_like(red)
-            else:
-                channels = np.asarray(picture.convert("RGBA"))
-                red, share = (channels[..., k].astype(np.float32) / 255 for k in (0, 3))
+                grey = np.asarray(picture).astype(np.float32) / np.float32(65535)
+                return [np.ones_like(grey) if number == 3 else grey for number in numbers]
+            channels = np.asarray(picture.convert("RGBA"))
+            return [
+                channels[..., number].astype(np.float32) / np.float32(255) for number in numbers
+            ]
     except InputError:
         raise
     except Exception:  # whatever decoders run into
         raise InputError(f"no picture that can be read; known: {', '.join(FORMATS)}") from None
-    red = red**GAMMA if texture.linear else red
-    return (red * factor).astype(np.float32), share.astype(np.float32)
 
 
 def linear_red(texture: Texture) -> NDArray[np.float32]:
@@ -141,7 +150,7 @@ def linear_red(texture: Texture) -> NDArray[np.float32]:
     return np.where(stored <= 0.04045, stored / 12.92, curved).astype(np.float32)
 
 
-def _thinned(red: NDArray[np.float32]) -> NDArray[np.float32]:
+def thinned(red: NDArray[np.float32]) -> NDArray[np.float32]:
     """Every second pixel, or fewer, of a picture that is too large to be written."""
     step = 1
     while (red.shape[0] // step) * (red.shape[1] // step) > MAX_WRITTEN:

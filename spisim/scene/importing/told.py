@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from spisim.scene.importing.textures import thinned
 from spisim.scene.shapes import texture_coordinates
 
 #: What a picture multiplies, so that its largest value is the field's own.
@@ -20,8 +21,8 @@ TINTED = "reflectance"
 class Told:
     """Fields of a row of a scene file's materials, and what of the file's is not in them.
 
-    `pictures` (h, w) are of its `reflectance` and `opacity`, where the mesh has coordinates; their
-    mean elsewhere.
+    `source` is one of them where their values are not the file's own. `pictures` (h, w) are of its
+    `reflectance` and `opacity`, where the mesh has coordinates; their mean elsewhere.
     """
 
     fields: Mapping[str, Any]
@@ -34,9 +35,14 @@ class ToldMaterials:
 
     def __init__(self) -> None:
         self.rows: dict[str, dict[str, Any]] = {}
-        self.files: dict[str, NDArray[np.float32]] = {}
-        self.notes: list[str] = []
+        self.files: dict[str, NDArray[np.uint16]] = {}
+        self._odd: dict[str, list[str]] = {}
         self._names: dict[tuple[str, str], str] = {}
+
+    @property
+    def notes(self) -> list[str]:
+        """What of the file's materials is not in these."""
+        return [f"{_several(labels)}: {each}" for each, labels in self._odd.items()]
 
     def material(self, label: str, told: Told, geometry: object) -> tuple[str, str]:
         """Name of the material that a surface is, and why."""
@@ -54,7 +60,9 @@ class ToldMaterials:
             self._names[key] = self._add(label, fields, pictures)
             flat = [f"its picture of {name} is a mean" for name in told.pictures if not whole]
             for each in (*told.odd, *flat):
-                self.notes.append(f"material {label!r:.80}: {each}")
+                labels = self._odd.setdefault(each, [])
+                if label not in labels:
+                    labels.append(label)
         return self._names[key], f"{fields['bsdf']}, as the file has it"
 
     def _add(
@@ -66,9 +74,16 @@ class ToldMaterials:
             number += 1
             name = f"{plain} {number}"
         for kind, picture in pictures.items():
-            file = f"told_{len(self.files) + 1}.npy"
+            file = f"told_{len(self.files) + 1}.png"
             tinted = kind == TINTED
-            self.files[file] = picture / picture.max() if tinted else picture
+            share = thinned(picture / picture.max() if tinted else picture)
+            self.files[file] = np.round(65535 * share).astype(np.uint16)
             fields = fields | {"texture" if tinted else kind: file}
-        self.rows[name] = {**fields, "source": "the imported file, in its own light"}
+        self.rows[name] = {"source": "the imported file, in its own light", **fields}
         return name
+
+
+def _several(labels: list[str]) -> str:
+    if len(labels) == 1:
+        return f"material {labels[0]!r:.80}"
+    return f"materials {labels[0]!r:.80} and {len(labels) - 1} more"

@@ -29,6 +29,7 @@ from spisim.scene.importing.model import (
     with_texture_coordinates,
 )
 from spisim.scene.importing.usd_lamps import read_lamp
+from spisim.scene.importing.usd_surfaces import read_surface
 from spisim.scene.shapes import check_mesh, check_triangles
 
 MAX_LAYERS = 1000
@@ -93,6 +94,7 @@ class _Stage:
         self._folders = folders
         self._poses = UsdGeom.XformCache()
         self._meshes: dict[str, list[tuple[trimesh.Trimesh | Shape, Any]]] = {}
+        self._surfaces: dict[str, Surface] = {}
 
     def read(self) -> None:
         """Add all that is shown, instances included."""
@@ -137,7 +139,14 @@ class _Stage:
             check_triangles(sum(len(shapes.as_mesh(mesh).faces) for mesh in every))
         for geometry, bound in self._meshes[key]:
             name = prim.GetName() if prim.GetName() != "mesh" else prim.GetParent().GetName()
-            self._content.add(Part(name, geometry, to_world, _surface(bound)))
+            self._content.add(Part(name, geometry, to_world, self._surface(bound)))
+
+    def _surface(self, material: Any) -> Surface:
+        """Once for all that it is bound to."""
+        key = "" if material is None else str(material.GetPath())
+        if key not in self._surfaces:
+            self._surfaces[key] = read_surface(material, self._content, self._folders)
+        return self._surfaces[key]
 
     def _add_instances(self, prim: Any) -> None:
         from pxr import Usd, UsdGeom
@@ -216,22 +225,6 @@ def _bound(prim: Any) -> Any:
 
     material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
     return material.GetPrim() if material else None
-
-
-def _surface(material: Any) -> Surface:
-    """The name of a material, and its colour where a preview surface tells one."""
-    from pxr import UsdShade
-
-    if material is None:
-        return Surface()
-    shader = UsdShade.Material(material).ComputeSurfaceSource()[0]
-    diffuse = shader.GetInput("diffuseColor") if shader else None
-    if not diffuse or diffuse.HasConnectedSource():
-        return Surface(material.GetName())
-    value = diffuse.Get()
-    if value is None:
-        return Surface(material.GetName())
-    return Surface(material.GetName(), (float(value[0]), float(value[1]), float(value[2])))
 
 
 def _simple(
