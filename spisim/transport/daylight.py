@@ -167,9 +167,10 @@ def _received(
     """What each detector gets, of estimates side by side."""
     detectors = len(view.positions_m)
 
-    def launch(samples: int, seeds: Sequence[int], replicas: int) -> Sums:
+    def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = Tallies(detectors, [ImageTally], replicas)
-        trace(Detectors.of(view, samples), samples, seeds, replicas, tallies.add)
+        whole = int(samples)
+        trace(Detectors.of(view, whole), whole, seeds, replicas, tallies.add)
         return tallies.read(view.area_m2)
 
     def size(mean_w: Floats, error_w: Floats) -> float:

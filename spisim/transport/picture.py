@@ -86,7 +86,7 @@ def camera_view(
     sky = sky_of(scene, instrument)
     sun = sun_of(scene, instrument, world)
 
-    def launch(samples: int, seeds: Sequence[int], replicas: int) -> Sums:
+    def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
         camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
         ours, rest = (Tallies(view.pixels, [ImageTally]) for _ in range(2))
         if total_w > 0:

@@ -1,8 +1,8 @@
 """Light scattered once by fog and once by a surface: what blurs an image first, and most.
 
 A walk finds it by chance: it seldom collides in thin fog, and one from the detector brings it to
-any pixel. Here rays of pixels and lasers are followed instead, and nothing is left to chance but where on
-its way, and by how much, the fog bends the light:
+any pixel. Here rays of pixels and lasers are followed instead, and nothing is left to chance but
+where on its way, and by how much, the fog bends the light:
 
 * **Behind the surface.** From the surface S that a ray meets, by way of the fog at X, to the other
   end D. X lies at t along the line SD, so far beside it that light is bent by an angle of the
@@ -12,7 +12,7 @@ its way, and by how much, the fog bends the light:
 * **In front of it.** X anywhere on the ray, a bend drawn from the phase function, S what it meets.
 
 The first takes X between the planes through S and D across their line. All other light of this kind
-is left to the walks (`Halo`).
+is left to the walks.
 """
 
 from __future__ import annotations

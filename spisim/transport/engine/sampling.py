@@ -167,8 +167,8 @@ def repeat(
             least = min(running.weight / 3, LEAST_LANES / cells)
             missing = max(running.weight * min(1 / done - 1, GROWTH), least)
             beside = min(replicas, max(1, math.ceil(missing / min(budget.first, 1))))
-            each = missing / beside
-            samples = budget.first if each <= budget.first < 1 else min(math.ceil(each), most)
+            share = missing / beside
+            samples = budget.first if share <= budget.first < 1 else min(math.ceil(share), most)
     if dropped:
         warnings.warn(
             f"{dropped} contributions of light were not finite numbers and are left out: a "
