@@ -20,6 +20,8 @@ from .templates import STEP_M, Templates
 
 UNLIKELY = 1e-3
 """Misfits that chance makes less often than this need another explanation."""
+DOUBTFUL = 0.1
+"""The same of fog on which spots do not agree."""
 GAIN = 12.0
 """Two targets have to explain so much more, in chi squared, than one."""
 CLOSEST_M = 0.05
@@ -42,7 +44,7 @@ def with_edges(
     targets explain the readings, deviations grow with what is left unexplained.
     """
     n = readings.shape[1]
-    odd = [number for number, spot in enumerate(known.spots) if _is_odd(spot, n)]
+    odd = odd_spots(known, n)
     if not odd:
         return known
     fog = _without(odd, modes, belief, known).fog
@@ -76,8 +78,23 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
     return replace(spot, alternatives=wider, noise_m=growth * spot.noise_m)
 
 
+def contradicted(known: Posterior, readings: int) -> bool:
+    """Whether spots, but for the one that fits worst, do not agree on a fog.
+
+    One spot may be on an edge; more of them speak of fog that is not what it is taken for. Without
+    the worst of four, misfits exceed the limit less often by chance than its probability says.
+    """
+    misfits = sorted(spot.misfit for spot in known.spots if spot.alternatives)[:-1]
+    freedom = len(misfits) * (readings - 2) - 2  # without the fog's two numbers
+    return freedom > 0 and sum(misfits) > chi_squared_limit(freedom, DOUBTFUL)
+
+
+def odd_spots(known: Posterior, readings: int) -> list[int]:
+    """Spots that one target explains so badly that chance hardly does it."""
+    return [number for number, spot in enumerate(known.spots) if _is_odd(spot, readings)]
+
+
 def _is_odd(spot: SpotPosterior, readings: int) -> bool:
-    """Whether one target explains the readings so badly that chance hardly does it."""
     return bool(spot.alternatives and spot.misfit > chi_squared_limit(_freedom(readings), UNLIKELY))
 
 

@@ -1,6 +1,7 @@
 """Fits of fog and targets to charges that were collected in taps or delayed windows."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,10 +14,18 @@ from ..ranges import MIN_SIGNAL, Ranges
 from .answer import ranges_of
 from .belief import FogBelief, FogSolver
 from .chances import chi_squared_limit, normal_share
-from .edges import with_edges
+from .edges import contradicted, odd_spots, with_edges
 from .modes import find_modes
-from .posterior import posterior
-from .templates import NOMINAL_ELECTRONS_PER_JOULE, make_templates
+from .posterior import Posterior, posterior
+from .templates import NOMINAL_ELECTRONS_PER_JOULE, Templates, make_templates
+
+ROUGH = 4.0
+"""Where spots do not agree on a fog, its density deviates so many times more than usual: by as much
+as there is, as at the end of a bank,"""
+STANDS_OUT = 20.0
+"""and targets weaker than this, in standard deviations, may be a part of it."""
+MANY = 3
+"""So many spots are not on edges at once."""
 
 
 def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
@@ -24,6 +33,7 @@ def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     combine, response = echo_combinations(spots, longest_m)
     templates = make_templates(spots, response, longest_m)
+    rough = templates.rougher(ROUGH)
     noise = chi_squared_limit(len(combine), normal_share(-MIN_SIGNAL))
 
     def solve(spots: Spots, belief: FogBelief) -> tuple[Ranges, FogBelief]:
@@ -34,13 +44,29 @@ def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
         covariance = (combine * variance[:, None]) @ combine.T
         echoes = readings @ combine.T
         dark = _squares(echoes, covariance) < noise
-        modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
-        known = posterior(modes, belief)
-        known = with_edges(known, modes, belief, templates, echoes, covariance)
+
+        def fit(templates: Templates) -> tuple[Posterior, Posterior]:
+            modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
+            known = posterior(modes, belief)
+            return known, with_edges(known, modes, belief, templates, echoes, covariance)
+
+        single, known = fit(templates)
+        if contradicted(single, len(combine)):
+            edges = odd_spots(single, len(combine))
+            known = _in_rough_fog(fit(rough)[1], known, edges if len(edges) < MANY else [])
         mean = readings.mean(axis=1)
         return ranges_of(known, saturated, dark, mean, len(combine)), known.fog
 
     return solve
+
+
+def _in_rough_fog(rough: Posterior, even: Posterior, edges: list[int]) -> Posterior:
+    """What rough fog leaves of the spots, but of those that are on ``edges`` rather."""
+    spots = (
+        even.spots[number] if number in edges else replace(spot, needed=STANDS_OUT)
+        for number, spot in enumerate(rough.spots)
+    )
+    return Posterior(tuple(spots), rough.fog)
 
 
 def _squares(echoes: Floats, covariance: Floats) -> Floats:
