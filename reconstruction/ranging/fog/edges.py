@@ -13,15 +13,13 @@ from ...arrays import Floats
 from ..ranges import Alternative
 from .algebra import inverse, solved
 from .belief import FogBelief
-from .chances import chi_squared_limit
+from .chances import chi_squared_above, chi_squared_limit
 from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, SEARCH, Modes, Places
 from .posterior import Posterior, SpotPosterior, joined, posterior
 from .templates import STEP_M, Templates
 
 UNLIKELY = 1e-3
 """Misfits that chance makes less often than this need another explanation."""
-DOUBTFUL = 0.1
-"""The same of fog on which spots do not agree."""
 GAIN = 12.0
 """Two targets have to explain so much more, in chi squared, than one."""
 CLOSEST_M = 0.05
@@ -78,15 +76,15 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
     return replace(spot, alternatives=wider, noise_m=growth * spot.noise_m)
 
 
-def contradicted(known: Posterior, readings: int) -> bool:
-    """Whether spots, but for the one that fits worst, do not agree on a fog.
+def disagreement(known: Posterior, readings: int) -> float:
+    """Probability that chance makes spots, but for the worst, agree on a fog as badly as these.
 
     One spot may be on an edge; more of them speak of fog that is not what it is taken for. Without
-    the worst of four, misfits exceed the limit less often by chance than its probability says.
+    the worst of four, chance is even less likely than this.
     """
     misfits = sorted(spot.misfit for spot in known.spots if spot.alternatives)[:-1]
     freedom = len(misfits) * (readings - 2) - 2  # without the fog's two numbers
-    return freedom > 0 and sum(misfits) > chi_squared_limit(freedom, DOUBTFUL)
+    return chi_squared_above(sum(misfits), freedom) if freedom > 0 else 1.0
 
 
 def odd_spots(known: Posterior, readings: int) -> list[int]:

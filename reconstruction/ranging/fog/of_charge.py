@@ -11,19 +11,22 @@ from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...errors import InputError
 from ..ranges import MIN_SIGNAL, Ranges
-from .answer import ranges_of
+from .answer import NARROW_M, ranges_of
 from .belief import FogBelief, FogSolver
 from .chances import chi_squared_limit, normal_share
-from .edges import contradicted, odd_spots, with_edges
+from .edges import UNLIKELY, disagreement, odd_spots, with_edges
 from .modes import find_modes
-from .posterior import Posterior, posterior
+from .posterior import Posterior, SpotPosterior, posterior
 from .templates import NOMINAL_ELECTRONS_PER_JOULE, Templates, make_templates
 
+DOUBTFUL = 0.1
+"""Where spots agree on a fog so badly that chance makes it less often than this,"""
 ROUGH = 4.0
-"""Where spots do not agree on a fog, its density deviates so many times more than usual: by as much
-as there is, as at the end of a bank,"""
+"""its density deviates so many times more than usual: by as much as there is, as at the end of a
+bank."""
 STANDS_OUT = 20.0
-"""and targets weaker than this, in standard deviations, may be a part of it."""
+"""Where chance hardly makes it, targets weaker than this, in standard deviations, may be a part of
+the fog."""
 MANY = 3
 """So many spots are not on edges at once."""
 
@@ -51,22 +54,42 @@ def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
             return known, with_edges(known, modes, belief, templates, echoes, covariance)
 
         single, known = fit(templates)
-        if contradicted(single, len(combine)):
-            edges = odd_spots(single, len(combine))
-            known = _in_rough_fog(fit(rough)[1], known, edges if len(edges) < MANY else [])
+        chance = disagreement(single, len(combine))
+        if chance < DOUBTFUL:
+            _, other = fit(rough)
+            if chance < UNLIKELY:
+                known = _of_a_bank(other, known, odd_spots(single, len(combine)))
+            else:
+                known = _unless_rough(known, other)
         mean = readings.mean(axis=1)
         return ranges_of(known, saturated, dark, mean, len(combine)), known.fog
 
     return solve
 
 
-def _in_rough_fog(rough: Posterior, even: Posterior, edges: list[int]) -> Posterior:
-    """What rough fog leaves of the spots, but of those that are on ``edges`` rather."""
+def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
+    """What rough fog leaves of the spots; a few ``odd`` ones are on edges rather."""
     spots = (
-        even.spots[number] if number in edges else replace(spot, needed=STANDS_OUT)
+        even.spots[number]
+        if number in odd and len(odd) < MANY
+        else replace(spot, needed=STANDS_OUT)
         for number, spot in enumerate(rough.spots)
     )
     return Posterior(tuple(spots), rough.fog)
+
+
+def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
+    """What even fog tells, but of spots that rough fog has elsewhere what that tells."""
+
+    def same(one: SpotPosterior, other: SpotPosterior) -> bool:
+        ranges_m = [each.alternatives[0].range_m for each in (one, other) if each.alternatives]
+        return len(ranges_m) == 2 and abs(ranges_m[0] - ranges_m[1]) < NARROW_M
+
+    spots = (
+        one if one.on_edge or same(one, other) else other
+        for one, other in zip(even.spots, rough.spots, strict=True)
+    )
+    return Posterior(tuple(spots), even.fog)
 
 
 def _squares(echoes: Floats, covariance: Floats) -> Floats:
