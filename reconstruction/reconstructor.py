@@ -133,17 +133,11 @@ class Reconstructor:
     ) -> Result:
         timings: dict[str, float] = {}
         with timed(timings, "decoding"):
-            readings = self._imaging.of(usable, frame.first)
-            if not readings.decoder.index.size:
-                raise InputError(
-                    f"frame {frame.first}: every pattern rests on a saturated reading, so there is "
-                    "no image; record again with less light (projector power, exposure time) or a "
-                    "larger full scale"
-                )
+            readings, spoilt = self._readings(frame.first, signal, usable)
             coefficients = readings.decode(signal, variance)
         for shared in (coefficients.values, coefficients.noise):
             shared.setflags(write=False)  # by methods, one after the other
-        images, deviations, notes = {}, {}, {}
+        images, deviations, notes = {}, {}, _note_of_readings(frame.first, spoilt)
         for name in self._images:
             with timed(timings, f"image {name}"):
                 estimate = self._image(name, readings, coefficients)
@@ -187,6 +181,22 @@ class Reconstructor:
             patterns=readings.decoder.index.size,
             notes=notes,
         )
+
+    def _readings(
+        self, frame: int, signal: Floats, usable: NDArray[np.bool_]
+    ) -> tuple[UsableReadings, NDArray[np.bool_]]:
+        """What is compiled for the readings (M,) of a frame, and which of them are spoilt."""
+        readings = self._imaging.of(usable, frame)
+        spoilt = readings.spoilt(signal)
+        if spoilt.any():
+            readings = self._imaging.of(usable & ~spoilt, frame)
+        if not readings.decoder.index.size:
+            raise InputError(
+                f"frame {frame}: every pattern rests on a saturated reading, so there is "
+                "no image; record again with less light (projector power, exposure time) or a "
+                "larger full scale"
+            )
+        return readings, spoilt
 
     def _image(self, name: str, readings: UsableReadings, coefficients: Coefficients) -> Estimate:
         who = f"image method {name!r}"
@@ -255,6 +265,14 @@ def _carries(name: str) -> bool:
 
 def _ranging_carries(name: str) -> bool:
     return bool(getattr(RANGING_METHODS[name], "carries", False))
+
+
+def _note_of_readings(frame: int, spoilt: NDArray[np.bool_]) -> dict[str, str]:
+    """What to say of the readings (M,) of a frame that were left out."""
+    if not spoilt.any():
+        return {}
+    why = "what is shown twice differs there (lost, or disturbed?)"
+    return {f"frame {frame}": f"without {spoilt.sum()} of its {spoilt.size} readings: {why}"}
 
 
 def _image_names(names: Names, readings: UsableReadings) -> list[str]:

@@ -52,10 +52,19 @@ def light(
     reflectances=0.3,
     extinction_per_m=0.0,
     backscatter_per_sr=0.035,
+    fog_m=(0.0, np.inf),
     steady_per_s=1e8,
     frames=1,
 ) -> SpotLight:
-    """Light from targets at four ranges, none where infinite, and of the fog before them."""
+    """Light from targets at four ranges, none where infinite, and of the fog before them.
+
+    ``fog_m`` are the ranges at which the fog begins and ends.
+    """
+
+    def left(path_m: np.ndarray, at_m: np.ndarray) -> np.ndarray:
+        foggy = np.clip(at_m, *fog_m) - fog_m[0]
+        return np.exp(-extinction_per_m * path_m * foggy / at_m)
+
     ranges_m = np.broadcast_to(ranges_m, 4).astype(float)
     reflectances = np.broadcast_to(reflectances, 4)
     electrons = instrument.electrons_per_joule(instrument.tof.detector, "laser")
@@ -65,12 +74,14 @@ def light(
         last = min(range_m, PATHS[-1] / 2 - 0.1)
         places = np.arange(FIRST_M, last, STEP_M) + STEP_M / 2
         weight, path = seen(instrument, places)
-        fog = extinction_per_m * backscatter_per_sr * STEP_M * weight[spot]
-        deposit(echo[spot], path[spot], fog * np.exp(-extinction_per_m * path[spot]))
+        within = (places > fog_m[0]) & (places < fog_m[1])
+        fog = within * extinction_per_m * backscatter_per_sr * STEP_M * weight[spot]
+        deposit(echo[spot], path[spot], fog * left(path[spot], places))
         if np.isfinite(range_m):
-            weight, path = seen(instrument, np.array([range_m]))
+            place = np.array([range_m])
+            weight, path = seen(instrument, place)
             share = reflectances[spot] / np.pi * weight[spot]
-            deposit(echo[spot], path[spot], share * np.exp(-extinction_per_m * path[spot]))
+            deposit(echo[spot], path[spot], share * left(path[spot], place))
     return SpotLight(
         PATHS,
         np.broadcast_to(per_s * echo, (frames, *echo.shape)),

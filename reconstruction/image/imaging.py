@@ -7,7 +7,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..operators import PatternPlan, decoder_for, drift_of, redundant_combinations
+from ..operators import (
+    PatternPlan,
+    SpoiltReadings,
+    decoder_for,
+    drift_of,
+    redundant_combinations,
+)
 from .coefficients import CoefficientDecoder
 from .method import CarryingMethod, ImageMethod, ImageSolver
 from .methods import image_method
@@ -65,6 +71,11 @@ class UsableReadings:
         self._plan, self._usable, self._method = plan, usable, method
         self.decoder = decoder_for(plan, usable)
         self._solvers: dict[str, ImageSolver] = {}
+
+    @cached_property
+    def spoilt(self) -> SpoiltReadings:
+        """Which of the usable readings cannot be right."""
+        return SpoiltReadings(self._plan, self._usable)
 
     @cached_property
     def decode(self) -> CoefficientDecoder:

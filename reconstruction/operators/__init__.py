@@ -19,6 +19,7 @@ from .plan import (
 from .polarities import POLARITIES
 from .redundancy import Drift, drift_of, redundant_combinations
 from .sparse import SparseRows
+from .spoilt import SpoiltReadings
 from .transposed import transposed
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "RowOperator",
     "SeenAtoms",
     "SparseRows",
+    "SpoiltReadings",
     "basis_of",
     "checked_shape",
     "decoder_for",

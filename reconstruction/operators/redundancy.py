@@ -41,7 +41,7 @@ def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
         for group in equal_sums(plan, usable)
         for first, second in pairwise(sorted(group, key=min))
     ]
-    return _matrix(rows, plan.exposures) if rows else _surplus(plan, usable)
+    return matrix_of(rows, plan.exposures) if rows else _surplus(plan, usable)
 
 
 def _surplus(plan: PatternPlan, usable: Mask) -> SparseRows:
@@ -49,7 +49,7 @@ def _surplus(plan: PatternPlan, usable: Mask) -> SparseRows:
     readings = np.flatnonzero(usable)
     unknowns = plan.pixels + 1
     if not unknowns < readings.size <= MOST_READINGS:
-        return _matrix([], plan.exposures)
+        return matrix_of([], plan.exposures)
     seen = np.ones((readings.size, unknowns))
     for row, reading in enumerate(readings):
         seen[row, :-1] = illumination(plan, int(reading)).ravel()
@@ -62,7 +62,7 @@ def _surplus(plan: PatternPlan, usable: Mask) -> SparseRows:
 def drift_of(plan: PatternPlan, usable: Mask) -> "Drift | None":
     """What tells a drift of the offset, None where too little is shown twice."""
     groups = [group for group in equal_sums(plan, usable) if len(group) > 1]
-    sums = _matrix([_of_length_1(each) for group in groups for each in group], plan.exposures)
+    sums = matrix_of([_of_length_1(each) for group in groups for each in group], plan.exposures)
     of_group = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     freedom = of_group.size - len(groups) - DEGREE
     return Drift(sums, of_group, freedom) if freedom >= FEWEST else None
@@ -109,7 +109,8 @@ def equal_sums(plan: PatternPlan, usable: Mask) -> list[list[Weights]]:
     return [*equal, [_mean(plus) | _mean(minus) for plus, minus in pairs if minus]]
 
 
-def _matrix(rows: list[Weights], readings: int) -> SparseRows:
+def matrix_of(rows: list[Weights], readings: int) -> SparseRows:
+    """The matrix (rows, readings) of these weights."""
     places = [(row, reading) for row, weights in enumerate(rows) for reading in weights]
     values = [value for weights in rows for value in weights.values()]
     at = np.array(places, dtype=int).reshape(-1, 2).T

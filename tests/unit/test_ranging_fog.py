@@ -163,6 +163,33 @@ def test_fog_without_a_target_gives_no_range() -> None:
     assert {each.status[3] for each in found} <= {"fog", "weak"}
 
 
+def test_a_bright_sky_without_a_target_gives_no_range() -> None:
+    found = measure(record("photons", np.inf, frames=16, steady_per_s=1e7))
+    assert "ok" not in {status for each in found for status in each.status}
+
+
+def test_a_fog_bank_before_all_targets_is_seen_through() -> None:
+    bank = {"extinction_per_m": 0.1, "backscatter_per_sr": 0.03, "fog_m": (2.0, np.inf)}
+    found = measure(record(frames=20, **bank))
+    valid = np.array([each.valid for each in found])
+    z = np.array([(each.range_m - RANGES) / each.sigma_m for each in found])[valid]
+    assert valid[:, :3].mean() > 0.8
+    assert np.abs(z).max() < 4
+
+
+def test_a_cloud_before_a_target_makes_no_range_wrong() -> None:
+    ranges_m = np.random.default_rng(3).uniform(5, 8, (25, 4))
+    cloud = {"extinction_per_m": 0.5, "backscatter_per_sr": 0.03, "fog_m": (1.0, 2.0)}
+    each = [light(instrument("fog"), some, reflectances=0.2, **cloud) for some in ranges_m]
+    echo = np.concatenate([one.echo_per_s for one in each])
+    steady = np.concatenate([one.steady_per_s for one in each])
+    tof, optics = instrument("fog").tof, instrument("fog").spot_optics
+    given = replace(each[0], echo_per_s=echo, steady_per_s=steady)
+    found = measure(tof.record(given, optics, np.random.default_rng(0)))
+    wrong = np.abs(np.array([one.range_m for one in found]) - ranges_m) > 0.3
+    assert np.count_nonzero(wrong) <= 1
+
+
 def on_an_edge(name: str, extinction_per_m: float, frames: int = 10) -> list[Ranges]:
     """Spot 1 on a target at 4.5 m of reflectance 0.2 and on one at 3.8 m of 0.15, before it."""
     scene = {"extinction_per_m": extinction_per_m, "steady_per_s": 2e4, "frames": frames}

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...arrays import Floats, Mask
-from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
+from ..ranges import Alternative, Ranges, Status
 from .chances import normal_share
 from .modes import LOG_DEVIATION
 from .posterior import Posterior, SpotPosterior
@@ -58,7 +58,7 @@ def ranges_of(
 def _status(spot: SpotPosterior, guessed: bool) -> Status:
     if spot.on_edge:
         return "ambiguous"
-    if not spot.alternatives or spot.target < CERTAIN or spot.strength < MIN_SIGNAL:
+    if not spot.alternatives or spot.target < CERTAIN or spot.strength < spot.needed:
         return "fog"
     likeliest = spot.alternatives[0]
     if guessed and likeliest.sigma_m > SPOILT * spot.noise_m:

@@ -13,18 +13,18 @@ def normal_share(deviations: float) -> float:
 def chi_squared_limit(freedom: int, share: float) -> float:
     """What chi squared of so many degrees of freedom exceeds with a probability 0 < share < 1."""
     below, above = 0.0, float(freedom)
-    while _chi_squared_above(above, freedom) > share:
+    while chi_squared_above(above, freedom) > share:
         above *= 2
     while above - below > 1e-12 * above:
         middle = (below + above) / 2
-        if _chi_squared_above(middle, freedom) > share:
+        if chi_squared_above(middle, freedom) > share:
             below = middle
         else:
             above = middle
     return above
 
 
-def _chi_squared_above(value: float, freedom: int) -> float:
+def chi_squared_above(value: float, freedom: int) -> float:
     """Probability of more: a finite series (Abramowitz & Stegun 1964, 26.4.4 and 26.4.5)."""
     odd = freedom % 2
     term = math.sqrt(2 * value / math.pi) * math.exp(-value / 2) if odd else math.exp(-value / 2)

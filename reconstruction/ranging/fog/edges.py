@@ -13,7 +13,7 @@ from ...arrays import Floats
 from ..ranges import Alternative
 from .algebra import inverse, solved
 from .belief import FogBelief
-from .chances import chi_squared_limit
+from .chances import chi_squared_above, chi_squared_limit
 from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, SEARCH, Modes, Places
 from .posterior import Posterior, SpotPosterior, joined, posterior
 from .templates import STEP_M, Templates
@@ -42,7 +42,7 @@ def with_edges(
     targets explain the readings, deviations grow with what is left unexplained.
     """
     n = readings.shape[1]
-    odd = [number for number, spot in enumerate(known.spots) if _is_odd(spot, n)]
+    odd = odd_spots(known, n)
     if not odd:
         return known
     fog = _without(odd, modes, belief, known).fog
@@ -76,8 +76,23 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
     return replace(spot, alternatives=wider, noise_m=growth * spot.noise_m)
 
 
+def disagreement(known: Posterior, readings: int) -> float:
+    """Probability that chance makes spots, but for the worst, agree on a fog as badly as these.
+
+    One spot may be on an edge; more of them speak of fog that is not what it is taken for. Without
+    the worst of four, chance is even less likely than this.
+    """
+    misfits = sorted(spot.misfit for spot in known.spots if spot.alternatives)[:-1]
+    freedom = len(misfits) * (readings - 2) - 2  # without the fog's two numbers
+    return chi_squared_above(sum(misfits), freedom) if freedom > 0 else 1.0
+
+
+def odd_spots(known: Posterior, readings: int) -> list[int]:
+    """Spots that one target explains so badly that chance hardly does it."""
+    return [number for number, spot in enumerate(known.spots) if _is_odd(spot, readings)]
+
+
 def _is_odd(spot: SpotPosterior, readings: int) -> bool:
-    """Whether one target explains the readings so badly that chance hardly does it."""
     return bool(spot.alternatives and spot.misfit > chi_squared_limit(_freedom(readings), UNLIKELY))
 
 

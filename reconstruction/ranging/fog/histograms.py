@@ -153,6 +153,7 @@ def _search(
     window = 2 * int(np.ceil(REACH * templates.width)) + 1
     found = window * uniform_filter1d(watched * rate, window, axis=-1, mode="constant")[:, None]
     expected = window * uniform_filter1d(watched[:, None] * model, window, axis=-1, mode="constant")
+    expected = np.maximum(expected, RATES[0])  # running sums round
     found = np.maximum(found, expected)
     gain = 2 * (found * np.log(found / expected) - (found - expected))
     nearest = np.interp(NEAREST_M, templates.range_m, templates.delay[0])

@@ -33,7 +33,7 @@ UNEVEN_STEPS = 2
 MAX_STEP_M = 0.05
 BRIGHT = 1.0
 """Reflectance beyond which it becomes unlikely."""
-EMPTY = 0.01
+EMPTY = 0.5
 """Probability beforehand that a spot has no target within range."""
 
 

@@ -1,6 +1,7 @@
 """Fits of fog and targets to charges that were collected in taps or delayed windows."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,13 +11,24 @@ from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...errors import InputError
 from ..ranges import MIN_SIGNAL, Ranges
-from .answer import ranges_of
+from .answer import NARROW_M, ranges_of
 from .belief import FogBelief, FogSolver
 from .chances import chi_squared_limit, normal_share
-from .edges import with_edges
+from .edges import UNLIKELY, disagreement, odd_spots, with_edges
 from .modes import find_modes
-from .posterior import posterior
-from .templates import NOMINAL_ELECTRONS_PER_JOULE, make_templates
+from .posterior import Posterior, SpotPosterior, posterior
+from .templates import NOMINAL_ELECTRONS_PER_JOULE, Templates, make_templates
+
+DOUBTFUL = 0.1
+"""Where spots agree on a fog so badly that chance makes it less often than this,"""
+ROUGH = 4.0
+"""its density deviates so many times more than usual: by as much as there is, as at the end of a
+bank."""
+STANDS_OUT = 20.0
+"""Where chance hardly makes it, targets weaker than this, in standard deviations, may be a part of
+the fog."""
+MANY = 3
+"""So many spots are not on edges at once."""
 
 
 def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
@@ -24,6 +36,7 @@ def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     combine, response = echo_combinations(spots, longest_m)
     templates = make_templates(spots, response, longest_m)
+    rough = templates.rougher(ROUGH)
     noise = chi_squared_limit(len(combine), normal_share(-MIN_SIGNAL))
 
     def solve(spots: Spots, belief: FogBelief) -> tuple[Ranges, FogBelief]:
@@ -34,13 +47,49 @@ def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
         covariance = (combine * variance[:, None]) @ combine.T
         echoes = readings @ combine.T
         dark = _squares(echoes, covariance) < noise
-        modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
-        known = posterior(modes, belief)
-        known = with_edges(known, modes, belief, templates, echoes, covariance)
+
+        def fit(templates: Templates) -> tuple[Posterior, Posterior]:
+            modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
+            known = posterior(modes, belief)
+            return known, with_edges(known, modes, belief, templates, echoes, covariance)
+
+        single, known = fit(templates)
+        chance = disagreement(single, len(combine))
+        if chance < DOUBTFUL:
+            _, other = fit(rough)
+            if chance < UNLIKELY:
+                known = _of_a_bank(other, known, odd_spots(single, len(combine)))
+            else:
+                known = _unless_rough(known, other)
         mean = readings.mean(axis=1)
         return ranges_of(known, saturated, dark, mean, len(combine)), known.fog
 
     return solve
+
+
+def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
+    """What rough fog leaves of the spots; a few ``odd`` ones are on edges rather."""
+    spots = (
+        even.spots[number]
+        if number in odd and len(odd) < MANY
+        else replace(spot, needed=STANDS_OUT)
+        for number, spot in enumerate(rough.spots)
+    )
+    return Posterior(tuple(spots), rough.fog)
+
+
+def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
+    """What even fog tells, but of spots that rough fog has elsewhere what that tells."""
+
+    def same(one: SpotPosterior, other: SpotPosterior) -> bool:
+        ranges_m = [each.alternatives[0].range_m for each in (one, other) if each.alternatives]
+        return len(ranges_m) == 2 and abs(ranges_m[0] - ranges_m[1]) < NARROW_M
+
+    spots = (
+        one if one.on_edge or same(one, other) else other
+        for one, other in zip(even.spots, rough.spots, strict=True)
+    )
+    return Posterior(tuple(spots), even.fog)
 
 
 def _squares(echoes: Floats, covariance: Floats) -> Floats:

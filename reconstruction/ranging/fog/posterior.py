@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Floats
-from ..ranges import Alternative
+from ..ranges import MIN_SIGNAL, Alternative
 from .belief import FogBelief
 from .modes import Modes
 
@@ -29,6 +29,7 @@ class SpotPosterior:
     ``target`` is the probability that there is a target at all. Of the likeliest mode: ``strength``
     of the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared,
     ``noise_m`` the range's deviation were the fog known, ``node`` and ``backscatter`` the fog.
+    Targets weaker than ``needed`` are not told from fog.
     ``on_edge`` where two targets at once explain the readings and one does not; ``echoes`` as many
     alternatives are there at once, told apart.
     """
@@ -36,6 +37,7 @@ class SpotPosterior:
     alternatives: tuple[Alternative, ...] = ()
     target: float = 0.0
     strength: float = 0.0
+    needed: float = MIN_SIGNAL
     signal: float = 0.0
     misfit: float = np.inf
     noise_m: float = np.inf

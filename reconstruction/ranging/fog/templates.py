@@ -1,7 +1,7 @@
 """What unit reflectance and unit backscattering leave in the readings, at every range."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,10 @@ class Templates:
     target: Floats
     fog: Floats
     uneven: Floats
+
+    def rougher(self, times: float) -> "Templates":
+        """The same of fog that deviates from its mean so many times more."""
+        return replace(self, uneven=times**2 * self.uneven)
 
 
 def make_templates(

@@ -1,0 +1,73 @@
+"""Readings that cannot be right: lost, hit by a flash or by interference.
+
+A pattern and its complement together are the fully lit display, whichever pattern it is (see
+`redundancy`). A sum far from those before and after it has a spoilt reading in it; which of the two
+it is cannot be told.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Mask
+from .plan import PatternPlan
+from .redundancy import FEWEST, Weights, equal_sums, matrix_of
+
+NEIGHBOURS = 9
+"""Sums of whose median a slow drift is."""
+FAR = 10.0
+"""Standard deviations of all sums, by their median, beyond which one is spoilt,"""
+HARMFUL = 0.2
+"""and the share of the readings' own spread below which that does no harm."""
+FEW = 0.2
+"""Where a larger share of the sums is far off, they are no few spoilt ones."""
+MEDIAN_OF_NORMAL = 0.6745
+
+
+class SpoiltReadings:
+    """Finds them among ``usable`` (M,) readings of a plan, wherever enough is shown twice."""
+
+    def __init__(self, plan: PatternPlan, usable: Mask) -> None:
+        groups = [sorted(group, key=min) for group in equal_sums(plan, usable)]
+        self._groups = [_Group(group, usable.size) for group in groups if len(group) >= FEWEST]
+        self._usable = usable
+
+    def __call__(self, signal: NDArray[np.float64]) -> Mask:
+        """Which of the readings (M,) are spoilt, (M,)."""
+        found = np.zeros(signal.shape, dtype=bool)
+        if not self._groups or np.iscomplexobj(signal):
+            return found
+        usable = signal[self._usable]
+        least = HARMFUL * _deviation(usable - np.median(usable))
+        for group in self._groups:
+            found |= group.spoilt(signal, least)
+        return found
+
+
+class _Group:
+    """Sums that are alike, in the sequence of their first readings."""
+
+    def __init__(self, sums: list[Weights], readings: int) -> None:
+        self._sums = matrix_of(sums, readings)
+        self._of = [np.array(list(weights)) for weights in sums]
+
+    def spoilt(self, signal: NDArray[np.float64], least: float) -> Mask:
+        off = self._sums @ signal
+        off = off - _course(off)
+        far = np.abs(off) > max(FAR * _deviation(off), least)
+        found = np.zeros(signal.shape, dtype=bool)
+        if far.mean() <= FEW:
+            for number in np.flatnonzero(far):
+                found[self._of[number]] = True
+        return found
+
+
+def _course(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Median of each sum and its neighbours."""
+    padded = np.pad(sums, NEIGHBOURS // 2, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
+    return np.asarray(np.median(windows, axis=-1))
+
+
+def _deviation(values: NDArray[np.float64]) -> float:
+    """Standard deviation about 0, by the median, as if few values were not normal."""
+    return float(np.median(np.abs(values))) / MEDIAN_OF_NORMAL

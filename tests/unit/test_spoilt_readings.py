@@ -1,0 +1,64 @@
+"""Readings that are lost or disturbed, told by what is shown twice."""
+
+import numpy as np
+import pytest
+
+from images import natural_image
+from reconstruction import Reconstructor
+from reconstruction.capture.importers import capture_from_readings
+from reconstruction.operators import SpoiltReadings, expose, make_plan
+
+PLAN = make_plan((32, 32), 120, polarity="differential")
+EVERY = np.ones(PLAN.exposures, dtype=bool)
+TRUE = natural_image(32, 1)
+LIGHT = expose(PLAN, TRUE) + 50 + np.linspace(0, 20, PLAN.exposures)
+
+
+def with_complements(readings: list[int]) -> list[int]:
+    return sorted({each ^ 1 for each in readings} | set(readings))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.5])
+def test_lost_and_disturbed_readings_are_found_with_their_complements(noise: float) -> None:
+    readings = LIGHT + noise * np.random.default_rng(0).standard_normal(LIGHT.shape)
+    readings[[7, 60, 61, 200]] = 0
+    readings[122] += 10 * np.ptp(LIGHT)
+    found = SpoiltReadings(PLAN, EVERY)(readings)
+    assert np.flatnonzero(found).tolist() == with_complements([7, 60, 122, 200])
+
+
+def test_noise_hardly_ever_looks_spoilt() -> None:
+    spoilt = SpoiltReadings(PLAN, EVERY)
+    rng = np.random.default_rng(1)
+    noise = 5 * np.std(LIGHT) * rng.standard_normal((500, LIGHT.size))
+    assert not any(spoilt(LIGHT + each).any() for each in noise)
+    assert not spoilt(LIGHT).any()
+    assert not spoilt(np.round(LIGHT)).any()
+
+
+def test_where_much_is_far_off_or_nothing_shown_twice_nothing_is_told() -> None:
+    readings = LIGHT.copy()
+    readings[::6] = 0
+    assert not SpoiltReadings(PLAN, EVERY)(readings).any()
+    single = make_plan((32, 32), 120, polarity="single-ended")
+    spoilt = SpoiltReadings(single, np.ones(single.exposures, dtype=bool))
+    assert not spoilt(np.where(np.arange(single.exposures) == 5, 0, 100.0)).any()
+
+
+def test_an_image_does_without_them_and_says_so() -> None:
+    readings = LIGHT + 0.1 * np.random.default_rng(2).standard_normal(LIGHT.shape)
+    broken = readings.copy()
+    broken[[30, 77, 140]] = 0
+    results = []
+    for each in (readings, broken):
+        capture = capture_from_readings(each, PLAN)
+        results.append(Reconstructor(capture.setup, ranging=(), depth=())(capture.frame()))
+    whole, left = results
+    assert whole.notes == {}
+    assert left.patterns == whole.patterns - 3
+    assert left.warnings == [
+        "frame '0' is without 6 of its 240 readings: what is shown twice differs there "
+        "(lost, or disturbed?)"
+    ]
+    off = [np.sqrt(np.mean((each.image - TRUE) ** 2)) for each in results]
+    assert off[1] < 1.2 * off[0]
