@@ -39,6 +39,7 @@ from .ranging import (
     range_doubts,
     ranging_method,
     reads,
+    usual_rangings,
 )
 from .result import BASELINE, Image, Result
 from .timing import timed
@@ -312,7 +313,8 @@ def _rangings(names: Names, setup: Setup) -> dict[str, RangingSolver]:
             return False
         return name in solvers
 
-    chosen = _listed(names, [spots.method], RANGING_METHODS, fits)
+    usual = [name for name in usual_rangings(spots) if name == spots.method or fits(name)]
+    chosen = _listed(names, usual, RANGING_METHODS, fits)
     return {
         name: solvers.get(name) or ranging_method(name, spots).compile(spots) for name in chosen
     }

@@ -3,7 +3,7 @@
 from .doubts import range_doubts
 from .geometry import range_from_path
 from .method import RangingMethod, RangingSolver
-from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads
+from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads, usual_rangings
 from .ranges import MIN_SIGNAL, Alternative, FogOptics, Paths, Ranges, Status, ranges_from_paths
 from .unwrap import path_from_phases, unambiguous_path_m
 
@@ -25,4 +25,5 @@ __all__ = [
     "ranging_method",
     "reads",
     "unambiguous_path_m",
+    "usual_rangings",
 ]

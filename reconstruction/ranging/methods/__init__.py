@@ -1,6 +1,11 @@
-"""Methods of ranging, one module each; the one named as a kind of readings is its default."""
+"""Methods of ranging, one module each; the one named as a kind of readings is its plain one."""
+
+import numpy as np
 
 from ...capture import Spots
+from ...capture.readings.cw import CwSpots
+from ...capture.readings.dtof import HistogramSpots
+from ...capture.readings.pulsed import PulsedSpots
 from ...capture.schema import between
 from ...errors import InputError
 from ...registry import Registry
@@ -33,7 +38,23 @@ def reads(name: str, spots: Spots) -> bool:
     return isinstance(spots, RANGING_METHODS[name].reads)
 
 
+def usual_rangings(spots: Spots) -> tuple[str, ...]:
+    """The plain method of these readings, and before it the one that knows of fog where they tell.
+
+    Those of several frequencies or windows do, and histograms. One frequency, or two windows, can
+    only say that they do not know.
+    """
+    match spots:
+        case CwSpots():
+            tell = np.unique(spots.tap_frequencies_hz).size > 1
+        case PulsedSpots():
+            tell = spots.window_starts_s.size > 2
+        case _:
+            tell = isinstance(spots, HistogramSpots)
+    return ("fog", spots.method) if tell else (spots.method,)
+
+
 def measure_ranges(spots: Spots, frame: int = 0, method: str | None = None) -> Ranges:
-    """Ranges of one frame, by the default method of these readings where None."""
+    """Ranges of one frame, by the plain method of these readings where None."""
     solver = ranging_method(method or spots.method, spots).compile(between(spots, 0, 0))
     return solver(between(spots, frame, frame + 1))
