@@ -111,9 +111,11 @@ def with_stage(output: Path, write: Callable[[Path], None], *, folder: bool) -> 
         if folder and output.exists():
             shutil.rmtree(output)
         stage.replace(output)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(stage, ignore_errors=True) if folder else stage.unlink(missing_ok=True)
         with suppress(OSError):
             for parent in new_folders:
                 parent.rmdir()
+        if isinstance(error, OSError) and str(error.filename or stage).startswith(str(stage)):
+            raise OSError(error.errno, error.strerror, str(output)) from error
         raise

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from reconstruction.errors import InputError, explain
-from reconstruction.text import write_anything
+from reconstruction.text import flush_output, write_anything
 from spisim.version import __version__
 
 from . import (
@@ -58,6 +58,7 @@ def _told(as_json: bool) -> Iterator[None]:
     """What a user can cause is told in one line, and ends the program."""
     try:
         yield
+        flush_output()
     except BrokenPipeError:
         raise
     except OSError as error:

@@ -98,7 +98,7 @@ def test_frames_of_a_replay_are_on_time(capture):
         assert each.run > 0
 
 
-def test_a_replay_waits_until_somebody_is_there():
+def test_a_replay_waits_until_somebody_is_there(capsys):
     refusals = [ConnectionRefusedError(111, "refused")] * 3
 
     def open_it():
@@ -107,8 +107,9 @@ def test_a_replay_waits_until_somebody_is_there():
 
     clock = Clock()
     began_s = clock.now_s
-    replay._opened(SimpleNamespace(open=open_it), clock.wait)
+    replay._opened(SimpleNamespace(open=open_it, address="tcp://rig:5800"), clock.wait)
     assert clock.now_s - began_s == 3 * replay.AGAIN_S
+    assert capsys.readouterr().err == "waiting for tcp://rig:5800: refused\n"
 
 
 def test_results_come_over_tcp_from_a_sender_over_tcp(path, monkeypatch, capsys):

@@ -46,8 +46,12 @@ class StreamFile(Source):
         self._file: IO[bytes] | None = None
 
     def check(self) -> None:
-        if not self._path.is_file():
+        if not self._path.exists():
             raise InputError(f"{self._path}: no such file, neither of a stream nor a capture")
+        if not self._path.is_file():
+            raise InputError(
+                f"{self._path} is not a regular file; a pipe is read from standard input, as -"
+            )
 
     def open(self) -> None:
         self.close()
