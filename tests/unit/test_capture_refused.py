@@ -238,6 +238,12 @@ def test_dead_time_needs_counted_readings(capture):
         replace(capture, plan=plan)
 
 
+def test_no_exposure_is_longer_than_its_pattern(capture):
+    wrong = replace(capture.buckets, exposure_time_s=2e-3, pattern_period_s=1e-3)
+    with pytest.raises(InputError, match=r"exposure_time_s is 0\.002, longer than .*0\.001 s"):
+        replace(capture, buckets=wrong)
+
+
 def test_a_wrong_unit_is_refused(path):
     replace_dataset(path, "spots/detector_positions_m", np.zeros((4, 3)), units="mm")
     with pytest.raises(InputError, match="detector_positions_m has units 'mm', expected 'm'"):
