@@ -86,7 +86,8 @@ def _wrong_arguments(error: Any) -> str | None:
         return None
     context = getattr(error, "ctx", None)
     where = "" if context is None else f" ({context.command_path} --help tells more)"
-    return f"{error.format_message()}{where}"
+    message = error.format_message().replace(": Value error, ", ": ")  # of words to choose from
+    return f"{message}{where}"
 
 
 app = typer.Typer(
