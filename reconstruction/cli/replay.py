@@ -4,7 +4,8 @@ import argparse
 import secrets
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -51,13 +52,26 @@ def run(options: argparse.Namespace) -> None:
         require_outputs([file], [options.capture], overwrite=options.overwrite)
     outlet.check()
     try:
-        _replay(options, outlet)
+        with _whole(outlet):
+            _replay(options, outlet)
     except OSError as error:
         if options.to == "-" or error.filename is not None:
             raise
         raise InputError(f"{options.to}: {error.strerror or error}") from None
     finally:
         outlet.close()
+
+
+@contextmanager
+def _whole(outlet: Outlet) -> Iterator[None]:
+    """Leave no file that ends in the middle."""
+    try:
+        yield
+    except BaseException:
+        if isinstance(outlet, NewFile):
+            with suppress(OSError):
+                outlet.discard()
+        raise
 
 
 def _replay(options: argparse.Namespace, outlet: Outlet) -> None:

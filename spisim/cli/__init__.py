@@ -36,6 +36,9 @@ from . import (
 from .console import fail, warn
 
 
+INTERRUPTED = "interrupted; no file is left half-written"
+
+
 class Commands(TyperGroup):
     """The subcommands; what a user can cause ends as a message, never as a traceback."""
 
@@ -66,15 +69,24 @@ def _told(as_json: bool) -> Iterator[None]:
     except InputError as error:
         message, status = str(error), 2
     except KeyboardInterrupt:
-        message, status = "interrupted; no file is left half-written", 130
+        message, status = INTERRUPTED, 130
     except Exception as error:
-        if (wrong := _wrong_arguments(error)) is None:
+        if _is_interrupt(error):
+            message, status = INTERRUPTED, 130
+        elif (wrong := _wrong_arguments(error)) is None:
             raise
-        message, status = wrong, 2
+        else:
+            message, status = wrong, 2
     else:
         return
     fail(message, status, as_json)
     raise typer.Exit(status)
+
+
+def _is_interrupt(error: BaseException) -> bool:
+    """Whether it is what a library in C++ makes of Ctrl-C, as Mitsuba does while it is loaded."""
+    cause = error.__cause__ or error.__context__
+    return isinstance(error, SystemError | ImportError) and isinstance(cause, KeyboardInterrupt)
 
 
 def _wrong_arguments(error: Any) -> str | None:

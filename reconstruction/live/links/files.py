@@ -94,3 +94,8 @@ class NewFile(Outlet):
         if self._file is not None:
             self._file.close()
             self._file = None
+
+    def discard(self) -> None:
+        """Remove what was written, if anything was begun."""
+        if self._file is not None:
+            self._path.unlink(missing_ok=True)

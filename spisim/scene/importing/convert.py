@@ -222,7 +222,8 @@ def _placed(content: Content) -> list[trimesh.Trimesh]:
     corners = np.concatenate([mesh.bounds for mesh in placed])
     if (across := float(np.ptp(corners, axis=0).max())) < MIN_SIZE_M:
         raise InputError(
-            f"all of it is {across:.3g} m across; at least {MIN_SIZE_M:g} m: see --units and --scale"
+            f"all of it is {across:.3g} m across; at least {MIN_SIZE_M:g} m: see --units and "
+            "--scale"
         )
     return placed
 
