@@ -35,7 +35,6 @@ from . import (
 )
 from .console import fail, warn
 
-
 INTERRUPTED = "interrupted; no file is left half-written"
 
 

@@ -19,7 +19,6 @@ from reconstruction.errors import nearest
 from spisim.config.json_schema import add_descriptions, name_bounds
 from spisim.config.messages import show
 
-
 #: Whatever has a unit here lies far between.
 SMALLEST, LARGEST = 1e-18, 1e30
 
