@@ -117,7 +117,9 @@ def _gust(text: str) -> Gust:
 
     start_s, duration_s, x, y, z = _numbers(text, "--gust", (5,), "START,SECONDS,X,Y,Z in s and m")
     if start_s < 0 or not duration_s > 0:
-        raise InputError(f"--gust {text}: it should begin at 0 s or later, and last longer than 0")
+        raise InputError(
+            f"--gust {text}: it should begin at 0 s or later, and it should last longer than 0 s"
+        )
     if max(map(abs, (x, y, z))) > FARTHEST_M:
         raise InputError(f"--gust {text}: it should blow the drone off by {FARTHEST_M} m at most")
     return Gust(start_s, duration_s, (x, y, z))
