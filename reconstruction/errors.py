@@ -18,17 +18,19 @@ class InputError(ValueError):
 
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
-    """Put the file in front of the message of an InputError raised within."""
+    """Put the file in front of the message of an InputError raised within, unless it is there."""
     try:
         yield
     except InputError as error:
+        if str(error).startswith((f"{path}:", f"{path} is ")):
+            raise
         raise InputError(f"{path}: {error}") from error.__cause__
 
 
 def explain(error: OSError) -> str:
-    """What went wrong with which file."""
+    """What went wrong, and with which file where that is known."""
     if error.filename is None:
-        return str(error)
+        return error.strerror or str(error)
     return f"{error.filename}: {error.strerror or error}"
 
 

@@ -2,9 +2,11 @@
 
 import codecs
 import json
+import os
 import re
 import sys
 import unicodedata
+from contextlib import suppress
 from io import TextIOWrapper
 from typing import Any
 
@@ -54,6 +56,21 @@ def write_anything() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="told plainly")
+
+
+def flush_output() -> None:
+    """Hand on what was printed, or raise OSError: nobody reads it, or its disk is full.
+
+    What is left is dropped then, so that the end of the program does not try again.
+    """
+    if sys.stdout is None:
+        return
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        with suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise OSError(error.errno, error.strerror, "standard output") from None
 
 
 def _told_plainly(error: UnicodeError) -> tuple[str, int]:

@@ -76,8 +76,10 @@ def open_capture(path: str | Path) -> Iterator["CaptureFile"]:
     """Open a capture whose frames are read when they are asked for; raises as `read_capture`."""
     if Path(path).is_dir():
         raise InputError(f"{path} is a folder; the name of a capture file is needed")
-    if not Path(path).is_file():
+    if not Path(path).exists():
         raise InputError(f"{path}: no such capture file")
+    if not Path(path).is_file():
+        raise InputError(f"{path} is not a regular file; the name of a capture file is needed")
     with hdf5.opened(path, FORMAT) as file:
         yield CaptureFile(file)
 

@@ -342,9 +342,11 @@ def check_part(group: str, part: object, sizes: dict[str, int]) -> None:
 
 def check_parts(capture: "Capture | Frames | Setup") -> None:
     """Raise InputError unless the values of each part fit together."""
-    if not isinstance(capture, Frames) and capture.buckets.dead_time_s > 0:
-        for plan in (capture.plan, *capture.later_plans):
-            _check_dead_time(capture.buckets, plan)
+    if not isinstance(capture, Frames):
+        _check_times(capture.buckets)
+        if capture.buckets.dead_time_s > 0:
+            for plan in (capture.plan, *capture.later_plans):
+                _check_dead_time(capture.buckets, plan)
     for readings in (capture.spots, capture.pattern_taps):
         if readings is not None:
             readings.check()
@@ -361,6 +363,15 @@ def axis_sizes(plan: PatternPlan) -> dict[str, int]:
     """Sizes of the named axes that the plan sets."""
     height, width = plan.shape
     return {"exposures": plan.exposures, "height": height, "width": width}
+
+
+def _check_times(buckets: Buckets) -> None:
+    """Raise InputError unless an exposure ends before the next pattern does."""
+    if buckets.exposure_time_s > buckets.pattern_period_s * (1 + 1e-6):
+        raise InputError(
+            f"buckets/exposure_time_s is {buckets.exposure_time_s:g}, longer than "
+            f"buckets/pattern_period_s, {buckets.pattern_period_s:g} s"
+        )
 
 
 def _check_dead_time(buckets: Buckets, plan: PatternPlan) -> None:

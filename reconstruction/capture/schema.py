@@ -11,6 +11,21 @@ from ..errors import InputError
 FRAMES, TRUTHS = "frames", "truths"
 """Names of the axes along which readings, and what is true of them, follow each other."""
 
+LIMITS = {
+    "1": (1e-9, 1e9),
+    "count": (1e-15, 1e15),
+    "electron": (1e-15, 1e15),
+    "electron/count": (1e-12, 1e12),
+    "electron/J": (1e-3, 1e24),
+    "Hz": (1e-3, 1e10),
+    "J": (1e-24, 1e6),
+    "m": (1e-9, 1e7),
+    "rad": (1e-9, 1e6),
+    "s": (1e-18, 1e9),
+}
+"""By unit: the smallest of what is positive, and the largest magnitude of all. No instrument comes
+near them, and what lies between can be squared and divided by."""
+
 Part = TypeVar("Part")
 
 _known: dict[type, tuple[tuple[str, "Stored"], ...]] = {}
@@ -59,7 +74,16 @@ class Stored(NamedTuple):
         bad = value <= 0 if self.sign == "positive" else value < 0
         if self.sign != "any" and bad.any():
             raise InputError(f"{name} is {value[bad].flat[0]}, must be {self.sign}")
+        if value.dtype.kind == "f":
+            self._check_limits(name, value)
         return value.astype(dtype, copy=False)
+
+    def _check_limits(self, name: str, value: NDArray[Any]) -> None:
+        least, most = LIMITS[self.units]
+        if (found := value[np.abs(value) > most]).size:
+            raise InputError(f"{name} is {found[0]:g}, must be within ±{most:g} {self.units}")
+        if self.sign == "positive" and (found := value[value < least]).size:
+            raise InputError(f"{name} is {found[0]:g}, must be at least {least:g} {self.units}")
 
 
 def stored_fields(part: type) -> tuple[tuple[str, Stored], ...]:

@@ -4,12 +4,13 @@ import argparse
 import os
 import sys
 from collections.abc import Container, Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import Any, NoReturn
 
 from .. import __version__
 from ..errors import InputError, explain
-from ..text import json_line, printable, write_anything
+from ..text import flush_output, json_line, printable, write_anything
 from . import completion
 
 COMMANDS = {
@@ -21,7 +22,7 @@ COMMANDS = {
     "replay": ("replay", "capture -> its frames as a stream"),
 }
 """Module of each, imported when it is called, and what it does."""
-INTERRUPTED = 130
+INTERRUPTED, UNREAD = 130, 1
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """What libraries of linear algebra go by, besides OMP_NUM_THREADS."""
 
@@ -29,7 +30,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written.
 
-    Raises SystemExit for wrong arguments; an interrupt gives 130.
+    Raises SystemExit for wrong arguments; an interrupt gives 130, output that nobody reads 1.
     """
     write_anything()
     _calculate_on_one_thread()
@@ -37,17 +38,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
         arguments.insert(0, "reconstruct")
     completing = completion.VARIABLE in os.environ
-    parser = _parser(COMMANDS if completing else arguments[:1])
-    if completing:
-        completion.complete(parser)
     try:
-        options = parser.parse_args(arguments)
-    except InputError as error:
-        sys.exit(_fail(str(error), "--json" in arguments))
-    try:
+        parser = _parser(COMMANDS if completing else arguments[:1])
+        if completing:
+            completion.complete(parser)
+        try:
+            options = parser.parse_args(arguments)
+        except InputError as error:
+            sys.exit(_fail(str(error), "--json" in arguments))
         options.run(options)
+        flush_output()
     except InputError as error:
         return _fail(str(error), "--json" in arguments)
+    except BrokenPipeError:
+        return _unread()
     except OSError as error:
         return _fail(explain(error), "--json" in arguments)
     except KeyboardInterrupt:
@@ -60,9 +64,19 @@ def _fail(message: str, as_json: bool, status: int = 2) -> int:
     """Tell an error in one line on stderr, and with --json as an object on stdout too."""
     line = printable(" ".join(message.split("\n")))
     print(f"error: {line}", file=sys.stderr)
-    if as_json:
-        print(json_line({"error": line, "status": status}))
+    with suppress(OSError):
+        if as_json:
+            print(json_line({"error": line, "status": status}))
+    with suppress(OSError):
+        flush_output()
     return status
+
+
+def _unread() -> int:
+    """Say no more: who read the output, as `head` does, has seen enough."""
+    with suppress(OSError):
+        flush_output()
+    return UNREAD
 
 
 class _Parser(argparse.ArgumentParser):

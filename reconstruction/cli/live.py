@@ -93,6 +93,8 @@ def run(options: argparse.Namespace) -> None:
     for each in detached:
         if each.trouble is not None:
             raise InputError(each.trouble)
+        if each.lost:
+            print(printable(f"warning: {each.why}; lost {each.lost}"), file=sys.stderr)
     if not reception.counts.reconstructed:
         raise InputError(f"{options.source}: no frame was reconstructed{_why(loop.state())}")
 

@@ -2,8 +2,10 @@
 
 import argparse
 import secrets
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from ..live import Sender, frame_period_s
 from ..live.framing import MAGIC
 from ..live.links import NewFile, Outlet, outlet_to
 from ..live.sending import SETUP_EVERY_S
+from ..text import printable
 from .live import whole_number
 from .reconstruct import OVERWRITE
 
@@ -48,6 +51,30 @@ def run(options: argparse.Namespace) -> None:
         file = Output(Path(options.to), "stream", (".stream",), MAGIC.decode())
         require_outputs([file], [options.capture], overwrite=options.overwrite)
     outlet.check()
+    try:
+        with _whole(outlet):
+            _replay(options, outlet)
+    except OSError as error:
+        if options.to == "-" or error.filename is not None:
+            raise
+        raise InputError(f"{options.to}: {error.strerror or error}") from None
+    finally:
+        outlet.close()
+
+
+@contextmanager
+def _whole(outlet: Outlet) -> Iterator[None]:
+    """Leave no file that ends in the middle."""
+    try:
+        yield
+    except BaseException:
+        if isinstance(outlet, NewFile):
+            with suppress(OSError):
+                outlet.discard()
+        raise
+
+
+def _replay(options: argparse.Namespace, outlet: Outlet) -> None:
     with open_capture(options.capture) as capture:
         period_s = _period_s(capture, options.rate)
         if np.isnan(period_s) and not isinstance(outlet, NewFile):
@@ -55,11 +82,8 @@ def run(options: argparse.Namespace) -> None:
                 f"{options.capture} does not tell its pattern_period_s: tell the frames a second "
                 "with --rate"
             )
-        try:
-            _opened(outlet)
-            send(capture, outlet, 0.0 if np.isnan(period_s) else period_s, options.times)
-        finally:
-            outlet.close()
+        _opened(outlet)
+        send(capture, outlet, 0.0 if np.isnan(period_s) else period_s, options.times)
 
 
 def send(
@@ -93,10 +117,15 @@ def _period_s(capture: CaptureFile, rate: float | None) -> float:
 
 def _opened(outlet: Outlet, wait: Callable[[float], object] = time.sleep) -> None:
     """Open it as soon as somebody is there."""
+    told = False
     while True:
         try:
             outlet.open()
-        except (ConnectionRefusedError, TimeoutError):
+        except (ConnectionRefusedError, TimeoutError) as error:
+            if not told:
+                told = True
+                why = f"waiting for {outlet.address}: {error.strerror or error}"
+                print(printable(why), file=sys.stderr)
             wait(AGAIN_S)
         else:
             return

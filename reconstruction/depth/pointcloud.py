@@ -13,8 +13,8 @@ def point_cloud_ply(points_m: Floats, image: Floats) -> bytes:
     """
     finite = np.isfinite(points_m).all(axis=-1)
     points, grey = points_m[finite], image[finite]
-    brightest = max(float(grey.max(initial=0.0)), np.finfo(np.float64).tiny)
-    colour = np.clip(255 * grey / brightest, 0, 255).astype(np.uint8)
+    brightest = float(grey.max(initial=0.0)) or 1.0
+    colour = np.clip(255 * (grey / brightest), 0, 255).astype(np.uint8)
     vertices = np.empty(len(points), dtype=[("position", "<f4", 3), ("colour", "u1", 3)])
     vertices["position"] = points
     vertices["colour"] = colour[:, None]

@@ -46,10 +46,16 @@ EXPORTS: Registry[Export] = Registry(
 
 
 def export_format(name: str | None, output: Path) -> Export:
-    """The format of this name, or else of the output's ending; InputError where there is none."""
-    if name is not None:
-        return EXPORTS[name]
+    """The format of this name, or else of the output's ending; InputError where there is none.
+
+    And where both tell of different ones.
+    """
     by_suffix = {form.suffix: form for _, form in EXPORTS.loadable() if form.suffix}
+    if name is not None:
+        form = EXPORTS[name]
+        if by_suffix.get(output.suffix.lower(), form) is not form:
+            raise InputError(f"{output} has the ending of another format than --format {name}")
+        return form
     if output.suffix.lower() in by_suffix:
         return by_suffix[output.suffix.lower()]
     if output.suffix and not output.is_dir():
@@ -111,9 +117,11 @@ def with_stage(output: Path, write: Callable[[Path], None], *, folder: bool) -> 
         if folder and output.exists():
             shutil.rmtree(output)
         stage.replace(output)
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(stage, ignore_errors=True) if folder else stage.unlink(missing_ok=True)
         with suppress(OSError):
             for parent in new_folders:
                 parent.rmdir()
+        if isinstance(error, OSError) and str(error.filename or stage).startswith(str(stage)):
+            raise OSError(error.errno, error.strerror, str(output)) from error
         raise

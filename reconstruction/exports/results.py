@@ -5,10 +5,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from ..capture import Optics
+from ..capture import Optics, hdf5
 from ..errors import InputError, nearest
 from ..outputs.result_file import FORMAT, read_result
 from ..reconstructor import Names
@@ -20,9 +19,10 @@ GROUPS = {"image": "images", "ranging": "rangings", "depth": "depths"}
 
 def is_result(path: Path) -> bool:
     """Whether a file says that it is a result."""
-    with suppress(OSError), h5py.File(path, "r") as file:
-        told = file.attrs.get("format")
-        return told in (FORMAT.name, FORMAT.name.encode())
+    if not path.is_file():
+        return False
+    with suppress(InputError), hdf5.surveyed(path) as (file, datasets):
+        return hdf5.Contents(file, datasets).attribute("format") == FORMAT.name
     return False
 
 

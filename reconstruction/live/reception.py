@@ -129,7 +129,9 @@ class Reception:
         logger.info("%s is open", self._source.address)
 
     def _break(self, error: OSError) -> None:
-        """Try again later, sooner if it was open."""
+        """Try again later, sooner if it was open; what ends when all does is no trouble."""
+        if self._stopped.is_set():
+            return
         if self._open:
             self._delay_s = FIRST_DELAY_S
             self._parser.reset()

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from reconstruction.errors import InputError, explain
-from reconstruction.text import write_anything
+from reconstruction.text import flush_output, write_anything
 from spisim.version import __version__
 
 from . import (
@@ -35,6 +35,8 @@ from . import (
 )
 from .console import fail, warn
 
+INTERRUPTED = "interrupted; no file is left half-written"
+
 
 class Commands(TyperGroup):
     """The subcommands; what a user can cause ends as a message, never as a traceback."""
@@ -58,6 +60,7 @@ def _told(as_json: bool) -> Iterator[None]:
     """What a user can cause is told in one line, and ends the program."""
     try:
         yield
+        flush_output()
     except BrokenPipeError:
         raise
     except OSError as error:
@@ -65,15 +68,24 @@ def _told(as_json: bool) -> Iterator[None]:
     except InputError as error:
         message, status = str(error), 2
     except KeyboardInterrupt:
-        message, status = "interrupted; no file is left half-written", 130
+        message, status = INTERRUPTED, 130
     except Exception as error:
-        if (wrong := _wrong_arguments(error)) is None:
+        if _is_interrupt(error):
+            message, status = INTERRUPTED, 130
+        elif (wrong := _wrong_arguments(error)) is None:
             raise
-        message, status = wrong, 2
+        else:
+            message, status = wrong, 2
     else:
         return
     fail(message, status, as_json)
     raise typer.Exit(status)
+
+
+def _is_interrupt(error: BaseException) -> bool:
+    """Whether it is what a library in C++ makes of Ctrl-C, as Mitsuba does while it is loaded."""
+    cause = error.__cause__ or error.__context__
+    return isinstance(error, SystemError | ImportError) and isinstance(cause, KeyboardInterrupt)
 
 
 def _wrong_arguments(error: Any) -> str | None:
@@ -85,7 +97,8 @@ def _wrong_arguments(error: Any) -> str | None:
         return None
     context = getattr(error, "ctx", None)
     where = "" if context is None else f" ({context.command_path} --help tells more)"
-    return f"{error.format_message()}{where}"
+    message = error.format_message().replace(": Value error, ", ": ")  # of words to choose from
+    return f"{message}{where}"
 
 
 app = typer.Typer(

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from typing import Any
 
 from rich.console import Console
 from rich.text import Text
 
-from reconstruction.text import json_line, printable
+from reconstruction.text import flush_output, json_line, printable
 from spisim.progress import Advance, terminal_bar
 
 
@@ -41,8 +41,11 @@ def fail(message: str, status: int, as_json: bool) -> None:
     """Tell an error in one line on stderr, and with --json as an object on stdout too."""
     line = " ".join(message.split("\n"))
     say(f"error: {line}", style="red")
-    if as_json:
-        print_json({"error": line, "status": status})
+    with suppress(OSError):
+        if as_json:
+            print_json({"error": line, "status": status})
+    with suppress(OSError):
+        flush_output()
 
 
 def warn(warnings: Iterable[str]) -> None:

@@ -1,6 +1,8 @@
 """Fields that configuration files are made of, and the base of their sections."""
 
+import math
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -17,6 +19,9 @@ from reconstruction.errors import nearest
 from spisim.config.json_schema import add_descriptions, name_bounds
 from spisim.config.messages import show
 
+#: Whatever has a unit here lies far between.
+SMALLEST, LARGEST = 1e-18, 1e30
+
 
 def not_a_truth_value(value: Any) -> Any:
     """YAML reads `yes` and `on` as true, which would silently become the number 1."""
@@ -25,7 +30,20 @@ def not_a_truth_value(value: Any) -> Any:
     return value
 
 
-Number = Annotated[float, BeforeValidator(not_a_truth_value)]
+def of_usable_size(value: Any) -> Any:
+    """What calculates with a number squares it and divides by it: next to nothing is nothing."""
+    not_a_truth_value(value)
+    size = 0.0
+    with suppress(TypeError, ValueError, OverflowError):
+        size = abs(float(value))
+    if math.isfinite(size) and size > LARGEST:
+        raise PydanticCustomError(
+            "size", "should be within ±{largest}", {"largest": f"{LARGEST:g}"}
+        )
+    return 0.0 if 0 < size < SMALLEST else value
+
+
+Number = Annotated[float, BeforeValidator(of_usable_size)]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Fraction = Annotated[Number, Field(ge=0, le=1)]

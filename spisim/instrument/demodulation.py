@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 
 from reconstruction.arrays import Complex, Floats
 from reconstruction.errors import InputError
-from spisim.config import Positive, Section
+from spisim.config import Number, Section
 from spisim.instrument.sensor import PositiveFraction
 
 #: Harmonics of a square wave that are followed; what is left off is 1/n² of the first.
@@ -69,13 +69,16 @@ class Taps(Section):
         return np.asarray(2 * np.sinc(orders * self.width))
 
 
+Frequency = Annotated[Number, Field(gt=0, le=1e10)]
+
+
 class Modulation(Section):
     """Periodic light of `contrast`, amplitude over mean, of the first harmonic's wave form.
 
     `frequencies_hz` are used one after the other.
     """
 
-    frequencies_hz: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=8)]
+    frequencies_hz: Annotated[tuple[Frequency, ...], Field(min_length=1, max_length=8)]
     """Modulation frequencies, used one after the other."""
     light: Literal["sine", "square"] = "sine"
     """Wave form of the light."""
@@ -101,7 +104,7 @@ class Modulation(Section):
         """Harmonics (n,) that reach the taps with an amplitude, the first included."""
         orders = np.arange(1, most + 1)
         strength = np.abs(self.light_harmonics(orders) * self.taps.harmonics(orders))
-        return orders[strength > 1e-6]
+        return orders[strength > 1e-6 * self.contrast]
 
     def amplitudes(
         self, frequency_hz: float, response: Any, most: int = HARMONICS

@@ -213,6 +213,10 @@ def windows(starts_s):
         ("dtof", {"counts": np.full((2, 4, 50), -1)}, "spots/counts is -1, must be not negative"),
         ("dtof", {"saturated": np.zeros((2, 4, 50), bool)}, "spots/saturated has shape"),
         ("dtof", {"response_sigma_s": 0.0}, "spots/response_sigma_s is 0.0, must be positive"),
+        ("dtof", {"bin_width_s": 1e-300}, r"spots/bin_width_s is 1e-300, must be at least 1e-18 s"),
+        ("cw", {"tap_frequencies_hz": np.full(3, 1e12)}, r"hz is 1e\+12, must be within ±1e\+10"),
+        ("cw", {"tap_frequencies_hz": np.full(3, 1e-300)}, "must be at least 0.001 Hz"),
+        ("cw", {"noise_electrons": 1e300}, r"spots/noise_electrons is 1e\+300, must be within"),
     ],
 )
 def test_readings_that_cannot_be_are_refused(capture, method, changes, message):
@@ -232,6 +236,12 @@ def test_dead_time_needs_counted_readings(capture):
     plan = replace(capture.plan, polarity=np.zeros(20, dtype=np.int8))
     with pytest.raises(InputError, match=r"patterns/polarity 0 marks readings as differences"):
         replace(capture, plan=plan)
+
+
+def test_no_exposure_is_longer_than_its_pattern(capture):
+    wrong = replace(capture.buckets, exposure_time_s=2e-3, pattern_period_s=1e-3)
+    with pytest.raises(InputError, match=r"exposure_time_s is 0\.002, longer than .*0\.001 s"):
+        replace(capture, buckets=wrong)
 
 
 def test_a_wrong_unit_is_refused(path):

@@ -159,3 +159,15 @@ def test_a_spot_that_is_too_faint_is_named_with_what_it_lies_on(tmp_path: Path) 
     lost = json.loads(run.stdout)["lost"]
     assert lost
     assert all("is too faint" in why and "(soot)" in why for why in lost.values())
+
+
+def test_an_interrupt_that_a_library_has_wrapped_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def wrapped(*_: object) -> None:
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr("spisim.scene.materials.material_table", wrapped)
+    run = spisim("materials")
+    assert (run.exit_code, run.stderr) == (
+        130,
+        "error: interrupted; no file is left half-written\n",
+    )

@@ -349,7 +349,7 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"vary": {VISIBILITY: {"choice": [{"grid": [30, 20]}]}}}, "a grid can only stand"),
     ({"vary": {VISIBILITY: {"choice": 20}}}, "should be a list; found {'choice': 20}"),
     ({"vary": {"scene.material_swaps": 3}}, "material_swaps has no fields; it is 3"),
-    ({"scenes": [{"family": "targets", "weight": 1e308}] * 2}, "their weights a finite sum"),
+    ({"scenes": [{"family": "targets", "weight": 1e308}] * 2}, "weight: should be within ±1e+30"),
     ({"scenes": [{"family": "targets", "distinct": 2**32}]}, "distinct: should be less than"),
     (
         {

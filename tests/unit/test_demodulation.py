@@ -64,3 +64,10 @@ def test_amplifier_delays_and_weakens_as_one_pole() -> None:
     assert weak == pytest.approx(ideal / np.sqrt(2))
     late = tested.correlation(np.array([1.0]), FREQUENCY_HZ, response)[:, 0]
     assert four_phase(late) == pytest.approx(1 + np.pi / 4)
+
+
+def test_faint_modulation_is_modulation() -> None:
+    faint = Modulation(frequencies_hz=(FREQUENCY_HZ,), contrast=1e-9)
+    full = Modulation(frequencies_hz=(FREQUENCY_HZ,))
+    expected = 1e-9 * full.demodulation_contrast(FREQUENCY_HZ, IDEAL)
+    assert faint.demodulation_contrast(FREQUENCY_HZ, IDEAL) == pytest.approx(expected)

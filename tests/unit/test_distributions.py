@@ -68,8 +68,8 @@ def test_streams_depend_on_seed_and_keys_alone() -> None:
         ({"choice": []}, "at least 1"),
         ({"choice": [1, 2], "weights": [1]}, "one for each choice"),
         ({"choice": [1, 2], "weights": [0, 0]}, "not all zero"),
-        ({"choice": [1, 2], "weights": [1e308, 1e308]}, "finite sum"),
-        ({"uniform": [-1.7e308, 1.7e308]}, "lower and a higher bound"),
+        ({"choice": [1, 2], "weights": [1e308, 1e308]}, r"within ±1e\+30"),
+        ({"uniform": [-1.7e308, 1.7e308]}, r"within ±1e\+30"),
         ({"uniform": [1, 2], "extra": 1}, "unknown field 'extra'"),
     ],
 )

@@ -98,7 +98,7 @@ def test_frames_of_a_replay_are_on_time(capture):
         assert each.run > 0
 
 
-def test_a_replay_waits_until_somebody_is_there():
+def test_a_replay_waits_until_somebody_is_there(capsys):
     refusals = [ConnectionRefusedError(111, "refused")] * 3
 
     def open_it():
@@ -107,8 +107,9 @@ def test_a_replay_waits_until_somebody_is_there():
 
     clock = Clock()
     began_s = clock.now_s
-    replay._opened(SimpleNamespace(open=open_it), clock.wait)
+    replay._opened(SimpleNamespace(open=open_it, address="tcp://rig:5800"), clock.wait)
     assert clock.now_s - began_s == 3 * replay.AGAIN_S
+    assert capsys.readouterr().err == "waiting for tcp://rig:5800: refused\n"
 
 
 def test_results_come_over_tcp_from_a_sender_over_tcp(path, monkeypatch, capsys):
@@ -255,3 +256,23 @@ def test_the_example_has_no_other_needs():
     tree = ast.parse((EXAMPLES / "sender.py").read_text(encoding="utf-8"))
     names = {n.name for node in ast.walk(tree) if isinstance(node, ast.Import) for n in node.names}
     assert names == {"binascii", "struct", "sys", "socket"}
+
+
+def test_a_replay_that_is_interrupted_leaves_no_file(path, tmp_path, monkeypatch, capsys):
+    def interrupted(self, content):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("reconstruction.live.links.NewFile.send", interrupted)
+    assert main(["replay", str(path), "--to", str(tmp_path / "a.stream")]) == 130
+    assert not (tmp_path / "a.stream").exists()
+    assert capsys.readouterr().err == "error: interrupted; no file is left half-written\n"
+
+
+def test_results_that_nobody_took_are_told(path, capsys):
+    probe = source_at("tcp-listen://127.0.0.1:0")
+    probe.check()
+    port = probe.port
+    probe.close()
+    assert main(["live", str(path), "--to", f"tcp://127.0.0.1:{port}", "--quiet"]) == 0
+    told = capsys.readouterr().err
+    assert told == f"warning: tcp://127.0.0.1:{port}: Connection refused; lost 4\n"

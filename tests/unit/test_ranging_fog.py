@@ -297,6 +297,20 @@ def test_a_detector_that_never_sees_its_beam_is_named() -> None:
         measure(replace(spots, detector_axes=away))
 
 
+@pytest.mark.parametrize(
+    ("name", "changes", "told"),
+    [
+        ("photons", {"start_s": -1.0}, r"ranges up to -1\.5e\+08 m, and ranging in fog begins at"),
+        ("windows", {"delay_offset_s": -1.0}, "no echo from within 150 m comes into any reading"),
+    ],
+)
+def test_times_that_no_light_can_have_are_refused(
+    name: str, changes: dict[str, float], told: str
+) -> None:
+    with pytest.raises(InputError, match=told):
+        measure(replace(record(name), **changes))
+
+
 # Answers
 
 

@@ -53,6 +53,8 @@ TEXTS = {
     "headed.csv": "time of day; 2026\na;b;c\n1,5;2;-30\n4;5;6\n",
     "quoted.csv": '# rig 7\n"a","b","c"\n1.5,2,-30 # first\n% dark\n// next\n4,5,6\n',
     "byte order mark.csv": "\ufeffa,b,c\r\n1.5,2,-30\r\n4,5,6\r\n",
+    "all quoted.csv": '"a","b","c"\n"1.5","2","-30"\n"4","5","6"\n',
+    "fortran.dat": " 0.15D+01 2 -3.D1\n 4.D0 5 6\n",
 }
 
 
@@ -80,6 +82,9 @@ def test_columns_are_chosen_by_name_and_may_stand_beside_words(tmp_path):
         ("a,b\nc,d\n", "should hold numbers"),
         ("1,,3\n", "line 1 has '' in column 1"),
         ("=1+1\n", "should hold numbers"),
+        ("1\n2\n3,4\n", "line 3 has '3,4' in column 0"),
+        ("1063,70\n1026,07\n", r"line 1 has '1063,70': one number or two columns\?"),
+        ("volts\n1,5\n2,0\n", "line 2 has '1,5': one number or two columns"),
         ("# nothing\n\n", "holds no numbers"),
     ],
 )
@@ -87,6 +92,11 @@ def test_texts_without_numbers_are_refused_by_line(tmp_path, text, message):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(InputError, match=message):
         load_array(tmp_path / "a.csv")
+
+
+def test_texts_may_be_of_sixteen_bits_and_headings_of_combining_letters(tmp_path):
+    (tmp_path / "a.txt").write_text("Za\u0308hler\tn\n5\t0\n6\t1\n", encoding="utf-16")
+    np.testing.assert_array_equal(load_array(tmp_path / "a.txt", "Z\u00e4hler"), [5, 6])
 
 
 @pytest.mark.parametrize("shape", [(6,), (1, 6), (6, 1), (2, 3), (4, 6), (6, 4)])

@@ -1,7 +1,11 @@
 """Tables of numbers in text: any separator, headings, comments, decimal points or commas."""
 
+import codecs
 import re
+import unicodedata
 import warnings
+from collections.abc import Iterator
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +23,9 @@ NUMBER = re.compile(
     r"[+-]?((\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|nan|inf(inity)?)", re.IGNORECASE
 )
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
+DECIMALS = re.compile(r"0\d+(\.\d*)?")
+"""What stands behind a comma and can be no count."""
 
 
 class _Table(NamedTuple):
@@ -35,8 +42,8 @@ def read_text(path: Path, column: str | None) -> NDArray[Any]:
     """Numbers (lines, columns) of a text file, or one ``column``, by its heading or number from 0.
 
     Lines before the first of numbers, words may stand beside them, are headings, of which the last
-    names the columns. Raises InputError where there are no numbers, and where lines differ in
-    their columns.
+    names the columns. Raises InputError where there are no numbers, where lines differ in their
+    columns, and where a comma may be a decimal mark as well as a separator.
     """
     size = path.stat().st_size
     if size > MAX_BYTES:
@@ -44,20 +51,49 @@ def read_text(path: Path, column: str | None) -> NDArray[Any]:
             f"has {size / 2**20:.0f} MiB, at most {MAX_BYTES // 2**20} of text are read: save it "
             "as .npy"
         )
-    lines = [COMMENT.sub("", line) for line in path.read_text("utf-8-sig", "replace").splitlines()]
+    lines = [COMMENT.sub("", line) for line in _text(path.read_bytes()).splitlines()]
     table = _table(lines)
     if table is None:
         if any(line.strip() for line in lines):
             raise InputError("should hold numbers, in lines with the same number of columns")
         return np.empty(0)
     wanted = None if column is None else [_column(column, table)]
-    body = (line.replace(",", ".") if table.comma else line for line in lines[table.start :])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            return np.loadtxt(body, delimiter=table.separator, usecols=wanted, comments=None)
+            numbers = np.loadtxt(
+                _body(lines, table), delimiter=table.separator, usecols=wanted, comments=None
+            )
         except (ValueError, IndexError):
             raise InputError(_complaint(lines, table, wanted)) from None
+    if wanted is None and (table.separator, table.columns, table.headings) == (",", 2, []):
+        _check_comma(lines, table)
+    return numbers
+
+
+def _text(content: bytes) -> str:
+    sixteen = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return content.decode("utf-16" if sixteen else "utf-8-sig", "replace")
+
+
+def _body(lines: list[str], table: _Table) -> Iterator[str]:
+    """Lines of numbers as NumPy reads them."""
+    fortran = FORTRAN.search(lines[table.start]) is not None
+    for line in lines[table.start :]:
+        plain = line.replace('"', "")
+        if table.comma:
+            plain = plain.replace(",", ".")
+        yield FORTRAN.sub("e", plain) if fortran else plain
+
+
+def _check_comma(lines: list[str], table: _Table) -> None:
+    """Raise InputError where two columns without headings are rather one with decimal commas."""
+    behind = [_cells(line, ",")[-1] for line in lines[table.start :] if line.strip()]
+    if all(len(each) == 1 for each in behind) or any(map(DECIMALS.fullmatch, behind)):
+        raise InputError(
+            f"line {table.start + 1} has {lines[table.start].strip()[:40]!r}: one number or two "
+            "columns? write numbers with a point alone, or semicolons between columns"
+        )
 
 
 def _table(lines: list[str]) -> _Table | None:
@@ -69,7 +105,8 @@ def _table(lines: list[str]) -> _Table | None:
         numbers = _numbers(cells)
         words = any(cell and not number for cell, number in zip(cells, numbers, strict=True))
         if any(numbers) and (not words or numbers == _next_numbers(lines, start)):
-            named = headings if len(headings) == len(cells) else []
+            composed = [unicodedata.normalize("NFC", each) for each in headings]
+            named = composed if len(headings) == len(cells) else []
             return _Table(separator, comma, named, len(cells), start)
         headings = cells or headings
     return None
@@ -102,12 +139,21 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _column(name: str, table: _Table) -> int:
+    name = unicodedata.normalize("NFC", name)  # as keyboards and file systems differ
     if name in table.headings:
         return table.headings.index(name)
     if name.isascii() and name.isdecimal() and int(name[:9]) < table.columns:
         return int(name[:9])
     known = [*table.headings, *map(str, range(table.columns))]
     raise InputError(f"has no column {name!r}: {nearest(name, known)}")
+
+
+def _is_read(cell: str, table: _Table) -> bool:
+    plain = FORTRAN.sub("e", cell.replace(",", ".") if table.comma else cell)
+    with suppress(ValueError):
+        float(plain)
+        return "_" not in plain
+    return False
 
 
 def _complaint(lines: list[str], table: _Table, wanted: list[int] | None) -> str:
@@ -122,7 +168,7 @@ def _complaint(lines: list[str], table: _Table, wanted: list[int] | None) -> str
                 f"{len(cells)}, line {table.start + 1} {table.columns}"
             )
         for place in range(table.columns) if wanted is None else wanted:
-            if NUMBER.fullmatch(cells[place]) is None:
+            if not _is_read(cells[place], table):
                 named = f" ({table.headings[place]})" if table.headings else ""
                 return (
                     f"should hold numbers; line {number} has {cells[place][:40]!r} in column "

@@ -46,8 +46,12 @@ class StreamFile(Source):
         self._file: IO[bytes] | None = None
 
     def check(self) -> None:
-        if not self._path.is_file():
+        if not self._path.exists():
             raise InputError(f"{self._path}: no such file, neither of a stream nor a capture")
+        if not self._path.is_file():
+            raise InputError(
+                f"{self._path} is not a regular file; a pipe is read from standard input, as -"
+            )
 
     def open(self) -> None:
         self.close()
@@ -90,3 +94,8 @@ class NewFile(Outlet):
         if self._file is not None:
             self._file.close()
             self._file = None
+
+    def discard(self) -> None:
+        """Remove what was written, if anything was begun."""
+        if self._file is not None:
+            self._path.unlink(missing_ok=True)

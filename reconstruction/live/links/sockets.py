@@ -3,6 +3,7 @@
 import select
 import socket
 from contextlib import suppress
+from errno import EADDRINUSE
 
 from ...errors import InputError
 from .link import PIECE_BYTES, Outlet, Source
@@ -171,7 +172,6 @@ def _bound(address: str, host: str, port: int, kind: socket.SocketKind) -> socke
     except OSError as error:
         _close(bound)
         why = (error.strerror or str(error)).lower()
-        raise InputError(
-            f"{address}: cannot listen at port {port}: {why}; end what uses it, or name another"
-        ) from None
+        hint = "; end what uses it, or name another" if error.errno == EADDRINUSE else ""
+        raise InputError(f"{address}: cannot listen at port {port}: {why}{hint}") from None
     return bound

@@ -103,7 +103,7 @@ def echo_combinations(
     """Combinations (n, readings) of readings that steady light leaves at 0 and an echo does not.
 
     With them what all of a laser's light leaves in these, (n, ...), by its path (...). Raises
-    InputError where the laser's light is not known, and where all echoes look alike.
+    InputError where the laser's light is not known, and where no echo tells anything.
     """
     told = spots.response(np.linspace(0, 2 * longest_m, 4001))
     if np.isnan(told).any():
@@ -113,6 +113,11 @@ def echo_combinations(
         )
     free = _unmoved(spots.steady)
     left, strength, _ = np.linalg.svd(free @ told, full_matrices=False)
+    if not strength[0] > 0:
+        raise InputError(
+            f"no echo from within {longest_m:.3g} m comes into any reading: the times of the "
+            "windows and spots/delay_offset_s cannot be right"
+        )
     combine: Floats = left[:, strength > 1e-9 * strength[0]].T @ free
     known = np.isfinite(spots.electrons_per_joule)
     electrons = spots.electrons_per_joule if known else NOMINAL_ELECTRONS_PER_JOULE

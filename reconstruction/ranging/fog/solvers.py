@@ -4,7 +4,9 @@ from ...capture import Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
+from ...errors import InputError
 from .belief import FogSolver
+from .modes import NEAREST_M
 from .of_charge import charge_solver
 from .overlap import check_known
 
@@ -13,9 +15,15 @@ def fog_solver(spots: Spots, longest_m: float) -> FogSolver:
     """Solver of one recording's readings, of targets up to a range.
 
     Raises InputError where the recording does not tell what the detectors see of the beams, or how
-    much light the lasers send.
+    much light the lasers send, or where its readings tell of no range at all.
     """
     check_known(spots)
+    if longest_m <= NEAREST_M:
+        raise InputError(
+            f"the spots' readings tell of ranges up to {longest_m:.3g} m, and ranging in fog "
+            f"begins at {NEAREST_M} m: their frequencies, or times and delay_offset_s, cannot be "
+            "right"
+        )
     if isinstance(spots, HistogramSpots):
         from .of_histograms import histogram_solver  # slow to import
 

@@ -83,7 +83,7 @@ def demodulate(
     phase, amplitude = np.arctan2(sine, cosine), np.hypot(cosine, sine)
     tangential = np.cos(phase)[..., None] * inverse[2] - np.sin(phase)[..., None] * inverse[1]
     deviation = np.sqrt((tangential**2 * variance).sum(axis=-1))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return phase, amplitude, offset, np.where(amplitude > 0, deviation / amplitude, np.inf)
 
 

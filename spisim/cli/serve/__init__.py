@@ -100,7 +100,8 @@ def command(
     from spisim.serving import Camera, FlightRecord, Server, provenance, solver
     from spisim.serving.record import MOST_FRAMES
 
-    check_options(path, pose, gust, to, json=json)
+    of_path = {"--frame": frame != "body", "--speed": speed != 1}
+    check_options(path, pose, gust, of_path, to, json=json)
     read = list(files_read(scene, instrument, *([path] if path else [])))
     _check_record(record, read, overwrite=overwrite)
     line = line_to(to, commands, read, steered=path is None, lockstep=lockstep, overwrite=overwrite)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, isfinite, radians, sin
 from typing import TYPE_CHECKING
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 #: Key poses of a path, all of which are kept where it is flown in time.
 MOST_AHEAD = 2000
+#: How far a gust blows.
+FARTHEST_M = 100
 
 
 @dataclass(frozen=True)
@@ -27,9 +30,18 @@ class Flight:
 
 
 def check_options(
-    path: str | None, pose: str | None, gust: list[str] | None, to: str, *, json: bool
+    path: str | None,
+    pose: str | None,
+    gust: list[str] | None,
+    of_path: Mapping[str, bool],
+    to: str,
+    *,
+    json: bool,
 ) -> None:
-    """Those that exclude each other."""
+    """Those that exclude each other, or are given ``of_path`` without one."""
+    for option, given in of_path.items():
+        if given and path is None:
+            raise InputError(f"{option} goes with --path")
     if json and to == "-":
         raise InputError("--json and --to - exclude each other: both write to stdout")
     for option, value in (("--pose", pose), ("--gust", gust)):
@@ -104,8 +116,12 @@ def _gust(text: str) -> Gust:
     from spisim.serving import Gust
 
     start_s, duration_s, x, y, z = _numbers(text, "--gust", (5,), "START,SECONDS,X,Y,Z in s and m")
-    if not duration_s > 0:
-        raise InputError(f"--gust {text}: it should last longer than 0 s")
+    if start_s < 0 or not duration_s > 0:
+        raise InputError(
+            f"--gust {text}: it should begin at 0 s or later, and it should last longer than 0 s"
+        )
+    if max(map(abs, (x, y, z))) > FARTHEST_M:
+        raise InputError(f"--gust {text}: it should blow the drone off by {FARTHEST_M} m at most")
     return Gust(start_s, duration_s, (x, y, z))
 
 

@@ -39,6 +39,8 @@ FORMATS: dict[str, Reader] = {
     ".urdf": read_urdf,
     **dict.fromkeys((".usd", ".usda", ".usdc"), read_usd),
 }
+#: A model smaller than that is in another unit than is thought.
+MIN_SIZE_M = 1e-3
 HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
 BEWARE = "what eyes see tells little of 1550 nm; give --materials where you know them"
 OFF = (
@@ -217,6 +219,12 @@ def _placed(content: Content) -> list[trimesh.Trimesh]:
                 f"object {part.name!r:.80} reaches {far:.3g} m from the origin; at most "
                 f"{MAX_COORDINATE_M:g} m: see --units and --scale"
             )
+    corners = np.concatenate([mesh.bounds for mesh in placed])
+    if (across := float(np.ptp(corners, axis=0).max())) < MIN_SIZE_M:
+        raise InputError(
+            f"all of it is {across:.3g} m across; at least {MIN_SIZE_M:g} m: see --units and "
+            "--scale"
+        )
     return placed
 
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 from spisim.scene.blocks import Blocks
+from spisim.scene.placing import MAX_COORDINATE_M
 from spisim.scene.pose import look_at
 from spisim.scene.rays import winding_number
 
@@ -111,7 +112,7 @@ def propose(around: Surroundings) -> DronePose:
 def aim(around: Surroundings, position_m: ArrayLike) -> Floats:
     """What to look at from a position: the bulk of the scene."""
     target = np.median(around.bulk(), axis=0)
-    if np.linalg.norm(target - np.asarray(position_m, float)) < 1e-6:
+    if np.abs(target - np.asarray(position_m, float)).max() < 1e-6:
         target[0] += 1.0
     return np.asarray(target)
 
@@ -121,8 +122,10 @@ def pose_at(
 ) -> DronePose:
     """A pose with its distances; InputError for a line of sight that is none, or straight up."""
     position, target = np.asarray(position_m, float), np.asarray(look_at_m, float)
-    if not (np.isfinite(position).all() and np.isfinite(target).all()):
-        raise InputError("position and look-at should be finite numbers")
+    if not (np.abs([position, target]) <= MAX_COORDINATE_M).all():
+        raise InputError(
+            f"position and look-at should be finite numbers within ±{MAX_COORDINATE_M:g} m"
+        )
     forward = look_at(position, target, (0.0, 0.0, 1.0))[:3, 2]
     ahead_m = float(around.blocks.first_hits(position, forward[None])[0])
     return DronePose(position, target, why, around.blocks.distance(position), ahead_m)
