@@ -16,6 +16,9 @@ RANGING_METHODS: Registry[RangingMethod] = Registry(
     "ranging method", package=__name__, attribute="METHOD", group="reconstruction.rangings"
 )
 
+MANY_WINDOWS = 12
+"""Windows of a pulse that tell fog from targets."""
+
 
 def ranging_method(name: str, spots: Spots) -> RangingMethod:
     """Method of this name; InputError if there is none, or it reads another kind of readings."""
@@ -41,14 +44,14 @@ def reads(name: str, spots: Spots) -> bool:
 def usual_rangings(spots: Spots) -> tuple[str, ...]:
     """The plain method of these readings, and before it the one that knows of fog where they tell.
 
-    Those of several frequencies or windows do, and histograms. One frequency, or two windows, can
-    only say that they do not know.
+    Those of several frequencies or many windows do, and histograms. One frequency, or a few windows,
+    can only say that they do not know.
     """
     match spots:
         case CwSpots():
             tell = np.unique(spots.tap_frequencies_hz).size > 1
         case PulsedSpots():
-            tell = spots.window_starts_s.size > 2
+            tell = spots.window_starts_s.size >= MANY_WINDOWS
         case _:
             tell = isinstance(spots, HistogramSpots)
     return ("fog", spots.method) if tell else (spots.method,)

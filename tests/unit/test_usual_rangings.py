@@ -1,0 +1,22 @@
+"""Which ranges a recording gets when nobody names any."""
+
+import pytest
+
+import spisim
+from reconstruction import Reconstructor
+
+
+@pytest.mark.parametrize(
+    ("preset", "expected"),
+    [
+        ("paper", ["cw"]),  # one frequency
+        ("fog", ["fog", "cw"]),
+        ("hybrid", ["pulsed"]),  # three windows
+        ("fog-spad", ["fog", "dtof"]),
+    ],
+)
+def test_fog_comes_first_where_readings_tell_it(preset, expected) -> None:
+    instrument = spisim.load_instrument(preset)
+    capture = spisim.simulate(spisim.load_scene("target-plane"), instrument, light="surrogate").capture
+    result = Reconstructor(capture.setup, depth=())(capture.frame(0))
+    assert list(result.rangings) == expected
