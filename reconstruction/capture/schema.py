@@ -12,7 +12,7 @@ FRAMES, TRUTHS = "frames", "truths"
 """Names of the axes along which readings, and what is true of them, follow each other."""
 
 LIMITS = {
-    "1": (1e-9, 1e9),
+    "1": (1e-18, 1e9),
     "count": (1e-15, 1e15),
     "electron": (1e-15, 1e15),
     "electron/count": (1e-12, 1e12),

@@ -40,7 +40,7 @@ def flight(folder: Path, end: str) -> Path:
     return file
 
 
-@pytest.mark.parametrize("wind", ["1.0e+9", "1.0e+200"])
+@pytest.mark.parametrize("wind", ["1.0e+9", "1.0e+29"])
 def test_drops_in_a_wind_beyond_all_bounds(wind: str) -> None:
     place = scene(f"rain: {{rate_mm_per_h: 10, model: drops, wind_m_s: [{wind}, 0, 0]}}")
     (drops,) = place.precipitation

@@ -99,7 +99,7 @@ def test_sizes_of_another_unit_are_told(
         load(text)
 
 
-@pytest.mark.parametrize("nonsense", ["scale: 1e30", "translate_m: [0, -1e300, 0]"])
+@pytest.mark.parametrize("nonsense", ["scale: 1e30", "translate_m: [0, -1e30, 0]"])
 def test_what_is_too_far_away_to_trace_is_refused(load: Load, nonsense: str) -> None:
     with pytest.raises(
         InputError, match=r"\(box\): reaches 1e\+30.* m from the origin; at most 1e"
