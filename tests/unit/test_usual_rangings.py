@@ -17,6 +17,8 @@ from reconstruction import Reconstructor
 )
 def test_fog_comes_first_where_readings_tell_it(preset, expected) -> None:
     instrument = spisim.load_instrument(preset)
-    capture = spisim.simulate(spisim.load_scene("target-plane"), instrument, light="surrogate").capture
+    capture = spisim.simulate(
+        spisim.load_scene("target-plane"), instrument, light="surrogate"
+    ).capture
     result = Reconstructor(capture.setup, depth=())(capture.frame(0))
     assert list(result.rangings) == expected
