@@ -44,8 +44,8 @@ def reads(name: str, spots: Spots) -> bool:
 def usual_rangings(spots: Spots) -> tuple[str, ...]:
     """The plain method of these readings; before it the one that knows of fog, where they tell.
 
-    Those of several frequencies or many windows do, and histograms. One frequency, or a few windows,
-    can only say that they do not know.
+    Those of several frequencies or many windows do, and histograms. One frequency, or a few
+    windows, can only say that they do not know.
     """
     match spots:
         case CwSpots():
