@@ -313,7 +313,9 @@ def _rangings(names: Names, setup: Setup) -> dict[str, RangingSolver]:
             return False
         return name in solvers
 
-    usual = [name for name in usual_rangings(spots) if name == spots.method or fits(name)]
+    usual: list[str] = []
+    if names is None or (isinstance(names, Sequence) and ("usual" in names or "all" in names)):
+        usual = [name for name in usual_rangings(spots) if name == spots.method or fits(name)]
     chosen = _listed(names, usual, RANGING_METHODS, fits)
     return {
         name: solvers.get(name) or ranging_method(name, spots).compile(spots) for name in chosen

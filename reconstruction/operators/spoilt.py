@@ -53,9 +53,10 @@ class _Group:
     def spoilt(self, signal: NDArray[np.float64], least: float) -> Mask:
         off = self._sums @ signal
         off = off - _course(off)
-        far = np.abs(off) > max(FAR * _deviation(off), least)
+        limit = max(FAR * _deviation(off), least)
+        far = np.abs(off) > limit
         found = np.zeros(signal.shape, dtype=bool)
-        if far.mean() <= FEW:
+        if limit > 0 and far.mean() <= FEW:  # 0 of counts of few photons, most of them the same
             for number in np.flatnonzero(far):
                 found[self._of[number]] = True
         return found

@@ -14,6 +14,8 @@ Status = Literal["ok", "saturated", "no signal", "too close", "ambiguous", "fog"
 
 MIN_SIGNAL = 3.0
 """A spot counts as seen when its signal exceeds its own standard deviation this many times."""
+LONGEST_IN_FOG_M = 150.0
+"""Farther targets are not looked for in fog: where it matters, a drone's laser shows none there."""
 
 
 @dataclass(frozen=True, eq=False)

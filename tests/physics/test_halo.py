@@ -15,6 +15,7 @@ from spisim.transport.engine.estimator import Strategy
 from spisim.transport.engine.halo import halo_light
 from spisim.transport.world import build_world
 
+SEEDS = worlds.seeds(20)
 VIEW = worlds.projector(shape=(8, 8))
 BLOCKS = np.kron(np.eye(16), np.ones(4))  # four pixels each, next to each other
 ASIDE = worlds.detector([[0.3, 0.05, 0.0], [-0.1, 0.0, 0.2]], [[0.0, 0.0, 1.0]] * 2)
@@ -64,9 +65,23 @@ def test_all_light_is_that_of_walks_alone(place) -> None:
     agree(images(walked, 1024), images(world, 256))
 
 
+def test_a_wide_aperture_in_fog_is_one_place_at_a_time() -> None:
+    """Fog right before it: where X may lie depends on the place on the aperture."""
+    wide = worlds.detector([0.0, 0.0, 0.0], area_m2=5e-2, half_angle_deg=20)
+    hazy = worlds.scene(worlds.plane(1.0), extinction_per_m=0.3, g=0.5)
+    world = build_world(hazy)
+    walked = replace(world, geometry=replace(world.geometry, see_through=True))
+    there, expected = (
+        [worlds.image(each, VIEW, wide, paths, seed, max_vertices=2).sum() for seed in SEEDS]
+        for each, paths in ((world, 64), (walked, 256))
+    )
+    assert abs(worlds.z_score(there, expected)) < 4
+    assert abs(worlds.z_score(np.multiply(0.99, there), expected)) > 4  # 1 % is found
+
+
 def images(world, paths, **options):
     """(seeds, pixels)."""
-    each = [worlds.image(world, VIEW, ASIDE, paths, seed, **options) for seed in worlds.seeds(20)]
+    each = [worlds.image(world, VIEW, ASIDE, paths, seed, **options) for seed in SEEDS]
     return np.array(each).reshape(len(each), -1)
 
 

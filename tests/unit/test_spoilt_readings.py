@@ -36,6 +36,12 @@ def test_noise_hardly_ever_looks_spoilt() -> None:
     assert not spoilt(np.round(LIGHT)).any()
 
 
+def test_few_photons_are_no_disturbance() -> None:
+    counts = np.random.default_rng(2).poisson(0.08, LIGHT.size).astype(float)
+    assert counts.any()
+    assert not SpoiltReadings(PLAN, EVERY)(counts).any()
+
+
 def test_where_much_is_far_off_or_nothing_shown_twice_nothing_is_told() -> None:
     readings = LIGHT.copy()
     readings[::6] = 0

@@ -10,7 +10,7 @@ from ...capture.schema import between
 from ...errors import InputError
 from ...registry import Registry
 from ..method import RangingMethod
-from ..ranges import Ranges
+from ..ranges import LONGEST_IN_FOG_M, Ranges
 
 RANGING_METHODS: Registry[RangingMethod] = Registry(
     "ranging method", package=__name__, attribute="METHOD", group="reconstruction.rangings"
@@ -45,7 +45,8 @@ def usual_rangings(spots: Spots) -> tuple[str, ...]:
     """The plain method of these readings; before it the one that knows of fog, where they tell.
 
     Those of several frequencies or many windows do, and histograms. One frequency, or a few
-    windows, can only say that they do not know.
+    windows, can only say that they do not know; and readings that tell of targets farther off than
+    drones fly in fog would lose these.
     """
     match spots:
         case CwSpots():
@@ -54,7 +55,10 @@ def usual_rangings(spots: Spots) -> tuple[str, ...]:
             tell = spots.window_starts_s.size >= MANY_WINDOWS
         case _:
             tell = isinstance(spots, HistogramSpots)
-    return ("fog", spots.method) if tell else (spots.method,)
+    fog = RANGING_METHODS["fog"]
+    if tell and fog.unambiguous_range_m(spots) <= LONGEST_IN_FOG_M:
+        return "fog", spots.method
+    return (spots.method,)
 
 
 def measure_ranges(spots: Spots, frame: int = 0, method: str | None = None) -> Ranges:

@@ -15,12 +15,8 @@ from ..fog.belief import FogBelief
 from ..fog.solvers import fog_solver
 from ..fog.templates import EXTINCTIONS_PER_M
 from ..method import RangingSolver
-from ..ranges import Ranges
+from ..ranges import LONGEST_IN_FOG_M, Ranges
 from ..unwrap import unambiguous_path_m
-
-LONGEST_M = 150.0
-"""Ranges beyond this are not looked for: through fog that matters, a drone's laser shows nothing
-there."""
 
 
 class Fog:
@@ -34,7 +30,7 @@ class Fog:
 
     def compile(self, spots: Spots) -> RangingSolver:
         """Solver of one recording's readings; InputError as `fog_solver`."""
-        solver = fog_solver(spots, min(self.unambiguous_range_m(spots), LONGEST_M))
+        solver = fog_solver(spots, min(self.unambiguous_range_m(spots), LONGEST_IN_FOG_M))
         beforehand = FogBelief.beforehand(EXTINCTIONS_PER_M)
 
         def solve(spots: Spots) -> Ranges:

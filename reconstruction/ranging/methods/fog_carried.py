@@ -10,8 +10,8 @@ from ..fog.belief import FogBelief
 from ..fog.solvers import fog_solver
 from ..fog.templates import EXTINCTIONS_PER_M
 from ..method import RangingSolver
-from ..ranges import Ranges
-from .fog import LONGEST_M, Fog
+from ..ranges import LONGEST_IN_FOG_M, Ranges
+from .fog import Fog
 
 
 class FogCarried(Fog):
@@ -22,7 +22,7 @@ class FogCarried(Fog):
 
     def compile(self, spots: Spots) -> RangingSolver:
         """Solver that remembers the fog of the frame that it solved last; InputError as `Fog`."""
-        solver = fog_solver(spots, min(self.unambiguous_range_m(spots), LONGEST_M))
+        solver = fog_solver(spots, min(self.unambiguous_range_m(spots), LONGEST_IN_FOG_M))
         beforehand = FogBelief.beforehand(EXTINCTIONS_PER_M)
         belief = beforehand
 

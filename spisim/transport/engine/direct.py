@@ -27,7 +27,7 @@ Source = Projector | Beams | Detectors
 Sink = Detectors | Lamp
 
 
-class _Pencil(NamedTuple):
+class Pencil(NamedTuple):
     """A ray, the surface it meets, how far it goes, and which of the other ends looks at it."""
 
     ray: Any
@@ -47,7 +47,7 @@ def direct_light(
     lane, cell, replica, sampler = low_discrepancy(this, replicas, seed)
     ray, weight = this.pencil(lane, sampler)
     si, reach = world.first_surface(ray)
-    pencil = _Pencil(ray, si, reach, other.choose(lane, sampler))
+    pencil = Pencil(ray, si, reach, other.choose(lane, sampler))
 
     def add(value: Any, length_m: Any, scatterings: int, lit: Any) -> None:
         order = mi.UInt32(scatterings)
@@ -93,7 +93,7 @@ def mirrored_light(
     deposit(Contribution(value, place, length_m, mi.UInt32(0), lit, replica))
 
 
-def _off_surface(world: World, pencil: _Pencil, other: Sink, sampler: Any, add: Any) -> Any:
+def _off_surface(world: World, pencil: Pencil, other: Sink, sampler: Any, add: Any) -> Any:
     """Light that the surface scatters; returns the place of the other end that it goes to."""
     ray, si, reach, number = pencil
     end = other.connect_to(number, si.p, sampler)
@@ -109,7 +109,7 @@ def _off_surface(world: World, pencil: _Pencil, other: Sink, sampler: Any, add: 
 
 
 def _off_fog(
-    world: World, pencil: _Pencil, other: Sink, far_point: Any, sampler: Any, add: Any
+    world: World, pencil: Pencil, other: Sink, far_point: Any, sampler: Any, add: Any
 ) -> None:
     """Light that the fog scatters, at one point per lane where the other's field covers the ray.
 

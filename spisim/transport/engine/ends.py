@@ -100,10 +100,9 @@ class Projector:
         )
 
     def times(self, factor: int) -> Projector:
-        """The same with so many times the paths, of every pixel."""
-        return replace(
-            self, samples=factor * self.samples, many=1, rate=factor * self.many * self.rate
-        )
+        """The same with so many times the paths: at least one of every pixel."""
+        samples = factor * self.samples // self.many
+        return replace(self, samples=samples, many=1, rate=dr.opaque(mi.Float, samples))
 
     @property
     def pixels(self) -> int:

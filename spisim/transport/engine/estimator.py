@@ -3,8 +3,8 @@
 Paths from the projector and paths from the detector estimate the same light. Each strategy alone
 is unbiased, and noisy where a path scatters close to the opposite end; weighted against each
 other, and against a third that joins a detector's path to a ray of the projector, they cover each
-other's weakness (`walk`). Light that is scattered once only needs no walk: it is summed along the
-projector's rays (`direct`).
+other's weakness (`walk`). Light that is scattered once only, or once by fog and once by a surface,
+needs no walk: it is summed along the projector's rays (`direct`, `halo`).
 """
 
 from collections.abc import Callable, Sequence
@@ -44,7 +44,7 @@ from spisim.transport.world import World
 
 #: Rays along which light scattered once is summed, for each path of a walk: a ray costs a tenth of
 #: a walk, and has a tenth to two times its variance.
-DIRECT_RAYS = 4
+DIRECT_RAYS = 8
 #: And light that fog and a surface scatter once each.
 HALO_RAYS = 2
 #: The same for lasers, whose spots outshine what is scattered more often.
@@ -109,7 +109,7 @@ def image_light(
     # In clear air there is no fog to connect to.
     bridged = strategy is Strategy.BOTH and bool(world.media.parts)
     rays, footprint = FogRays(world, near) if bridged else None, None
-    halo = bridged and world.hazy
+    halo = strategy is Strategy.BOTH and world.hazy
     outward = inward = alone
     if strategy is Strategy.BOTH:
         outward, inward = second_on_or_behind_glass, second_on

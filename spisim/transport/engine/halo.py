@@ -8,7 +8,7 @@ where on its way, and by how much, the fog bends the light:
   end D. X lies at t along the line SD, so far beside it that light is bent by an angle of the
   phase function's own (joint importance sampling: Georgiev et al., ACM TOG 32(6), 164 (2013)). What
   the two inverse squared distances and the phase function would scatter then cancels: what is left
-  is at most π times what it is for a small bend anywhere on the line.
+  is at most π times what it is for a small bend anywhere on the line, times what the surface does.
 * **In front of it.** X anywhere on the ray, a bend drawn from the phase function, S what it meets.
 
 The first takes X between the planes through S and D across their line. All other light of this kind
@@ -17,14 +17,14 @@ is left to the walks.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.direct import low_discrepancy, surface_context
+from spisim.transport.engine.direct import Pencil, low_discrepancy, surface_context
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
@@ -33,15 +33,6 @@ from spisim.transport.world import World
 
 #: Extinction below which a ray's fog counts as being the same all along, 1/m.
 THIN_PER_M = 1e-4
-
-
-class _Pencil(NamedTuple):
-    """A ray, the surface it meets, and how far it goes."""
-
-    ray: Any
-    si: Any
-    reach: Any
-    number: Any  # of the other end
 
 
 def halo_light(
@@ -57,7 +48,7 @@ def halo_light(
     lane, cell, replica, points = low_discrepancy(this, replicas, seed ^ 2)  # other numbers
     ray, weight = this.pencil(lane, points)
     si, reach = world.first_surface(ray)
-    pencil = _Pencil(ray, si, reach, other.choose(lane, points))
+    pencil = Pencil(ray, si, reach, other.choose(lane, points))
     for light in (_behind_surface, _before_surface):
         value, length_m, lit = light(world, pencil, other, points)
         deposit(Contribution(value * weight, cell, length_m, mi.UInt32(1), lit, replica))
@@ -73,12 +64,13 @@ def found_along_rays(first: Any, second: Any, end: Any, surface_first: Any) -> A
 
 
 def _behind_surface(
-    world: World, pencil: _Pencil, other: Detectors | Lamp, points: Any
+    world: World, pencil: Pencil, other: Detectors | Lamp, points: Any
 ) -> tuple[Any, Any, Any]:
     """Value, path length and lanes of what the surface sends on by way of the fog."""
     ray, si, reach, number = pencil
     media = world.media
-    end = other.connect_to(number, si.p, points.again()).point
+    aperture = points.again()  # the same place on it, from wherever
+    end = other.connect_to(number, si.p, points).point
     axis, length_m = direction_to(si.p, end)
     choice = points.next_1d()
     along = points.next_1d()
@@ -96,7 +88,7 @@ def _behind_surface(
     )
     point = mi.Point3f(si.p + t * axis + (r / sine) * aside)
     outgoing, first_m = direction_to(si.p, point)
-    seen = other.connect_to(number, point, points)
+    seen = other.connect_to(number, point, aperture)
     onward, second_m = direction_to(point, seen.point)
     lit = si.is_valid() & (first_m > 0) & (second_m > 0) & (seen.importance > 0)  # by rounding
     scattered, density = media.bending(point, outgoing, onward, lit)
@@ -115,7 +107,7 @@ def _behind_surface(
 
 
 def _before_surface(
-    world: World, pencil: _Pencil, other: Detectors | Lamp, points: Any
+    world: World, pencil: Pencil, other: Detectors | Lamp, points: Any
 ) -> tuple[Any, Any, Any]:
     """The same of what the fog sends on by way of a surface."""
     ray, _, reach, number = pencil

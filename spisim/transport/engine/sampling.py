@@ -165,7 +165,7 @@ def repeat(
             break
         if isinstance(budget, TargetError) and running.count >= launches:
             least = min(running.weight / 3, LEAST_LANES / cells)
-            missing = max(running.weight * min(1 / done - 1, GROWTH), least)
+            missing = max(running.weight * (1 / max(done, 1 / (1 + GROWTH)) - 1), least)
             beside = min(replicas, max(1, math.ceil(missing / min(budget.first, 1))))
             share = missing / beside
             samples = budget.first if share <= budget.first < 1 else min(math.ceil(share), most)

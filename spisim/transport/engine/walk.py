@@ -1,4 +1,4 @@
-"""Random walk through surfaces and fog: the three strategies that find light scattered twice.
+"""Random walk through surfaces and fog: three strategies that find light scattered twice or more.
 
 * **P** walks from the projector and joins every vertex to the detector.
 * **D** walks from the detector and joins every vertex to the projector.
