@@ -17,6 +17,7 @@ FULL = Path("/dev/full")
 BUFFERED = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
 LOADING = """
 import importlib.abc, os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background of a shell
 class Interrupt(importlib.abc.MetaPathFinder):
     def find_spec(self, name, *_):
         if name == "spisim.cli":
