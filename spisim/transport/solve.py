@@ -37,6 +37,8 @@ LEAST_IMAGES = 5
 #: And paths per pixel in each of them: most of the light is found along rays, of which there are
 #: several to a path.
 LEAST_PATHS = 0.5
+#: Many coefficients tell early how many paths are missing: at most so many times those before.
+GROWTH = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +141,9 @@ def solve(
                 gauges[0],
                 1 if placed.projector.pixels % 2 else LEAST_PATHS,
                 launches=LEAST_IMAGES,
+                growth=GROWTH,
             ),
-            TargetError(transport_noise_share, gauges[1], FIRST_SPOT_PATHS),
+            TargetError(transport_noise_share, gauges[1], FIRST_SPOT_PATHS, growth=GROWTH),
         ]
     image = transport_image(
         world,

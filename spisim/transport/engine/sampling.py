@@ -18,8 +18,6 @@ MIN_LAUNCHES = 8
 MAX_LANES = 2**20
 #: And at least, on the way to an error, if not a third of all before: a launch has its price.
 LEAST_LANES = 2**14
-#: And at most so many times the paths before: the first few tell little of how many are missing.
-GROWTH = 3.0
 
 
 class TransportWarning(UserWarning):
@@ -55,7 +53,7 @@ class TargetError:
     """Go on until errors are at most `target` by their gauge, or there are `most` paths per cell.
 
     The first launch has `first` paths per cell, which may be less than one, the next as many as
-    seem to be missing.
+    seem to be missing, at most `growth` times those before: the first few may not tell.
     """
 
     target: float
@@ -63,6 +61,7 @@ class TargetError:
     first: float = 1
     most: int = 2**20
     launches: int = MIN_LAUNCHES  # at least
+    growth: float = 1.0
 
 
 SamplingBudget = Paths | TargetError
@@ -165,7 +164,7 @@ def repeat(
             break
         if isinstance(budget, TargetError) and running.count >= launches:
             least = min(running.weight / 3, LEAST_LANES / cells)
-            missing = max(running.weight * (1 / max(done, 1 / (1 + GROWTH)) - 1), least)
+            missing = max(running.weight * (1 / max(done, 1 / (1 + budget.growth)) - 1), least)
             beside = min(replicas, max(1, math.ceil(missing / min(budget.first, 1))))
             share = missing / beside
             samples = budget.first if share <= budget.first < 1 else min(math.ceil(share), most)
