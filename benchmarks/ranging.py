@@ -16,6 +16,7 @@ from time import thread_time
 from typing import Any
 
 import numpy as np
+import unseen_fogs
 import yaml
 from foglight import Cell, draw, light_of
 from numpy.typing import NDArray
@@ -119,8 +120,10 @@ def main() -> int:
     for way in ways:
         for cell in CELLS:
             found |= measured(way, cell, scenes, paths)
-    tables = [table(way, found, scenes) for way in ways]
-    return finish(options, DOCS, "benchmark", around, tables, promises(ways, found))
+    unseen = unseen_fogs.judged(quick=options.quick)
+    tables = [unseen_fogs.table(unseen), *(table(way, found, scenes) for way in ways)]
+    checks = unseen_fogs.promises(unseen) + promises(ways, found)
+    return finish(options, DOCS, "benchmark", around, tables, checks)
 
 
 def instruments() -> list[Way]:

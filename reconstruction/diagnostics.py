@@ -8,8 +8,9 @@ from .capture import Capture, Frames, FrameTruth
 from .errors import InputError
 from .image import Imaging, doubt
 from .operators import decoder_for
-from .ranging import RANGING_METHODS, measure_ranges, unambiguous_path_m
+from .ranging import RANGED, RANGING_METHODS, unambiguous_path_m
 from .ranging.doubts import LEAST_M
+from .reconstructor import default_ranges
 
 ENOUGH = 0.9**2 / (1 - 0.9**2)
 """Squared SNR of a coefficient at which the zero-filled image is correlated with the truth 0.9
@@ -129,12 +130,13 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
     spots = capture.spots
     if spots is None:
         return []
-    ranges = measure_ranges(spots, frame)
-    statuses = ranges.status
+    ranges = default_ranges(capture, frame)
+    if ranges is None:
+        return []
     warnings = [
         f"spot {spot} {NO_RANGE[status]}: it gives no range"
-        for spot, status in enumerate(statuses)
-        if status != "ok"
+        for spot, status in enumerate(ranges.status)
+        if status not in RANGED
     ]
     truth = _truth(capture, frame)
     if truth is not None:
@@ -142,7 +144,7 @@ def _spot_warnings(capture: Capture, frame: int) -> list[str]:
         warnings += [
             f"spot {spot} {_untrue(float(true_m), farthest_m)}"
             for spot, true_m in enumerate(truth.spot_range_m)
-            if statuses[spot] == "ok" and not true_m <= farthest_m
+            if ranges.valid[spot] and not true_m <= farthest_m
         ]
         warnings += [
             f"spot {spot} {_biased(off_m, sigma_m)}"

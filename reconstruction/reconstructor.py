@@ -1,15 +1,17 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
+import hashlib
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Floats
-from .capture import Frames, Recording, Setup
+from .capture import Frames, Recording, Setup, datasets
 from .depth import (
     DEPTH_METHODS,
     Context,
@@ -18,6 +20,7 @@ from .depth import (
     View,
     depth_method,
     lacks,
+    pixel_of,
     pixel_rays,
     unlike,
 )
@@ -33,13 +36,17 @@ from .image import (
 )
 from .ranging import (
     RANGING_METHODS,
+    Brightness,
     Ranges,
     RangingSolver,
     Status,
+    Weather,
+    brightness_at,
     range_doubts,
     ranging_method,
     reads,
     usual_rangings,
+    with_weather,
 )
 from .result import BASELINE, Image, Result
 from .timing import timed
@@ -65,19 +72,31 @@ class Reconstructor:
     ``image``, ``ranging`` and ``depth`` name methods (see `Names`); by default those are taken that
     fit the recording. The zero-filled image is always among the images: all others are compared
     with it. A name ``method:dictionary`` is an image method with another dictionary than
-    its own. Everything that the frames share is computed here; the work per frame does not depend
-    on how many there are. Raises InputError for unknown names, methods that the recording does not
-    suit, and plans that do not tell the background.
+    its own. ``weather`` is what the user states of it: "clear", "fog", "unknown" or a visibility in
+    metres, in place of what the recording states; ranging in fog takes it as its prior, and in
+    clear air the plain ranges come first. Everything that the frames share is computed here; the
+    work per frame does not depend on how many there are.
+
+    Raises InputError for unknown names, methods that the recording does not suit, and plans that do
+    not tell the background.
     """
 
     def __init__(
-        self, setup: Setup, *, image: Names = None, ranging: Names = None, depth: Names = None
+        self,
+        setup: Setup,
+        *,
+        image: Names = None,
+        ranging: Names = None,
+        depth: Names = None,
+        weather: str | float | None = None,
     ) -> None:
+        if weather is not None:
+            setup = with_weather(setup, Weather.parsed(weather))
         self.setup = setup
         self._imaging = Imaging(*setup.plans)
         everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
         self._images = _image_names(image, everything)
-        self._rangings = _rangings(ranging, setup)
+        self._rangings, self._refused = _rangings(ranging, setup)
         context = Context(setup, self._imaging)
         self._depths = {
             name: depth_method(name, setup).compile(context) for name in _depth_names(depth, setup)
@@ -94,8 +113,10 @@ class Reconstructor:
         )
 
     def __call__(self, frame: Frames) -> Result:
-        """Reconstruct one frame; InputError if nothing in it is usable."""
-        return self.batch(frame.between(0, 1) if isinstance(frame, Frames) else frame)[0]
+        """Reconstruct one frame; InputError for several, and if nothing in it is usable."""
+        if isinstance(frame, Frames) and len(frame) != 1:
+            raise InputError(f"{len(frame)} frames: one is needed here; `batch` takes several")
+        return self.batch(frame)[0]
 
     def batch(self, frames: Frames) -> list[Result]:
         """Reconstruct frames; InputError as for one, and where they are of another recording."""
@@ -147,14 +168,15 @@ class Reconstructor:
                 deviations[name] = estimate.deviation
             if estimate.note is not None:
                 notes[f"image {name}"] = estimate.note
+        brightness = self._brightness(images, deviations, readings)
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
             with timed(timings, f"ranging {name}"):
-                rangings[name] = _checked_ranges(name, solve(frame.spots))
+                rangings[name] = _checked_ranges(name, solve(frame.spots, brightness))
         if frame.spots is not None:
             doubts = range_doubts(rangings, frame.spots)
-            notes |= {f"ranging {name}": note for name, note in doubts.items()}
+            notes |= {f"ranging {name}": note for name, note in doubts.items()} | self._refused
         image = next(iter(images.values()))
         image.setflags(write=False)
         view = View(image, next(iter(rangings.values()), None), frame)
@@ -225,6 +247,28 @@ class Reconstructor:
                 found[name] = self._corridor.nearest_m(each.depth_m)
         return found
 
+    def _brightness(
+        self,
+        images: Mapping[str, Floats],
+        deviations: Mapping[str, Floats],
+        readings: UsableReadings,
+    ) -> Brightness | None:
+        """What the image by default shows at the spots; None where it has no sigma or level."""
+        name = next(iter(images))
+        setup = self.setup
+        coupled = setup.buckets.baseline_electrons > 0  # then the level of all light is lost
+        if (
+            setup.optics is None
+            or setup.spots is None
+            or name not in deviations
+            or coupled
+            or setup.buckets.unit != "electron"
+            or not readings.decoder.level
+        ):
+            return None
+        at = pixel_of(setup.spots.directions, setup.optics, self._shape)
+        return brightness_at(at, images[name], deviations[name])
+
     @property
     def _shape(self) -> tuple[int, int]:
         return self.setup.plan.shape
@@ -237,6 +281,7 @@ def reconstruct(
     image: Names = None,
     ranging: Names = None,
     depth: Names = None,
+    weather: str | float | None = None,
 ) -> Result:
     """Reconstruct one frame of a recording; see `Reconstructor`.
 
@@ -244,10 +289,48 @@ def reconstruct(
     InputError if there is no such frame or nothing usable in it.
     """
     recording.batch(frame, frame + 1)  # told before any other
-    reconstructor = Reconstructor(recording.setup, image=image, ranging=ranging, depth=depth)
+    reconstructor = Reconstructor(
+        recording.setup, image=image, ranging=ranging, depth=depth, weather=weather
+    )
     for earlier in range(frame - lead(frame, image, ranging), frame):
         reconstructor(recording.batch(earlier, earlier + 1))
     return reconstructor(recording.batch(frame, frame + 1))
+
+
+def default_ranges(recording: Recording, frame: int = 0) -> Ranges | None:
+    """Ranges of one frame as `reconstruct` gives them by default; None where it gives none."""
+    setup = recording.setup
+    try:
+        return _ranging_alone(_Same(setup))(recording.batch(frame, frame + 1)).ranges
+    except InputError:
+        return None
+
+
+class _Same:
+    """A setup that equals others of the same content."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        digest = hashlib.sha256()
+        for name, value, _ in datasets(setup.plans, setup):
+            digest.update(f"{name} {np.shape(value)} ".encode())
+            digest.update(value.encode() if isinstance(value, str) else np.asarray(value).tobytes())
+        self._digest = digest.digest()
+
+    def __hash__(self) -> int:
+        return hash(self._digest)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self._digest == other._digest
+
+
+@lru_cache(maxsize=2)
+def _ranging_alone(same: _Same) -> Reconstructor:
+    """With the image that ranging looks at, and nothing else."""
+    try:
+        return Reconstructor(same.setup, image=USUAL_IMAGES[0], depth=())
+    except InputError:
+        return Reconstructor(same.setup, image=BASELINE, depth=())
 
 
 def lead(frame: int, image: Names = None, ranging: Names = None) -> int:
@@ -296,30 +379,35 @@ def _image_names(names: Names, readings: UsableReadings) -> list[str]:
     return list(dict.fromkeys([*chosen, BASELINE]))
 
 
-def _rangings(names: Names, setup: Setup) -> dict[str, RangingSolver]:
+def _rangings(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver], dict[str, str]]:
+    """Solvers by name, and a note on the plain method where it refuses the recording."""
     spots = setup.spots
     if spots is None:
         for name in _listed(names, (), (), bool):
             RANGING_METHODS[name]  # an unknown one is told first
             raise InputError(f"ranging method {name!r} needs spots, which the recording lacks")
-        return {}
+        return {}, {}
     solvers: dict[str, RangingSolver] = {}
+    refused: dict[str, str] = {}
 
     def fits(name: str) -> bool:
         try:
             if reads(name, spots):
-                solvers[name] = RANGING_METHODS[name].compile(spots)
-        except InputError:
+                solvers[name] = RANGING_METHODS[name].compile(spots, setup.optics)
+        except InputError as error:
+            if name == spots.method:
+                refused[f"ranging {name}"] = f"left out: {error}"
             return False
         return name in solvers
 
     usual: list[str] = []
     if names is None or (isinstance(names, Sequence) and ("usual" in names or "all" in names)):
-        usual = [name for name in usual_rangings(spots) if name == spots.method or fits(name)]
+        usual = [name for name in usual_rangings(spots) if fits(name)]
     chosen = _listed(names, usual, RANGING_METHODS, fits)
     return {
-        name: solvers.get(name) or ranging_method(name, spots).compile(spots) for name in chosen
-    }
+        name: solvers.get(name) or ranging_method(name, spots).compile(spots, setup.optics)
+        for name in chosen
+    }, refused
 
 
 def left_out(setup: Setup) -> dict[str, str]:

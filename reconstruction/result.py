@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .capture import Unit
 from .notebook import picture, shown
 from .plotting import draw_map, panels
-from .ranging import Ranges
+from .ranging import RANGED, Ranges
 
 Image = NDArray[np.float32]
 
@@ -68,7 +68,7 @@ class Result:
             told = zip(self.ranges.status, self.ranges.range_m, self.ranges.sigma_m, strict=True)
             for spot, (status, range_m, sigma_m) in enumerate(told):
                 known = f"{range_m:.3f} ± {sigma_m:.2g} m"
-                facts[f"spot {spot}"] = known if status == "ok" else status
+                facts[f"spot {spot}"] = known if status in RANGED else status
         facts |= {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
         return shown("Result", facts, pictures)
 

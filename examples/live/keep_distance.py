@@ -76,7 +76,7 @@ class Autopilot:
 
 def distance(ranges, directions) -> tuple[float, float]:
     """Of a wall square ahead, and its standard deviation, m; nan where no spot tells it."""
-    sound = np.array([status == "ok" for status in ranges.status])
+    sound = ranges.valid
     if not sound.any():
         return np.nan, np.nan
     along = directions[sound, 2]

@@ -10,6 +10,9 @@ from ..arrays import Floats
 from ..errors import InputError
 from .schema import Stored
 
+FEWEST_SPARE = 3
+"""Readings to spare from which noise can be estimated."""
+
 
 @dataclass(frozen=True, eq=False)
 class Charge:
@@ -17,9 +20,9 @@ class Charge:
 
     Electrons are primary photo-electrons, before any gain: (counts - offset_counts) *
     electrons_per_count. ``noise_electrons`` is the rms electronics and ADC noise of one reading,
-    nan where unknown; ``excess_noise_factor`` the variance of the charge per primary electron: 1
-    for a PIN photodiode, F of R. J. McIntyre, IEEE Trans. Electron Devices 13, 164 (1966) for an
-    avalanche diode.
+    nan where unknown (then it is estimated from readings to spare); ``excess_noise_factor`` the
+    variance of the charge per primary electron: 1 for a PIN photodiode, F of R. J. McIntyre, IEEE
+    Trans. Electron Devices 13, 164 (1966) for an avalanche diode.
     """
 
     electrons_per_count: Annotated[float, Stored("electron/count", sign="positive")]
@@ -32,10 +35,50 @@ class Charge:
         return np.asarray((counts - self.offset_counts) * self.electrons_per_count)
 
     def variance(self, electrons: Floats) -> Floats:
-        """Variance of readings of so many electrons, without the electronics' where unknown."""
-        electronics = np.nan_to_num(self.noise_electrons) ** 2
-        # A dead tap is no perfect tap.
-        return np.asarray(self.excess_noise_factor * np.maximum(electrons, 1) + electronics)
+        """Variance of the readings (n, K) of a frame; InputError where nothing tells it."""
+        # A dead tap is no perfect tap, and a difference holds at least as much light.
+        shot = self.excess_noise_factor * np.maximum(np.abs(electrons), 1)
+        electronics = np.square(self.noise_electrons)
+        if np.isnan(electronics).any():
+            estimated = self._estimated_variance(electrons, shot)
+            electronics = np.where(np.isnan(electronics), estimated, electronics)
+        return np.asarray(shot + electronics)
+
+    @property
+    def spare(self) -> Floats:
+        """Orthonormal combinations (k, K) of a spot's readings in which all light cancels."""
+        return np.zeros((0, 1))
+
+    def check_noise(self, spots: int) -> None:
+        """InputError where noise is unknown, and the readings of a frame cannot tell it."""
+        freedom = spots * len(self.spare)
+        if np.isnan(self.noise_electrons).any() and freedom < FEWEST_SPARE:
+            raise InputError(
+                "noise_electrons is not known (nan), and of the readings of a frame "
+                f"{freedom} are to spare to estimate it from, not {FEWEST_SPARE} or more: state "
+                "the rms noise of one (0 for shot noise alone), or record four phases or more"
+            )
+
+    def _estimated_variance(self, electrons: Floats, shot: Floats) -> float:
+        """Of the electronics, by what cancels of a frame's readings (n, K) but for noise.
+
+        With few degrees of freedom it is the variance of Student's t, which is larger: a range is
+        off by more than its sigma as seldom as if the noise were known.
+        """
+        spare = self.spare
+        freedom = len(electrons) * len(spare)
+        self.check_noise(len(electrons))
+        left, expected = electrons @ spare.T, shot @ np.square(spare).T
+        return max(float((left**2).mean() * freedom / (freedom - 2) - expected.mean()), 0.0)
+
+
+def spare_combinations(frequencies_hz: Floats, phases_rad: Floats) -> Floats:
+    """Orthonormal combinations (k, K) of taps in which steady and modulated light cancel."""
+    each = np.unique(frequencies_hz)
+    own = (frequencies_hz[:, None] == each).astype(np.float64)
+    model = [own, own * np.cos(phases_rad)[:, None], own * np.sin(phases_rad)[:, None]]
+    left, strength, _ = np.linalg.svd(np.concatenate(model, axis=1))
+    return np.asarray(left[:, np.count_nonzero(strength > 1e-9 * strength[0]) :].T)
 
 
 def taps_summary(frequencies_hz: Floats) -> str:

@@ -7,7 +7,7 @@ z forward, origin at its pinhole.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol, Self
 
@@ -33,10 +33,28 @@ SURROGATE = "surrogate light"
 
 @dataclass(frozen=True, eq=False)
 class Optics:
-    """Projector pinhole: tangents of the half angles to the outer edges of the pattern."""
+    """Projector pinhole and bucket detector, as far as a recording states them.
+
+    Tangents of the half angles to the outer edges of the pattern. The detector is a number of alike
+    photodiodes whose currents add up; each is a round aperture that sees a cone of half angle
+    ``detector_half_field_rad`` about the optical axis, within it falling off with
+    cos^``detector_falloff`` of the angle. ``pixel_electrons`` are the primary electrons of one
+    exposure if all light of one pixel, fully on, reached an aperture. What is not known is nan;
+    only ranging in fog needs it, to compare the image with the echoes of the lasers.
+    """
 
     tan_half_width: Annotated[float, Stored("1", sign="positive")]
     tan_half_height: Annotated[float, Stored("1", sign="positive")]
+    detector_positions_m: Annotated[Floats, Stored("m", ("photodiodes", 3), nan=True)] = field(
+        default_factory=lambda: np.full((1, 3), np.nan)
+    )
+    detector_half_field_rad: Annotated[float, Stored("rad", sign="positive", nan=True)] = np.nan
+    detector_falloff: Annotated[float, Stored("1", sign="not negative", nan=True)] = np.nan
+    detector_aperture_radius_m: Annotated[float, Stored("m", sign="positive", nan=True)] = np.nan
+    pixel_electrons: Annotated[
+        float | Floats,
+        Stored("electron", ("height", "width"), sign="not negative", nan=True, one_for_all=True),
+    ] = np.nan
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Mask
-from .charge import Charge, check_taps, taps_summary
+from .charge import Charge, check_taps, spare_combinations, taps_summary
 from .schema import Stored
 
 
@@ -25,6 +25,12 @@ class PatternTaps(Charge):
     tap_phases_rad: Annotated[Floats, Stored("rad", ("pattern taps",))]
     phase_offsets_rad: Annotated[Floats, Stored("rad", ("pattern taps",))]
     detector_position_m: Annotated[Floats, Stored("m", (3,))]
+
+    @property
+    def spare(self) -> Floats:
+        """Combinations (k, taps) in which all light cancels."""
+        phases = self.tap_phases_rad - self.phase_offsets_rad
+        return spare_combinations(self.tap_frequencies_hz, phases)
 
     @property
     def summary(self) -> str:

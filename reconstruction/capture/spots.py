@@ -26,9 +26,10 @@ class SpotOptics:
 
     Each detector is a round aperture that sees a cone of half angle ``half_fields_rad`` about its
     axis (a unit vector), within it falling off with cos^``falloffs`` of the angle. Beams are
-    Gaussian in angle and place, with standard deviations per axis. ``electrons_per_joule`` are
-    primary electrons per joule of laser light on an aperture. What is not known is nan; only
-    ranging in fog needs it.
+    Gaussian in angle and place, with standard deviations per axis. ``clear_probability`` and
+    ``visibility_m`` are what whoever records states of the weather: 1 is clear air, 0 is fog, of
+    that visibility. ``electrons_per_joule`` are primary electrons per joule of laser light on an
+    aperture. What is not known is nan; only ranging in fog needs it.
     """
 
     directions: Annotated[Floats, Stored("1", (4, 3))]
@@ -47,6 +48,8 @@ class SpotOptics:
     )
     beam_divergence_rad: Annotated[float, Stored("rad", sign="not negative", nan=True)] = np.nan
     beam_waist_m: Annotated[float, Stored("m", sign="not negative", nan=True)] = np.nan
+    clear_probability: Annotated[float, Stored("1", sign="not negative", nan=True)] = np.nan
+    visibility_m: Annotated[float, Stored("m", sign="positive", nan=True)] = np.nan
     electrons_per_joule: Annotated[float, Stored("electron/J", sign="positive", nan=True)] = np.nan
 
 

@@ -13,9 +13,10 @@ from ..image import load_pursuit
 from ..live import CaptureSource, Loop, Outcome, Reception, State
 from ..live.links import Source, is_link, source_at
 from ..live.sinks import Detached, sink_to
+from ..ranging import RANGED
 from ..reconstructor import USUAL_IMAGES
 from ..text import printable
-from .reconstruct import OVERWRITE, STATIONS, names
+from .reconstruct import OVERWRITE, STATIONS, WEATHER, names
 
 EXAMPLE = "python -m reconstruction live tcp-listen://:5800 --to latest --to flight.h5"
 SINKS = (
@@ -56,6 +57,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             metavar="METHOD[,METHOD]",
             help=f"methods, the default one first: {', '.join(methods)}",
         )
+    parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
     parser.add_argument("--quiet", action="store_true", help="tell nothing each second")
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
 
@@ -85,6 +87,7 @@ def run(options: argparse.Namespace) -> None:
         image=names(options.image) or USUAL_IMAGES[0],
         ranging=names(options.ranging),
         depth=names(options.depth),
+        weather=options.weather,
     )
     if any(name in (options.image or "") for name in PURSUING):
         load_pursuit()
@@ -156,7 +159,7 @@ class _Teller:
             if latest.ranges is not None:
                 spots = zip(latest.ranges.range_m, latest.ranges.status, strict=True)
                 yield "ranges " + ", ".join(
-                    f"{range_m:.2f} m" if status == "ok" else status for range_m, status in spots
+                    f"{range_m:.2f} m" if status in RANGED else status for range_m, status in spots
                 )
         yield from (each for each in (_amiss(state), state.trouble) if each)
         for each in self._detached:

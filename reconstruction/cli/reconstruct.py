@@ -19,13 +19,14 @@ from ..files import require_outputs
 from ..image import DICTIONARIES, IMAGE_METHODS
 from ..operators import ORDERS
 from ..outputs import outputs_in, write_outputs
-from ..ranging import RANGING_METHODS, Ranges
+from ..ranging import RANGED, RANGING_METHODS, Ranges
 from ..reconstructor import lead, left_out, reconstruct
 from ..result import Result
 from ..text import json_line, printable
 
 ANY_WIDTH = 10_000
 """Characters in a line of what is no terminal."""
+WEATHER = "what ranges take for granted: clear, fog, unknown, or a visibility in metres"
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = "python -m reconstruction capture.h5 -o result"
 STATIONS: dict[str, Iterable[str]] = {
@@ -52,6 +53,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             help=f"methods, the default one first: usual, all, {', '.join(methods)}"
             + DETAILS.get(station, ""),
         )
+    parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
@@ -69,7 +71,7 @@ def run(options: argparse.Namespace) -> None:
     with naming(options.capture):
         if options.patterns is not None:
             capture = first_patterns(recording, options.patterns, options.order)
-        result = reconstruct(capture, before, **methods)
+        result = reconstruct(capture, before, **methods, weather=options.weather)
     # However many of its patterns are used, it is a result of this recording.
     digest = recording.frame(before).digest(recording.setup)
     result = replace(result, frame=options.frame, recording=digest)
@@ -115,8 +117,8 @@ def _report(result: Result, capture: Capture) -> dict[str, Any]:
 def _spots(ranges: Ranges) -> list[dict[str, Any]]:
     return [
         {
-            "range_m": float(range_m) if status == "ok" else None,
-            "sigma_m": float(sigma_m) if status == "ok" else None,
+            "range_m": float(range_m) if status in RANGED else None,
+            "sigma_m": float(sigma_m) if status in RANGED else None,
             "status": status,
             "alternatives": [each._asdict() for each in alternatives],
         }
@@ -166,7 +168,7 @@ def _ahead(obstacle_m: float | None) -> str:
 def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:
     rows = [(name, "range / m", "sigma / m", "signal / electrons", "background / electrons")]
     for spot, status in enumerate(ranges.status):
-        known = status == "ok"
+        known = status in RANGED
         others = ranges.alternatives[spot]
         rows.append(
             (

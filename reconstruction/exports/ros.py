@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
+from ..ranging import RANGED
 from .clouds import POINT, organised
 from .poses import OPTICAL_IN_BODY, quaternion_of
 from .shot import Shot
@@ -183,7 +184,7 @@ def _range(shot: Shot, spot: int) -> dict[str, Any]:
     assert shot.ranges is not None
     status = shot.ranges.status[spot]
     range_m, variance = np.nan, 0.0
-    if status == "ok":
+    if status in RANGED:
         range_m, variance = shot.ranges.range_m[spot], shot.ranges.sigma_m[spot] ** 2
     elif status == "too close":
         range_m = -np.inf
@@ -204,7 +205,7 @@ def ranging_status(shot: Shot) -> dict[str, Any]:
     values: dict[str, str] = {}
     level, told = OK, "no time of flight"
     if shot.ranges is not None:
-        seen = shot.ranges.status.count("ok")
+        seen = int(shot.ranges.valid.sum())
         told = f"{seen} of {len(shot.ranges.status)} spots have a range"
         level = OK if seen == len(shot.ranges.status) else WARN if seen else ERROR
         values |= {f"spot {k}": status for k, status in enumerate(shot.ranges.status)}

@@ -33,13 +33,14 @@ class Loop:
         image: Names = USUAL_IMAGES[0],
         ranging: Names = None,
         depth: Names = None,
+        weather: str | None = None,
         results: Sequence[Callable[[Outcome], None]] = (),
         states: Sequence[Callable[[State], None]] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.latencies = Latencies()
         self._reception = reception
-        self._methods: dict[str, Any] = {"image": image, "ranging": ranging}
+        self._methods: dict[str, Any] = {"image": image, "ranging": ranging, "weather": weather}
         self._depth = depth
         self._results = results
         self._states = states

@@ -8,7 +8,7 @@ from ..capture import Setup
 from ..depth import pixel_of
 from ..files import mark
 from ..png import png
-from ..ranging import Ranges
+from ..ranging import RANGED, Ranges
 from .glyphs import HEIGHT, written
 from .scale import GREY, VIRIDIS, Scale
 
@@ -134,7 +134,7 @@ def _mark_spots(picture: Canvas, setup: Setup, ranges: Ranges) -> None:
     edge = np.array(picture.shape[:2]) - 1
     for place, depth_m, status in zip(anchors, depths, ranges.status, strict=True):
         row, column = np.clip(place, 0, edge).astype(int)
-        draw_spot(picture, row, column, f"{depth_m:.2f} m" if status == "ok" else status)
+        draw_spot(picture, row, column, f"{depth_m:.2f} m" if status in RANGED else status)
 
 
 def draw_spot(picture: Canvas, row: int, column: int, text: str) -> None:

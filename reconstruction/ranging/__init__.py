@@ -1,22 +1,37 @@
 """From time-of-flight readings to ranges of the four spots: methods, and what they share."""
 
+from .brightness import Brightness, brightness_at
 from .doubts import range_doubts
 from .geometry import range_from_path
 from .method import RangingMethod, RangingSolver
 from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads, usual_rangings
-from .ranges import MIN_SIGNAL, Alternative, FogOptics, Paths, Ranges, Status, ranges_from_paths
+from .ranges import (
+    MIN_SIGNAL,
+    RANGED,
+    Alternative,
+    FogOptics,
+    Paths,
+    Ranges,
+    Status,
+    ranges_from_paths,
+)
 from .unwrap import path_from_phases, unambiguous_path_m
+from .weather import Weather, with_weather
 
 __all__ = [
     "MIN_SIGNAL",
+    "RANGED",
     "RANGING_METHODS",
     "Alternative",
+    "Brightness",
     "FogOptics",
     "Paths",
     "Ranges",
     "RangingMethod",
     "RangingSolver",
     "Status",
+    "Weather",
+    "brightness_at",
     "measure_ranges",
     "path_from_phases",
     "range_doubts",
@@ -26,4 +41,5 @@ __all__ = [
     "reads",
     "unambiguous_path_m",
     "usual_rangings",
+    "with_weather",
 ]

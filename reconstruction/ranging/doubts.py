@@ -46,7 +46,7 @@ def _knows_better(ranges: Ranges) -> bool:
 def _by_others(spot: int, ranges: Ranges, others: Mapping[str, Ranges]) -> str:
     """What a method that knows better tells of a spot; nothing where that is the same."""
     for name, other in others.items():
-        if ranges.status[spot] == other.status[spot] == "ok":
+        if ranges.valid[spot] and other.valid[spot]:
             sigma_m = np.hypot(ranges.sigma_m[spot], other.sigma_m[spot])
             if abs(ranges.range_m[spot] - other.range_m[spot]) > _limit_m(sigma_m):
                 return f"{other.range_m[spot]:.2f} m by {name}"

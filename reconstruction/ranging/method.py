@@ -1,13 +1,17 @@
 """What a method of ranging is."""
 
-from collections.abc import Callable
 from typing import Protocol
 
-from ..capture import Spots
+from ..capture import Optics, Spots
+from .brightness import Brightness
 from .ranges import Ranges
 
-RangingSolver = Callable[[Spots], Ranges]
-"""From the readings of one frame to the ranges of the four spots."""
+
+class RangingSolver(Protocol):
+    """From the readings of one frame to the ranges of the four spots."""
+
+    def __call__(self, spots: Spots, brightness: Brightness | None = None) -> Ranges:
+        """Ranges; ``brightness`` is what the frame's image shows at the spots, if it is known."""
 
 
 class RangingMethod(Protocol):
@@ -18,8 +22,10 @@ class RangingMethod(Protocol):
     reads: type[Spots] | tuple[type[Spots], ...]
     """The kinds of readings that it understands."""
 
-    def compile(self, spots: Spots) -> RangingSolver:
+    def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
         """Solver of readings of this recording, of which ``spots`` holds none.
+
+        ``optics`` are those of projector and bucket detector, if they are known.
 
         Raises InputError where the recording does not tell what the method needs.
         """

@@ -10,7 +10,11 @@ from ..arrays import Floats, Mask
 from ..capture import Spots
 from .geometry import range_from_path
 
-Status = Literal["ok", "saturated", "no signal", "too close", "ambiguous", "fog", "weak"]
+Status = Literal[
+    "ok", "saturated", "no signal", "too close", "ambiguous", "fog", "weak", "weather prior"
+]
+RANGED: tuple[Status, ...] = ("ok", "weather prior")
+"""With a range: the readings alone give it, or these and a prior over the weather."""
 
 MIN_SIGNAL = 3.0
 """A spot counts as seen when its signal exceeds its own standard deviation this many times."""
@@ -61,11 +65,13 @@ class Ranges:
     """Ranges of the four spots of one frame, each (4,).
 
     ``range_m`` from the projector's pinhole along the spot's direction, ``sigma_m`` its standard
-    deviation from shot and electronics noise, without the bias of light that came another way, such
-    as the echo of fog; both nan where ``status`` is not "ok": "saturated", "no signal", "too close"
-    (the path is no longer than the way from laser to detector), "ambiguous" (frequencies that
-    contradict each other, a pulse outside of windows or bins, several ranges nearly as likely),
-    "weak" (a target that may as well be noise or fog) or "fog" (one that fog leaves too uncertain).
+    deviation. Of methods that know of no fog it is that of shot and electronics noise, without the
+    bias of light that came another way, such as the echo of fog. ``status`` is "ok", or "weather
+    prior" where sigma holds what the readings leave open of the fog (see `reconstruction.ranging.
+    fog.underdetermined`). Elsewhere both are nan: "saturated", "no signal", "too close" (the path
+    is no longer than the way from laser to detector), "ambiguous" (frequencies that contradict each
+    other, a pulse outside of windows or bins, several ranges nearly as likely), "weak" (a target
+    that may as well be noise or fog) or "fog" (one that fog leaves too uncertain).
 
     ``signal_electrons`` and ``background_electrons`` are A and B of a tap of the first frequency
     (cw), the whole pulse and the background of one window (pulsed), or arrivals of the pulse and
@@ -102,7 +108,7 @@ class Ranges:
     @property
     def valid(self) -> NDArray[np.bool_]:
         """Where there is a range (4,)."""
-        return np.array(self.status) == "ok"
+        return np.isin(self.status, RANGED)
 
 
 def ranges_from_paths(paths: Paths, spots: Spots) -> Ranges:

@@ -30,7 +30,8 @@ def path_from_phases(
 
     ``phases`` 2 pi f L / c and their standard deviations are (J, ...), the J frequencies (J,)
     differ. A path is ambiguous where the frequencies contradict each other, or agree on another
-    path nearly as well: by MIN_SIGNAL standard deviations, noise and PHASE_ERROR_RAD together.
+    path nearly as well: by MIN_SIGNAL standard deviations, noise and PHASE_ERROR_RAD together. So
+    it is within MIN_SIGNAL of its own standard deviations of where all phases repeat, or of 0.
     """
     limit_m = unambiguous_path_m(frequencies_hz)
     wraps = int(np.ceil(limit_m * frequencies_hz.max() / c - 1e-9))
@@ -78,7 +79,9 @@ def _of_some(
     correction = np.take_along_axis(off, best[None], axis=1)[:, 0]
     total = precise.sum(axis=0)
     path = path + (precise * correction).sum(axis=0) / total
-    return path, 1 / np.sqrt(total), contradicted | rivalled
+    sigma = 1 / np.sqrt(total)
+    repeated = np.abs(path - limit_m / 2) > limit_m / 2 - MIN_SIGNAL * sigma
+    return path, sigma, contradicted | rivalled | repeated
 
 
 def unambiguous_path_m(frequencies_hz: Floats) -> float:

@@ -38,8 +38,9 @@ def command(
     file = None
     if folder is None:
         with naming(capture):
-            methods = {"image": names(image), "ranging": names(ranging), "depth": names(depth)}
-            result = reconstruct(recording, frame, **methods)
+            result = reconstruct(
+                recording, frame, image=names(image), ranging=names(ranging), depth=names(depth)
+            )
     else:
         file = folder / "result.h5"
         result = read_result(file)

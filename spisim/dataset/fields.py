@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture
-from reconstruction.ranging import measure_ranges
+from reconstruction.reconstructor import default_ranges
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,9 @@ def _ranges(name: str) -> Callable[[Capture], NDArray[Any] | None]:
     def read(capture: Capture) -> NDArray[Any] | None:
         if capture.spots is None:
             return None
-        frames = (measure_ranges(capture.spots, frame) for frame in range(capture.frames))
-        return np.stack([getattr(ranges, name) for ranges in frames])
+        frames = [default_ranges(capture, frame) for frame in range(capture.frames)]
+        unknown = np.full(4, np.nan)
+        return np.stack([unknown if each is None else getattr(each, name) for each in frames])
 
     return read
 

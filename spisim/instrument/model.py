@@ -14,6 +14,7 @@ from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
 from reconstruction.notebook import drawing, figure, shown
 from reconstruction.operators import PatternPlan, mean_illumination
+from reconstruction.ranging.weather import VISIBILITIES_M, Weather
 from spisim.config import Number, Positive, Section, dump_yaml, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
@@ -23,6 +24,7 @@ from spisim.instrument.tofs import AnyTof
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 
 Source = Literal["projector", "laser", "daylight"]
+Visibility = Annotated[Number, Field(ge=VISIBILITIES_M[0], le=VISIBILITIES_M[1])]
 
 #: Wavelengths at which a spectrum within the filter's band is weighted.
 BAND_POINTS = 49
@@ -65,6 +67,9 @@ class Instrument(Section):
     """The four beams."""
     tof: AnyTof
     """How the four spots are ranged."""
+    weather: Literal["unknown", "clear", "fog"] | Visibility = "unknown"
+    """What ranges take for granted of the weather: that nothing is known, clear air, fog, or a
+    visibility in metres. Captures state it; it changes no light."""
     eye_safety: EyeSafety = EyeSafety()
     """What the maker declares; it is compared, and changes nothing else."""
     exposure_time_s: Positive = Field(default_factory=_pattern_period)
@@ -226,6 +231,7 @@ class Instrument(Section):
             beam_divergence_rad=self.lasers.divergence_mrad * 1e-3,
             beam_waist_m=self.lasers.waist_mm * 1e-3,
             electrons_per_joule=self.electrons_per_joule(detector, "laser"),
+            **Weather.parsed(self.weather)._asdict(),
         )
 
     def _in_band_spectrum(self, source: Source) -> tuple[Floats, Floats]:

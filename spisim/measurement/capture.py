@@ -1,5 +1,6 @@
 """Put a simulated recording together, in the format that a rig writes too."""
 
+import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
@@ -12,7 +13,7 @@ from spisim.config import dump_yaml
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
 from spisim.measurement.electronics import Memory
-from spisim.measurement.light import BucketLight, bucket_light
+from spisim.measurement.light import BucketLight, bucket_light, pixel_electrons
 from spisim.measurement.spots import spot_light
 from spisim.scene import Scene
 from spisim.transport import GroundTruth, Light
@@ -102,10 +103,16 @@ def record_frames(
 
 
 def told_optics(instrument: Instrument) -> Optics:
-    """What captures tell of the projector's pinhole."""
+    """What captures state of projector and bucket detector."""
+    detector, electrons = instrument.detector, pixel_electrons(instrument)
     return Optics(
         tan_half_width=instrument.projector.tan_half_width,
         tan_half_height=instrument.projector.tan_half_height,
+        detector_positions_m=np.array(detector.positions_m, dtype=np.float64),
+        detector_half_field_rad=math.radians(detector.field_of_view_deg) / 2,
+        detector_falloff=detector.vignetting,
+        detector_aperture_radius_m=math.sqrt(detector.aperture_area_m2 / math.pi),
+        pixel_electrons=electrons if np.ptp(electrons) else float(electrons.flat[0]),
     )
 
 

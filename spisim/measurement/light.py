@@ -55,7 +55,7 @@ def bucket_light(
     """
     between = light.between(instrument.exposure_times_s(frames))
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
-    switched = (1 - instrument.projector.dark_level) * electrons
+    switched = pixel_electrons(instrument)
     told = between.until(frames if len(light.transports) > 1 else 1)
     images, errors = (
         np.array([getattr(key, name) for key in light.transports])
@@ -98,6 +98,12 @@ def bucket_light(
         taps=np.stack(taps, axis=-1) if taps else None,
         after=Memory(level, np.array([each[-1, -1] for each in settled])),
     )
+
+
+def pixel_electrons(instrument: Instrument) -> Floats:
+    """Electrons of one exposure (H, W) that a pixel adds if all its light reaches an aperture."""
+    fully_on = instrument.pixel_powers_w * _gain(instrument, "projector")
+    return np.asarray((1 - instrument.projector.dark_level) * fully_on)
 
 
 def background_electrons(instrument: Instrument, daylight_w: ArrayLike) -> Floats:

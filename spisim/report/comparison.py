@@ -6,7 +6,7 @@ from itertools import count
 from typing import Any
 
 from reconstruction.evaluation import method_title, no_range
-from reconstruction.ranging import Alternative
+from reconstruction.ranging import RANGED, Alternative
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def compared_spots(metrics: Mapping[str, Any]) -> list[Comparison]:
 
 def _spot(place: int, spot: Mapping[str, Any]) -> tuple[str, ...]:
     alternatives = (Alternative(**each) for each in spot["alternatives"])
-    known = spot["status"] == "ok"
+    known = spot["status"] in RANGED
     measured = written(spot["range_m"]) if known else no_range(spot["status"], alternatives)
     errors = (written(spot[key], 100, "{:.1f}") for key in ("error_m", "sigma_m"))
     return f"spot {place}", written(spot["true_m"]), measured, *errors

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from reconstruction import Capture, Result
 from reconstruction.depth import REACH_M
+from reconstruction.ranging import RANGED
 
 #: What may be looked at, by the kind of picture.
 KINDS = {
@@ -59,5 +60,5 @@ def _spots(capture: Capture, result: Result) -> list[dict[str, object]]:
     return [
         {"spot": spot, "at": [round(value, 4) for value in at]}
         for spot, (at, status) in enumerate(told)
-        if status == "ok"
+        if status in RANGED
     ]

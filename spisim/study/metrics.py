@@ -11,6 +11,7 @@ import numpy as np
 from reconstruction import Capture, InputError, Result, evaluate
 from reconstruction.errors import naming, nearest
 from reconstruction.evaluation import METHODS
+from reconstruction.ranging import RANGED
 
 #: Methods by station and name.
 Methods = tuple[tuple[str, str], ...]
@@ -261,7 +262,7 @@ def _figures(capture: Capture, result: Result) -> dict[str, float | None]:
 
 def _spot_figures(spots: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
     """Of all spots that have a range; None where none has."""
-    valid = [spot for spot in spots if spot["status"] == "ok"]
+    valid = [spot for spot in spots if spot["status"] in RANGED]
     errors, sigmas = (
         [spot[key] for spot in valid if spot[key] is not None] for key in ("error_m", "sigma_m")
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
 from reconstruction.depth import pixel_rays
+from reconstruction.ranging import RANGED
 from reconstruction.result import Result
 from spisim.report.style import SPOT_COLOURS
 from spisim.scene import Scene, SceneObject
@@ -149,6 +150,6 @@ def spot_words(result: Result) -> list[str]:
         return []
     pairs: Floats = np.stack([ranges.range_m, ranges.sigma_m], axis=1)
     return [
-        f"spot {k}: {range_m:.3f} ± {sigma_m:.3f} m" if status == "ok" else f"spot {k}: {status}"
+        f"spot {k}: {range_m:.3f} ± {sigma_m:.3f} m" if status in RANGED else f"spot {k}: {status}"
         for k, ((range_m, sigma_m), status) in enumerate(zip(pairs, ranges.status, strict=True))
     ]

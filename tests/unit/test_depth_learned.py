@@ -34,7 +34,7 @@ from reconstruction.depth.shown import (
 )
 from reconstruction.errors import InputError
 from reconstruction.image import Imaging
-from reconstruction.ranging import FogOptics
+from reconstruction.ranging import FogOptics, measure_ranges
 from spisim.simulation import simulate
 
 OPTICS = Optics(tan_half_width=np.tan(np.radians(10)), tan_half_height=np.tan(np.radians(10)))
@@ -237,7 +237,8 @@ def test_reflectance_is_that_of_the_wall(capture):
 def test_ranges_that_know_of_fog_are_not_made_again(capture):
     view = view_of(capture)
     fog = FogOptics(0.05, 1e-3, 0.1)
-    told = replace(view.ranges, range_m=view.ranges.range_m * 1.5, fog=fog)
+    plain = measure_ranges(capture.spots)
+    told = replace(plain, range_m=plain.range_m * 1.5, fog=fog)
     found = Observer.of(capture.setup)(replace(view, ranges=told))
     np.testing.assert_allclose(found.fitted.log_depth - found.plain.log_depth, np.log(1.5))
     assert found.extinction_per_m == 0.05

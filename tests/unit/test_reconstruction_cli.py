@@ -375,8 +375,8 @@ def test_ranges_that_a_spot_may_have_are_printed(path, tmp_path, monkeypatch, ca
         title = "test"
         reads = CwSpots
 
-        def compile(self, spots):
-            return lambda spots: AMBIGUOUS
+        def compile(self, *_):
+            return lambda *_: AMBIGUOUS
 
     monkeypatch.setitem(RANGING_METHODS._loaded, "unsure", Unsure())
     monkeypatch.setenv("COLUMNS", "120")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Floats, Mask
 from ...constants import c
-from ..charge import Charge, check_taps, taps_summary
+from ..charge import Charge, check_taps, spare_combinations, taps_summary
 from ..schema import Stored
 from ..spots import Spots
 
@@ -51,6 +51,12 @@ class CwSpots(Charge, Spots):
     def readings(self) -> NDArray[Any]:
         """The taps."""
         return self.taps
+
+    @property
+    def spare(self) -> Floats:
+        """Combinations (k, taps) in which all light cancels."""
+        phases = self.tap_phases_rad - self.phase_offsets_rad
+        return spare_combinations(self.tap_frequencies_hz, phases)
 
     @property
     def summary(self) -> str:

@@ -105,8 +105,8 @@ def phasors(readings: PatternTaps, frequency_hz: float) -> tuple[NDArray[np.comp
     The variance is that of both parts together.
     """
     of = readings.tap_frequencies_hz == frequency_hz
-    electrons = readings.electrons(readings.taps[0][:, of])
-    variance = readings.variance(np.abs(electrons))  # a difference holds at least as much light
+    every = readings.electrons(readings.taps[0])
+    electrons, variance = every[:, of], readings.variance(every)[:, of]
     phases = readings.tap_phases_rad[of] - readings.phase_offsets_rad[of]
     _, cosine, sine = quadrature_weights(phases)
     return electrons @ (cosine + 1j * sine), variance @ (cosine**2 + sine**2)

@@ -1,13 +1,14 @@
 """From what is known of the four ranges to an answer for each spot."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...arrays import Floats, Mask
-from ..ranges import Alternative, Ranges, Status
+from ..ranges import RANGED, Alternative, FogOptics, Ranges, Status
 from .chances import normal_share
 from .modes import LOG_DEVIATION
 from .posterior import Posterior, SpotPosterior
-from .templates import EXTINCTIONS_PER_M
 
 CERTAIN = 0.9
 """Probability from which on a range counts as known,"""
@@ -22,36 +23,33 @@ UNKNOWN = Alternative(np.nan, np.nan, np.nan)
 
 
 def ranges_of(
-    known: Posterior, saturated: Mask, dark: Mask, background: Floats, numbers: int
+    spots: Sequence[SpotPosterior],
+    statuses: tuple[Status, ...],
+    background: Floats,
+    fog: FogOptics | None,
 ) -> Ranges:
-    """Ranges, or the reasons why there are none; ``dark`` (4,) where readings are but noise.
-
-    ``numbers`` are told by each spot's readings. Range and reflectance take two of them, and where
-    there are no more, nothing is left that tells the fog.
-    """
-    guessed = known.fog.log_backscatter_sigma > GUESSED * LOG_DEVIATION
-    blind = guessed and numbers <= 2
-
-    def status(spot: int) -> Status:
-        if saturated[spot]:
-            return "saturated"
-        if dark[spot]:
-            return "weak"
-        return "fog" if blind else _status(known.spots[spot], guessed)
-
-    statuses = tuple(map(status, range(4)))
+    """The likeliest range of each spot whose status has one."""
     best = [
-        spot.alternatives[0] if each == "ok" else UNKNOWN
-        for spot, each in zip(known.spots, statuses, strict=True)
+        spot.alternatives[0] if status in RANGED else UNKNOWN
+        for spot, status in zip(spots, statuses, strict=True)
     ]
     return Ranges(
         range_m=np.array([each.range_m for each in best]),
         sigma_m=np.array([each.sigma_m for each in best]),
-        signal_electrons=np.array([spot.signal for spot in known.spots]),
+        signal_electrons=np.array([spot.signal for spot in spots]),
         background_electrons=background,
         status=statuses,
-        alternatives=tuple(spot.alternatives for spot in known.spots),
-        fog=known.fog.optics(EXTINCTIONS_PER_M),
+        alternatives=tuple(spot.alternatives for spot in spots),
+        fog=fog,
+    )
+
+
+def statuses(known: Posterior, saturated: Mask, dark: Mask) -> tuple[Status, ...]:
+    """Of each spot; ``dark`` (4,) where readings are but noise."""
+    guessed = known.fog.log_backscatter_sigma > GUESSED * LOG_DEVIATION
+    return tuple(
+        "saturated" if full else "weak" if nothing else _status(spot, guessed)
+        for spot, full, nothing in zip(known.spots, saturated, dark, strict=True)
     )
 
 

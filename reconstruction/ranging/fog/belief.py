@@ -1,18 +1,25 @@
-"""What is held of the fog: beforehand, and carried from one frame of a flight to the next."""
+"""What is held of the fog: the prior, and what one frame of a flight hands to the next."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from ...arrays import Floats
 from ...capture import Spots
+from ..brightness import Brightness
 from ..ranges import FogOptics, Ranges
+from ..weather import KOSCHMIEDER, Weather
 from .modes import LOG_DEVIATION, expected_backscatter
 
 CLEAR = 0.5
-"""Probability beforehand that the air is clear; all fogs are equally likely."""
+"""Prior probability of clear air where nothing is stated; all fogs are equally likely."""
+VISIBILITY_LOG_SIGMA = 0.3
+"""Of the extinction that follows from a visibility: kinds of fog differ at 1550 nm, and so do the
+definitions of visibility and those who judge it."""
+IMPOSSIBLE = 1e-9
+"""Probability of what is stated not to be."""
 DRIFT = 0.05
 """By how much the logarithm of backscattering may change from frame to frame, rms,"""
 CHANGE = 0.02
@@ -31,10 +38,18 @@ class FogBelief:
     log_deviation: Floats
 
     @classmethod
-    def beforehand(cls, extinction_per_m: Floats) -> Self:
-        """What holds for any fog; the first extinction is that of clear air."""
-        share = np.full(extinction_per_m.size, (1 - CLEAR) / (extinction_per_m.size - 1))
-        share[0] = CLEAR
+    def prior(cls, extinction_per_m: Floats, weather: Weather, unstated: float = CLEAR) -> Self:
+        """What holds before any reading; the first extinction is that of clear air.
+
+        Its probability is ``unstated`` where the weather does not state it.
+        """
+        stated = weather.clear_probability
+        clear = unstated if np.isnan(stated) else np.clip(stated, IMPOSSIBLE, 1 - IMPOSSIBLE)
+        fogs = np.ones(extinction_per_m.size - 1)
+        if not np.isnan(weather.visibility_m):
+            away = np.log(extinction_per_m[1:] * weather.visibility_m / KOSCHMIEDER)
+            fogs = np.exp(-((away / VISIBILITY_LOG_SIGMA) ** 2) / 2) + IMPOSSIBLE
+        share = np.concatenate([[clear], (1 - clear) * fogs / fogs.sum()])
         median = np.log(expected_backscatter(extinction_per_m))
         return cls(share, median, np.full(share.size, LOG_DEVIATION))
 
@@ -60,12 +75,12 @@ class FogBelief:
         return np.asarray(np.log(self.share)[:, None] + cells - away**2 / 2)
 
     def updated(self, weight: Floats, backscatter: Floats) -> Self:
-        """What is held after readings that gave a grid (B,) of backscattering weights (K, B)."""
+        """What is held after readings that gave backscattering (B,) or (K, B) weights (K, B)."""
         share = weight.sum(axis=1)
         log = np.log(backscatter)
         within = weight / np.maximum(share, 1e-300)[:, None]
-        mean = within @ log
-        deviation = np.sqrt(np.maximum(within @ log**2 - mean**2, 1e-12))
+        mean = (within * log).sum(axis=1)
+        deviation = np.sqrt(np.maximum((within * log**2).sum(axis=1) - mean**2, 1e-12))
         known = share > 1e-12
         return type(self)(
             share=share,
@@ -73,20 +88,23 @@ class FogBelief:
             log_deviation=np.where(known, deviation, self.log_deviation),
         )
 
-    def later(self, beforehand: Self) -> Self:
+    def later(self, prior: Self) -> Self:
         """What is held a frame later, of fog that drifts and, rarely, is another one."""
         drifted = np.hypot(self.log_deviation, DRIFT)
-        share = (1 - CHANGE) * self.share + CHANGE * beforehand.share
+        share = (1 - CHANGE) * self.share + CHANGE * prior.share
         # Neighbouring extinctions come of what is held, not only of rare changes.
         spread = np.convolve(
             np.pad(share, 1, mode="edge"), [CHANGE, 1 - 2 * CHANGE, CHANGE], "valid"
         )
-        mixed = CHANGE * beforehand.share / np.maximum(share, 1e-300)
-        median = (1 - mixed) * self.log_median + mixed * beforehand.log_median
-        variance = (1 - mixed) * drifted**2 + mixed * beforehand.log_deviation**2
-        variance += mixed * (1 - mixed) * (self.log_median - beforehand.log_median) ** 2
+        mixed = CHANGE * prior.share / np.maximum(share, 1e-300)
+        median = (1 - mixed) * self.log_median + mixed * prior.log_median
+        variance = (1 - mixed) * drifted**2 + mixed * prior.log_deviation**2
+        variance += mixed * (1 - mixed) * (self.log_median - prior.log_median) ** 2
         return type(self)(spread / spread.sum(), median, np.sqrt(variance))
 
 
-FogSolver = Callable[[Spots, FogBelief], tuple[Ranges, FogBelief]]
-"""Ranges from the readings of a frame and what was held of the fog, and what is held then."""
+class FogSolver(NamedTuple):
+    """A recording's prior of the fog, and what makes of it and a frame ranges and a posterior."""
+
+    prior: FogBelief
+    solve: Callable[[Spots, FogBelief, Brightness | None], tuple[Ranges, FogBelief]]

@@ -6,18 +6,26 @@ from dataclasses import replace
 import numpy as np
 
 from ...arrays import Floats
-from ...capture import Spots
+from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...errors import InputError
+from ..brightness import Brightness
 from ..ranges import MIN_SIGNAL, Ranges
-from .answer import NARROW_M, ranges_of
+from ..weather import weather_of
+from .answer import NARROW_M, ranges_of, statuses
 from .belief import FogBelief, FogSolver
 from .chances import chi_squared_limit, normal_share
 from .edges import UNLIKELY, disagreement, odd_spots, with_edges
 from .modes import find_modes
 from .posterior import Posterior, SpotPosterior, posterior
-from .templates import NOMINAL_ELECTRONS_PER_JOULE, Templates, make_templates
+from .templates import (
+    EXTINCTIONS_PER_M,
+    NOMINAL_ELECTRONS_PER_JOULE,
+    Templates,
+    make_templates,
+)
+from .underdetermined import PER_TARGET, underdetermined_solver
 
 DOUBTFUL = 0.1
 """Where spots agree on a fog so badly that chance makes it less often than this,"""
@@ -31,15 +39,22 @@ MANY = 3
 """So many spots are not on edges at once."""
 
 
-def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
+def charge_solver(
+    spots: CwSpots | PulsedSpots, optics: Optics | None, longest_m: float
+) -> FogSolver:
     """Solver of one recording's charges; raises InputError as `echo_combinations`."""
-    scaled = bool(np.isfinite(spots.electrons_per_joule))
+    spots.check_noise(4)
     combine, response = echo_combinations(spots, longest_m)
+    if len(combine) == PER_TARGET:
+        return underdetermined_solver(spots, optics, combine, response, longest_m)
+    scaled = bool(np.isfinite(spots.electrons_per_joule))
     templates = make_templates(spots, response, longest_m)
     rough = templates.rougher(ROUGH)
     noise = chi_squared_limit(len(combine), normal_share(-MIN_SIGNAL))
 
-    def solve(spots: Spots, belief: FogBelief) -> tuple[Ranges, FogBelief]:
+    def solve(
+        spots: Spots, belief: FogBelief, brightness: Brightness | None
+    ) -> tuple[Ranges, FogBelief]:
         assert isinstance(spots, CwSpots | PulsedSpots)
         readings = spots.electrons(spots.taps[0])
         variance = spots.variance(readings)
@@ -61,10 +76,15 @@ def charge_solver(spots: CwSpots | PulsedSpots, longest_m: float) -> FogSolver:
                 known = _of_a_bank(other, known, odd_spots(single, len(combine)))
             else:
                 known = _unless_rough(known, other)
-        mean = readings.mean(axis=1)
-        return ranges_of(known, saturated, dark, mean, len(combine)), known.fog
+        ranges = ranges_of(
+            known.spots,
+            statuses(known, saturated, dark),
+            readings.mean(axis=1),
+            known.fog.optics(EXTINCTIONS_PER_M),
+        )
+        return ranges, known.fog
 
-    return solve
+    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
 
 
 def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:

@@ -9,14 +9,16 @@ from ...arrays import Floats, Mask
 from ...capture import Spots
 from ...capture.readings.dtof import HistogramSpots
 from ...errors import InputError
+from ..brightness import Brightness
 from ..histogram import BLOCKS
 from ..ranges import MIN_SIGNAL, Ranges
-from .answer import ranges_of
+from ..weather import weather_of
+from .answer import ranges_of, statuses
 from .belief import FogBelief, FogSolver
 from .echoes import with_echoes
 from .histograms import find_histogram_modes, make_histogram_templates
 from .posterior import posterior
-from .templates import NOMINAL_ELECTRONS_PER_JOULE
+from .templates import EXTINCTIONS_PER_M, NOMINAL_ELECTRONS_PER_JOULE
 
 
 def histogram_solver(spots: HistogramSpots, longest_m: float) -> FogSolver:
@@ -38,7 +40,9 @@ def histogram_solver(spots: HistogramSpots, longest_m: float) -> FogSolver:
     arrivals = electrons * spots.laser_energy_j
     templates = make_histogram_templates(spots, arrivals / spots.pulses, longest_m)
 
-    def solve(spots: Spots, belief: FogBelief) -> tuple[Ranges, FogBelief]:
+    def solve(
+        spots: Spots, belief: FogBelief, brightness: Brightness | None
+    ) -> tuple[Ranges, FogBelief]:
         assert isinstance(spots, HistogramSpots)
         counts, saturated = spots.counts[0].astype(np.float64), spots.saturated[0]
         modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
@@ -50,9 +54,15 @@ def histogram_solver(spots: HistogramSpots, longest_m: float) -> FogSolver:
         known = replace(known, spots=revised)
         dark = _is_even(counts)
         median = np.median(counts, axis=1)
-        return ranges_of(known, saturated, dark, median, counts.shape[1]), known.fog
+        ranges = ranges_of(
+            known.spots,
+            statuses(known, saturated, dark),
+            median,
+            known.fog.optics(EXTINCTIONS_PER_M),
+        )
+        return ranges, known.fog
 
-    return solve
+    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
 
 
 def _is_even(counts: Floats) -> Mask:

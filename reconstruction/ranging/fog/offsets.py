@@ -23,12 +23,12 @@ from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...errors import InputError
 from .algebra import inverse, solved
-from .belief import FogBelief
 from .echo_model import EchoModel
 from .modes import LOG_DEVIATION, Places, expected_backscatter
 from .of_charge import echo_combinations
 from .solvers import fog_solver
 from .templates import EXTINCTIONS_PER_M, UNEVENNESS
+from .underdetermined import PER_TARGET
 
 UNEVENNESSES = UNEVENNESS * np.array([0.05, 0.25, 0.5, 1.0, 2.0])
 """Rms deviations of the fog's density, relative, of which all frames together choose."""
@@ -92,14 +92,15 @@ def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvi
     """
     if not isinstance(spots, CwSpots | PulsedSpots):
         raise InputError("offsets of paths are told from taps and windows, not from histograms")
-    solve = fog_solver(spots, longest_m)
+    prior, solve = fog_solver(spots, longest_m)
     combine, response = echo_combinations(spots, longest_m)
+    if len(combine) <= PER_TARGET:
+        return lambda spots: None
     model = EchoModel(spots, response, longest_m)
-    beforehand = FogBelief.beforehand(EXTINCTIONS_PER_M)
 
     def find(spots: Spots) -> OffsetEvidence | None:
         assert isinstance(spots, CwSpots | PulsedSpots)
-        ranges, fog = solve(spots, beforehand)
+        ranges, fog = solve(spots, prior, None)
         seen = np.flatnonzero(ranges.valid)
         if seen.size < 2:
             return None

@@ -1,6 +1,6 @@
 """From the readings of a frame and what is held of the fog to ranges, and what is held then."""
 
-from ...capture import Spots
+from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
@@ -11,8 +11,10 @@ from .of_charge import charge_solver
 from .overlap import check_known
 
 
-def fog_solver(spots: Spots, longest_m: float) -> FogSolver:
+def fog_solver(spots: Spots, longest_m: float, optics: Optics | None = None) -> FogSolver:
     """Solver of one recording's readings, of targets up to a range.
+
+    Of its ``optics`` only readings that tell fog and target badly apart make use.
 
     Raises InputError where the recording does not tell what the detectors see of the beams, or how
     much light the lasers send, or where its readings tell of no range at all.
@@ -29,4 +31,4 @@ def fog_solver(spots: Spots, longest_m: float) -> FogSolver:
 
         return histogram_solver(spots, longest_m)
     assert isinstance(spots, CwSpots | PulsedSpots)
-    return charge_solver(spots, longest_m)
+    return charge_solver(spots, optics, longest_m)

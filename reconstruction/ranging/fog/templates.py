@@ -48,7 +48,10 @@ class Templates:
 
 
 def make_templates(
-    optics: SpotOptics, response: Callable[[Floats], Floats], longest_m: float
+    optics: SpotOptics,
+    response: Callable[[Floats], Floats],
+    longest_m: float,
+    extinctions_per_m: Floats = EXTINCTIONS_PER_M,
 ) -> Templates:
     """Tables up to a range; ``response`` gives readings (n, ...) of all light by its path (...)."""
     fine_m = np.arange(STEP_M / INTEGRATION_STEPS, longest_m, STEP_M / INTEGRATION_STEPS)
@@ -58,7 +61,7 @@ def make_templates(
     told = np.stack([response(path) for path in path_m])  # (4, n, fine)
     keep = slice(INTEGRATION_STEPS - 1, None, INTEGRATION_STEPS)
     target, fog, uneven = [], [], []
-    for extinction in EXTINCTIONS_PER_M:
+    for extinction in extinctions_per_m:
         seen = (weight * np.exp(-extinction * path_m))[:, None] * told
         density = seen * (STEP_M / INTEGRATION_STEPS)
         target.append(seen[..., keep] / np.pi)
@@ -66,7 +69,7 @@ def make_templates(
         uneven.append(_uneven(density[..., : len(fine_m) // INTEGRATION_STEPS * INTEGRATION_STEPS]))
     return Templates(
         range_m=fine_m[keep],
-        extinction_per_m=EXTINCTIONS_PER_M,
+        extinction_per_m=extinctions_per_m,
         target=np.stack(target, axis=1),
         fog=np.stack(fog, axis=1),
         uneven=np.stack(uneven, axis=1),

@@ -1,11 +1,6 @@
 """Methods of ranging, one module each; the one named as a kind of readings is its plain one."""
 
-import numpy as np
-
 from ...capture import Spots
-from ...capture.readings.cw import CwSpots
-from ...capture.readings.dtof import HistogramSpots
-from ...capture.readings.pulsed import PulsedSpots
 from ...capture.schema import between
 from ...errors import InputError
 from ...registry import Registry
@@ -15,9 +10,6 @@ from ..ranges import LONGEST_IN_FOG_M, Ranges
 RANGING_METHODS: Registry[RangingMethod] = Registry(
     "ranging method", package=__name__, attribute="METHOD", group="reconstruction.rangings"
 )
-
-MANY_WINDOWS = 12
-"""Windows of a pulse that tell fog from targets."""
 
 
 def ranging_method(name: str, spots: Spots) -> RangingMethod:
@@ -42,26 +34,21 @@ def reads(name: str, spots: Spots) -> bool:
 
 
 def usual_rangings(spots: Spots) -> tuple[str, ...]:
-    """The plain method of these readings; before it the one that knows of fog, where they tell.
+    """The plain method of these readings; before it the one that knows of fog, unless it is clear.
 
-    Those of several frequencies or many windows do, and histograms. One frequency, or a few
-    windows, can only say that they do not know; and readings that tell of targets farther off than
-    drones fly in fog would lose these.
+    Readings that tell of targets farther off than drones fly in fog would lose these.
     """
-    match spots:
-        case CwSpots():
-            tell = np.unique(spots.tap_frequencies_hz).size > 1
-        case PulsedSpots():
-            tell = spots.window_starts_s.size >= MANY_WINDOWS
-        case _:
-            tell = isinstance(spots, HistogramSpots)
     fog = RANGING_METHODS["fog"]
-    if tell and fog.unambiguous_range_m(spots) <= LONGEST_IN_FOG_M:
+    clear = spots.clear_probability == 1
+    if not clear and reads("fog", spots) and fog.unambiguous_range_m(spots) <= LONGEST_IN_FOG_M:
         return "fog", spots.method
     return (spots.method,)
 
 
 def measure_ranges(spots: Spots, frame: int = 0, method: str | None = None) -> Ranges:
-    """Ranges of one frame, by the plain method of these readings where None."""
+    """Ranges of one frame by a method, the plain one of these readings where None.
+
+    What a user sees first is the default ranging, of `reconstruction.reconstruct`.
+    """
     solver = ranging_method(method or spots.method, spots).compile(between(spots, 0, 0))
     return solver(between(spots, frame, frame + 1))

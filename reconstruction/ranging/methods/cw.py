@@ -7,8 +7,9 @@ optical path from the laser over the spot to the detector.
 import numpy as np
 
 from ...arrays import Floats
-from ...capture import Spots
+from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
+from ..brightness import Brightness
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
 from ..unwrap import path_from_phases, unambiguous_path_m
@@ -25,16 +26,17 @@ class Cw:
     title = "phase"
     reads = CwSpots
 
-    def compile(self, spots: Spots) -> RangingSolver:
-        """Solver of one recording's taps."""
+    def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
+        """Solver of one recording's taps; InputError where nothing tells their noise."""
         assert isinstance(spots, CwSpots)
+        spots.check_noise(4)
         frequencies = np.unique(spots.tap_frequencies_hz)
         first = int(np.searchsorted(frequencies, spots.tap_frequencies_hz[0]))
         tap_phases = spots.tap_phases_rad - spots.phase_offsets_rad
         of_each = [spots.tap_frequencies_hz == frequency for frequency in frequencies]
         weights = [quadrature_weights(tap_phases[of]) for of in of_each]
 
-        def solve(spots: Spots) -> Ranges:
+        def solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
             assert isinstance(spots, CwSpots)
             electrons = spots.electrons(spots.taps[0])
             variance = spots.variance(electrons)

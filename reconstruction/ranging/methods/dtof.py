@@ -3,9 +3,10 @@
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ...capture import Spots
+from ...capture import Optics, Spots
 from ...capture.readings.dtof import HistogramSpots
 from ...constants import c
+from ..brightness import Brightness
 from ..histogram import find_pulses
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
@@ -24,7 +25,7 @@ class DirectTof:
     title = "strongest pulse"
     reads = HistogramSpots
 
-    def compile(self, spots: Spots) -> RangingSolver:
+    def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
         """Solver of one recording's histograms."""
         return _solve
 
@@ -33,7 +34,7 @@ class DirectTof:
         return np.inf
 
 
-def _solve(spots: Spots) -> Ranges:
+def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     assert isinstance(spots, HistogramSpots)
     known = np.isfinite(spots.response_sigma_s)
     width = spots.response_sigma_s / spots.bin_width_s if known else None

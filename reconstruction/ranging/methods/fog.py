@@ -6,14 +6,13 @@ deviates from that counts as noise. See `reconstruction.ranging.fog`.
 
 import numpy as np
 
-from ...capture import Spots
+from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ...constants import c
-from ..fog.belief import FogBelief
+from ..brightness import Brightness
 from ..fog.solvers import fog_solver
-from ..fog.templates import EXTINCTIONS_PER_M
 from ..method import RangingSolver
 from ..ranges import LONGEST_IN_FOG_M, Ranges
 from ..unwrap import unambiguous_path_m
@@ -28,13 +27,13 @@ class Fog:
     title = "fog and target together"
     reads = (CwSpots, PulsedSpots, HistogramSpots)
 
-    def compile(self, spots: Spots) -> RangingSolver:
+    def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
         """Solver of one recording's readings; InputError as `fog_solver`."""
-        solver = fog_solver(spots, min(self.unambiguous_range_m(spots), LONGEST_IN_FOG_M))
-        beforehand = FogBelief.beforehand(EXTINCTIONS_PER_M)
+        longest_m = min(self.unambiguous_range_m(spots), LONGEST_IN_FOG_M)
+        prior, solver = fog_solver(spots, longest_m, optics)
 
-        def solve(spots: Spots) -> Ranges:
-            ranges, _ = solver(spots, beforehand)
+        def solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
+            ranges, _ = solver(spots, prior, brightness)
             return ranges
 
         return solve

@@ -5,10 +5,9 @@ backscattering of each frame are those of the one before but for a drift, and no
 fog altogether: a Bayesian filter over the extinctions, each with a log-normal backscattering.
 """
 
-from ...capture import Spots
-from ..fog.belief import FogBelief
+from ...capture import Optics, Spots
+from ..brightness import Brightness
 from ..fog.solvers import fog_solver
-from ..fog.templates import EXTINCTIONS_PER_M
 from ..method import RangingSolver
 from ..ranges import LONGEST_IN_FOG_M, Ranges
 from .fog import Fog
@@ -20,16 +19,16 @@ class FogCarried(Fog):
     title = "fog of the last frame and target"
     carries = True
 
-    def compile(self, spots: Spots) -> RangingSolver:
+    def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
         """Solver that remembers the fog of the frame that it solved last; InputError as `Fog`."""
-        solver = fog_solver(spots, min(self.unambiguous_range_m(spots), LONGEST_IN_FOG_M))
-        beforehand = FogBelief.beforehand(EXTINCTIONS_PER_M)
-        belief = beforehand
+        longest_m = min(self.unambiguous_range_m(spots), LONGEST_IN_FOG_M)
+        prior, solver = fog_solver(spots, longest_m, optics)
+        belief = prior
 
-        def solve(spots: Spots) -> Ranges:
+        def solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
             nonlocal belief
-            ranges, after = solver(spots, belief)
-            belief = after.later(beforehand)
+            ranges, after = solver(spots, belief, brightness)
+            belief = after.later(prior)
             return ranges
 
         return solve

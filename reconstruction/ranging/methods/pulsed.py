@@ -10,9 +10,10 @@ Of more than two windows for the echo, the two neighbours with most light are ta
 import numpy as np
 
 from ...arrays import Floats
-from ...capture import Spots
+from ...capture import Optics, Spots
 from ...capture.readings.pulsed import PulsedSpots
 from ...constants import c
+from ..brightness import Brightness
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
 
@@ -28,8 +29,10 @@ class Pulsed:
     title = "share of windows"
     reads = PulsedSpots
 
-    def compile(self, spots: Spots) -> RangingSolver:
-        """Solver of one recording's windows."""
+    def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
+        """Solver of one recording's windows; InputError where their noise is not known."""
+        assert isinstance(spots, PulsedSpots)
+        spots.check_noise(4)
         return _solve
 
     def unambiguous_range_m(self, spots: Spots) -> float:
@@ -37,7 +40,7 @@ class Pulsed:
         return np.inf
 
 
-def _solve(spots: Spots) -> Ranges:
+def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     assert isinstance(spots, PulsedSpots)
     every = spots.electrons(spots.taps[0])
     first = np.argmax(every[:, 1:-1] + every[:, 2:], axis=1) + 1

@@ -34,8 +34,8 @@ class Mean:
     title = "mean delay"
     reads = StopwatchSpots
 
-    def compile(self, spots):
-        def solve(spots):
+    def compile(self, spots, optics=None):
+        def solve(spots, brightness=None):
             nothing = np.zeros(4, bool)
             electrons = spots.electrons[0]
             sigma_m = c * spots.tick_s / np.sqrt(np.maximum(electrons, 1))

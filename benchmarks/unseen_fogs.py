@@ -1,0 +1,201 @@
+"""Default ranges of the paper's single frequency, in worlds and fogs that nothing was fitted to.
+
+Scenes are of families, seeds and kinds of fog that no constant of the ranging was chosen by; light
+is traced once and kept under out/ranging. What is judged is what `reconstruct` gives first.
+"""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from depth_sets import JUDGED_BY
+from scipy.stats import binomtest
+
+import spisim
+from reconstruction import Capture, Reconstructor, read_capture, write_capture
+from reconstruction.arrays import Floats, Mask
+from reconstruction.ranging import measure_ranges
+from spisim.paper.checks import Check, Table
+
+KEPT = Path(__file__).parents[1] / "out" / "ranging" / "unseen"
+SEED = 991
+WEATHERS = {"25–120 m": (25.0, 120.0), "200–500 m": (200.0, 500.0), "clear": None}
+CAPTURES, QUICK_CAPTURES = (50, 25, 25), (2, 1, 1)
+KINDS = (
+    *("moderate-radiation", "heavy-radiation", "moderate-advection", "heavy-advection"),
+    *("haze-l", "haze-m"),
+)
+WITHIN = {1: (0.64, 0.80), 2: (0.92, 0.98)}
+"""Shares within so many sigmas that are promised, where the weather is not stated."""
+MOST_WRONG, MOST_ERROR_M, MOST_WIDER = 0.01, 0.30, 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Spots of all captures of a weather, each (n,): default and plain ranges, and the truth.
+
+    ``likeliest_m`` is there where the default gives no range, too; ``apart_m`` is by how much the
+    ranges of the same readings stated clear differ from the plain ones, at most.
+    """
+
+    true_m: Floats
+    range_m: Floats
+    sigma_m: Floats
+    likeliest_m: Floats
+    plain_m: Floats
+    plain_sigma_m: Floats
+    apart_m: float
+
+    @property
+    def told(self) -> Mask:
+        """Spots that have a range."""
+        return np.isfinite(self.range_m)
+
+    @property
+    def deviations(self) -> Floats:
+        """Of spots that have a range, from the truth, in sigmas; infinite where nothing is."""
+        away = np.abs(self.range_m - self.true_m) / self.sigma_m
+        return np.where(np.isfinite(self.true_m), away, np.inf)[self.told]
+
+    @property
+    def error_m(self) -> Floats:
+        """Of spots that have a range and meet something."""
+        away = (self.range_m - self.true_m)[self.told]
+        return away[np.isfinite(away)]
+
+
+def judged(*, quick: bool) -> dict[str, Judged]:
+    """All weathers; captures that are not kept from before are made first."""
+    found = {weather: [] for weather in WEATHERS}
+    for weather, capture in _captures(QUICK_CAPTURES if quick else CAPTURES):
+        found[weather].append(_spots(capture))
+    return {
+        weather: Judged(
+            *np.concatenate([each[0] for each in spots], axis=1), max(each[1] for each in spots)
+        )
+        for weather, spots in found.items()
+    }
+
+
+def _spots(capture: Capture) -> tuple[Floats, float]:
+    assert capture.spots is not None
+    assert capture.truth is not None
+    default = _first(capture, None)
+    stated = _first(capture, "clear")
+    plain = measure_ranges(capture.spots)
+    apart_m = np.nan_to_num(np.abs(stated.range_m - plain.range_m)).max()
+    rows = (
+        *(capture.truth.spot_range_m[0], default.range_m, default.sigma_m, default.likeliest[0]),
+        *(plain.range_m, plain.sigma_m),
+    )
+    return np.array(rows), float(apart_m)
+
+
+def _first(capture: Capture, weather: str | None):
+    reconstruct = Reconstructor(capture.setup, image="edge-preserving", depth=(), weather=weather)
+    return reconstruct(capture.frame()).ranges
+
+
+def _captures(counts: tuple[int, ...]) -> Iterator[tuple[str, Capture]]:
+    weathers = [name for name, count in zip(WEATHERS, counts, strict=True) for _ in range(count)]
+    np.random.default_rng(SEED).shuffle(weathers)
+    KEPT.mkdir(parents=True, exist_ok=True)
+    for number, weather in enumerate(weathers):
+        path = KEPT / f"{'-'.join(map(str, counts))}-{number:04d}.h5"
+        if not path.exists():
+            print(f"simulating {path.stem}: {weather}", file=sys.stderr, flush=True)
+            write_capture(_simulated(number, weather), path)
+        yield weather, read_capture(path)
+
+
+def _simulated(number: int, weather: str) -> Capture:
+    rng = np.random.default_rng([SEED, number])
+    family, seed = JUDGED_BY[rng.integers(len(JUDGED_BY))], int(rng.integers(1000, 100_000))
+    limits = WEATHERS[weather]
+    low, high = limits or WEATHERS["200–500 m"]
+    visibility_m = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    kind = str(rng.choice(KINDS))
+    rng.random()
+    fog = None if limits is None else {"visibility_m": visibility_m, "kind": kind}
+    changes = {"rain": None, "snow": None, "fog": fog}
+    scene = spisim.draw_scene(family, seed, changes=changes)
+    return spisim.simulate(
+        scene,
+        spisim.load_instrument("paper"),
+        transport_noise_share=0.5,
+        seed=int(rng.integers(2**31)),
+    ).capture
+
+
+def table(found: dict[str, Judged]) -> Table:
+    """A row for each weather."""
+    columns = (
+        "weather", "spots", "with a range, %", "median error, cm", "of all likeliest, cm",
+        "bias, cm", "median σ, cm", "over plain σ", "within 1 σ, %", "within 2 σ, %",
+        "beyond 3 σ, %", "worst, σ", "plain: median error, cm", "within 1 σ, %",
+    )  # fmt: skip
+    title = (
+        "`paper` at its defaults, the weather not stated: captures of drawn scenes of families, "
+        "seeds and fogs that nothing was chosen by. Shares with the 95 % interval of Wilson."
+    )
+    return Table(title, columns, [(weather, *_row(each)) for weather, each in found.items()])
+
+
+def _row(each: Judged) -> tuple[str, ...]:
+    away = each.deviations
+    likeliest = np.abs(each.likeliest_m - each.true_m)
+    plain = np.abs(each.plain_m - each.true_m)
+    plain_within = (plain < each.plain_sigma_m)[np.isfinite(each.plain_m)]
+    return (
+        f"{each.told.size}",
+        f"{100 * each.told.mean():.0f}",
+        f"{100 * np.median(np.abs(each.error_m)):.1f}",
+        f"{100 * np.nanmedian(likeliest[each.true_m < REACH_M]):.1f}",
+        f"{100 * np.median(each.error_m):+.1f}",
+        f"{100 * np.median(each.sigma_m[each.told]):.1f}",
+        f"{_wider(each):.2f}",
+        _share(away < 1),
+        _share(away < 2),
+        _share(away > 3),
+        f"{away.max():.1f}",
+        f"{100 * np.nanmedian(plain):.1f}",
+        _share(plain_within),
+    )
+
+
+REACH_M = 10.0
+"""Where the paper's single frequency repeats."""
+
+
+def _wider(each: Judged) -> float:
+    both = each.told & np.isfinite(each.plain_sigma_m)
+    return float(np.median(each.sigma_m[both]) / np.median(each.plain_sigma_m[both]))
+
+
+def _share(hits: Mask) -> str:
+    interval = binomtest(int(hits.sum()), hits.size).proportion_ci(method="wilson")
+    return f"{100 * hits.mean():.0f} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
+
+
+def promises(found: dict[str, Judged]) -> list[Check]:
+    """What default ranges are to reach where nobody states the weather, and where it is stated."""
+    checks = []
+    for weather, each in found.items():
+        where, away = f"paper, {weather}, weather unknown", each.deviations
+        for sigmas, (least, most) in WITHIN.items():
+            within = float((away < sigmas).mean())
+            checks += [
+                Check(f"{where}: within {sigmas} sigma", within, least, at_least=True),
+                Check(f"{where}: within {sigmas} sigma, most", within, most),
+            ]
+        error_m = float(np.median(np.abs(each.error_m)))
+        checks += [
+            Check(f"{where}: beyond 3 sigma", float((away > 3).mean()), MOST_WRONG),
+            Check(f"{where}: median error, m", error_m, MOST_ERROR_M),
+            Check(f"paper, {weather}, stated clear: off the plain range, m", each.apart_m, 0.0),
+        ]
+        if weather != next(iter(WEATHERS)):
+            checks.append(Check(f"{where}: median sigma over the plain", _wider(each), MOST_WIDER))
+    return checks

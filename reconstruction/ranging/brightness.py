@@ -1,0 +1,70 @@
+"""What the patterns' image shows where the lasers meet the scene."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Floats
+from ..capture import Optics, Spots
+from ..capture.spots import SpotOptics
+
+NEIGHBOURS = 1
+"""Pixels on each side of a spot that are averaged."""
+
+
+class Brightness(NamedTuple):
+    """Electrons of a pixel, fully on, at the four spots, (4,), and their standard deviations.
+
+    Both are nan at a spot outside the image.
+    """
+
+    electrons: Floats
+    sigma: Floats
+
+
+def brightness_at(positions: Floats, image: Floats, deviation: Floats) -> Brightness:
+    """Means of an image (H, W) and its standard deviation around positions (4, 2), row and column.
+
+    Errors of neighbouring pixels are alike, so that the mean is no surer than one of them.
+    """
+    electrons, sigma = np.full(4, np.nan), np.full(4, np.nan)
+    for spot, (row, column) in enumerate(np.rint(positions).astype(int)):
+        if 0 <= row < image.shape[0] and 0 <= column < image.shape[1]:
+            around = tuple(
+                slice(max(at - NEIGHBOURS, 0), at + NEIGHBOURS + 1) for at in (row, column)
+            )
+            electrons[spot], sigma[spot] = image[around].mean(), deviation[around].mean()
+    return Brightness(electrons, sigma)
+
+
+def bucket_optics(optics: Optics | None, spots: Spots) -> tuple[SpotOptics, ...]:
+    """The bucket detector's photodiodes as they see the patterns along the spots' rays.
+
+    None at all where the recording does not state what they see, or how bright the pixels are.
+    """
+    if (
+        optics is None
+        or not np.isfinite(
+            [
+                np.mean(optics.pixel_electrons),
+                optics.detector_half_field_rad,
+                optics.detector_falloff,
+                optics.detector_aperture_radius_m,
+                *optics.detector_positions_m.ravel(),
+            ]
+        ).all()
+    ):
+        return ()
+    return tuple(
+        SpotOptics(
+            directions=spots.directions,
+            detector_positions_m=np.tile(position, (4, 1)),
+            detector_axes=np.tile([0.0, 0.0, 1.0], (4, 1)),
+            half_fields_rad=np.full(4, optics.detector_half_field_rad),
+            falloffs=np.full(4, optics.detector_falloff),
+            aperture_radii_m=np.full(4, optics.detector_aperture_radius_m),
+            beam_divergence_rad=0.0,
+            beam_waist_m=0.0,
+        )
+        for position in optics.detector_positions_m
+    )

@@ -1,0 +1,52 @@
+"""What a user states of the weather, which two numbers of a spot cannot tell."""
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+from ..capture import Setup
+from ..capture.spots import SpotOptics
+from ..errors import InputError
+
+WORDS = {"unknown": math.nan, "clear": 1.0, "fog": 0.0}
+"""Probabilities that the air is clear."""
+VISIBILITIES_M = 1.0, 50_000.0
+KOSCHMIEDER = -math.log(0.02)
+"""Extinction times visibility, by the contrast of 2 % (H. Koschmieder, 1924)."""
+
+
+class Weather(NamedTuple):
+    """Prior of ranging in fog: nan where nothing is stated.
+
+    ``clear_probability`` that fog is too thin to matter; ``visibility_m`` of fog that is there.
+    """
+
+    clear_probability: float = math.nan
+    visibility_m: float = math.nan
+
+    @classmethod
+    def parsed(cls, stated: "str | float") -> "Weather":
+        """Of "clear", "fog", "unknown" or a visibility in metres; InputError of all else."""
+        if isinstance(stated, str) and stated.strip() in WORDS:
+            return cls(WORDS[stated.strip()])
+        with suppress(ValueError):
+            visibility_m = float(stated)
+            if VISIBILITIES_M[0] <= visibility_m <= VISIBILITIES_M[1]:
+                return cls(0.0, visibility_m)
+        raise InputError(
+            f"weather is {stated!r}; allowed: {', '.join(WORDS)}, or a visibility from "
+            f"{VISIBILITIES_M[0]:g} to {VISIBILITIES_M[1]:g} metres"
+        )
+
+
+def weather_of(spots: SpotOptics) -> Weather:
+    """What a recording states."""
+    return Weather(spots.clear_probability, spots.visibility_m)
+
+
+def with_weather(setup: Setup, weather: Weather) -> Setup:
+    """The same recording, of which this is stated."""
+    if setup.spots is None:
+        return setup
+    return replace(setup, spots=replace(setup.spots, **weather._asdict()))
