@@ -44,6 +44,7 @@ def command(
         float, opt.real_option("Fly the path X times as fast.", least=0.01, most=100)
     ] = 1.0,
     weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
+    stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
     spp: opt.Spp = 256,
     overwrite: opt.Overwrite = False,
@@ -64,7 +65,7 @@ def command(
     files = flight_outputs(output)
     require_outputs(files, files_read(scene, instrument, path), overwrite=overwrite)
     trajectory = load_trajectory(path, frame).faster(speed)
-    carried = instrument_with(instrument)
+    carried = instrument_with(instrument, stated=stated)
     place, oddities = scene_with(scene, carried.wavelength_nm, weather)
     check_clear_path(place, trajectory)
     flight = instants(place, trajectory, carried, rate, seed)

@@ -53,6 +53,15 @@ def captures_in(names: Iterable[Path]) -> list[Path]:
     return found
 
 
+def _weather(stated: str) -> str | float:
+    """As an instrument's file states it; InputError for what is no weather."""
+    from reconstruction.ranging.weather import WORDS
+    from reconstruction.ranging.weather import Weather as StatedWeather
+
+    visibility_m = StatedWeather.parsed(stated).visibility_m
+    return stated.strip() if stated.strip() in WORDS else visibility_m
+
+
 def instrument_with(
     name: str,
     wavelength_nm: float | None = None,
@@ -60,8 +69,9 @@ def instrument_with(
     order: str | None = None,
     polarity: str | None = None,
     interleave: int | None = None,
+    stated: str | None = None,
 ) -> Instrument:
-    """Load an instrument; move it and change its pattern plan where the command line says so."""
+    """Load an instrument; move it, change its plan and weather where the command line says so."""
     from spisim.config import dump_yaml, parse_model
     from spisim.instrument import Instrument, load_instrument
 
@@ -75,8 +85,10 @@ def instrument_with(
         "interleave": interleave,
     }
     changes = {key: value for key, value in plan.items() if value is not None}
-    if not changes:
+    if not changes and stated is None:
         return instrument
     fields: dict[str, Any] = yaml.safe_load(instrument.text)
     fields["plan"] |= changes
+    if stated is not None:
+        fields["weather"] = _weather(stated)
     return parse_model(dump_yaml(fields), Instrument, "pattern plan of the command line")

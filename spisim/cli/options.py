@@ -62,6 +62,14 @@ SceneArgument = Annotated[
 CaptureArgument = Annotated[
     Path, typer.Argument(metavar="CAPTURE", help="A capture file (HDF5).", show_default=False)
 ]
+StatedWeather = Annotated[
+    str | None,
+    typer.Option(
+        "--weather",
+        metavar="WEATHER",
+        help="What ranges take for granted: clear, fog, unknown, or a visibility in metres.",
+    ),
+]
 FrameOption = Annotated[int, number_option(0, 2**31, "Frame of the capture.")]
 Methods = Annotated[
     str | None, typer.Option(metavar="METHOD[,METHOD]", help="Methods by name; usual, all.")

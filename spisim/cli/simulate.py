@@ -35,6 +35,7 @@ def command(
     interleave: Annotated[
         int | None, opt.number_option(1, 256, "Frames that patterns are dealt out to.")
     ] = None,
+    stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
     light: Annotated[
         Literal["traced", "surrogate"],
@@ -65,7 +66,7 @@ def command(
     files = [named(output, "simulated capture", frames * BYTES_PER_FRAME)]
     files += [beside(output, "capture report")] if report else []
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
-    carried = instrument_with(instrument, wavelength, patterns, order, polarity, interleave)
+    carried = instrument_with(instrument, wavelength, patterns, order, polarity, interleave, stated)
     place, oddities = scene_with(scene, carried.wavelength_nm, weather)
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:

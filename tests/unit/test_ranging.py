@@ -18,6 +18,7 @@ from fourspots import (
     counts,
 )
 from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.errors import InputError
 from reconstruction.ranging import measure_ranges
 from reconstruction.ranging.geometry import range_from_path
 from reconstruction.ranging.methods.cw import demodulate, quadrature_weights
@@ -131,7 +132,7 @@ def test_a_path_shorter_than_the_baseline_is_not_valid():
     electrons = ideal(4)
     path = np.array([0.05, 0.05, 0.05, 0.05])  # the detectors are 10 cm away but the last
     phase = 2 * np.pi * FREQUENCY * path / c + 0.4
-    electrons = 5e4 + 1e4 * np.cos(phase[:, None] - np.arange(4) * np.pi / 2)
+    electrons = 5e8 + 1e8 * np.cos(phase[:, None] - np.arange(4) * np.pi / 2)
     assert measure_ranges(spots(electrons, 4)).status == (*["too close"] * 3, "ok")
 
 
@@ -152,7 +153,35 @@ def test_frames_are_independent():
     assert np.allclose(measure_ranges(both, 1).range_m, RANGES)
 
 
-def test_unknown_electronics_noise_counts_shot_noise_only():
-    known = measure_ranges(spots(ideal(4), 4, noise_electrons=0.0))
-    unknown = measure_ranges(spots(ideal(4), 4, noise_electrons=np.nan))
-    assert np.array_equal(known.sigma_m, unknown.sigma_m)
+def test_unknown_noise_is_estimated_from_the_tap_to_spare():
+    """With four degrees of freedom sigma is wider by the square root of two, in the mean square."""
+    rng, rms = np.random.default_rng(5), 1000.0
+    away, sigmas = [], []
+    for _ in range(300):
+        noisy = ideal(4) + rms * rng.standard_normal((4, 4))
+        found = measure_ranges(spots(noisy, 4, noise_electrons=np.nan))
+        away.append((found.range_m - RANGES) / found.sigma_m)
+        sigmas.append(found.sigma_m)
+    known = measure_ranges(spots(ideal(4), 4, noise_electrons=rms)).sigma_m
+    assert np.nanmean(np.abs(away) > 3) < 0.02
+    mean = np.sqrt(np.nanmean(np.square(sigmas), axis=0))
+    np.testing.assert_allclose(mean, np.sqrt(2) * known, rtol=0.1)
+
+
+def test_unknown_noise_that_nothing_tells_is_refused():
+    with pytest.raises(InputError, match=r"noise_electrons is not known .* 0 are to spare"):
+        measure_ranges(spots(ideal(3), 3, noise_electrons=np.nan))
+
+
+def test_next_to_the_wrap_a_range_is_ambiguous():
+    """A target at 3 cm may as well be one at the end of the unambiguous range, and is called so."""
+    wrap_m = c / FREQUENCY
+    near_m = np.array([0.06, 0.06, wrap_m - 0.06, wrap_m / 2])
+    phase = 2 * np.pi * FREQUENCY * near_m / c + 0.4
+    mean = 5e4 + 1e4 * np.cos(phase[:, None] - 2 * np.pi * np.arange(4) / 4)
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        noisy = mean + 100.0 * rng.standard_normal((4, 4))
+        status = measure_ranges(spots(noisy, 4, noise_electrons=100.0)).status
+        assert set(status[:3]) <= {"ambiguous", "too close"}
+        assert status[3] == "ok"

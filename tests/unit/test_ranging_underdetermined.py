@@ -1,0 +1,183 @@
+"""Ranges of a single frequency, which cannot tell fog from a target, by the prior over weather."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from fogs import light
+from instruments import changed
+from reconstruction.capture import Optics, Spots
+from reconstruction.capture.schema import between
+from reconstruction.errors import InputError
+from reconstruction.ranging import (
+    RANGED,
+    Brightness,
+    Ranges,
+    Weather,
+    brightness_at,
+    measure_ranges,
+    ranging_method,
+    usual_rangings,
+)
+from reconstruction.ranging.brightness import bucket_optics
+from reconstruction.ranging.fog.modes import BACKSCATTER_PER_SR, LOG_DEVIATION
+from reconstruction.ranging.fog.overlap import overlap
+from reconstruction.ranging.fog.reflectance import LOG_SIGMA, MEDIAN
+from reconstruction.ranging.fog.underdetermined import CLEAR
+from spisim.instrument import load_instrument
+from spisim.measurement import told_optics
+
+RANGES = np.array([3.0, 4.5, 5.5, 7.0])
+
+
+def stated(spots: Spots, weather: str | float) -> Spots:
+    return replace(spots, **Weather.parsed(weather)._asdict())
+
+
+def record(ranges_m=RANGES, seed: int = 1, **scene) -> Spots:
+    paper = load_instrument("paper")
+    received = light(paper, ranges_m, **scene)
+    return paper.tof.record(received, paper.spot_optics, np.random.default_rng(seed))
+
+
+def measure(
+    spots: Spots, optics: Optics | None = None, brightness: Brightness | None = None
+) -> Ranges:
+    return ranging_method("fog", spots).compile(between(spots, 0, 0), optics)(spots, brightness)
+
+
+@cache
+def drawn(count: int, seed: int) -> list[tuple[np.ndarray, Ranges, Ranges]]:
+    """True, default and plain ranges of weather, surfaces and ranges as the prior has them."""
+    rng = np.random.default_rng(seed)
+    found = []
+    solve = ranging_method("fog", record()).compile(between(record(), 0, 0))
+    for number in range(count):
+        ranges_m = rng.uniform(0.5, 9.5, 4)
+        foggy = rng.random() > CLEAR
+        spots = record(
+            ranges_m,
+            number,
+            reflectances=MEDIAN * np.exp(LOG_SIGMA * rng.standard_normal(4)),
+            extinction_per_m=foggy * np.exp(rng.uniform(np.log(0.003), np.log(0.28))),
+            backscatter_per_sr=BACKSCATTER_PER_SR * np.exp(LOG_DEVIATION * rng.standard_normal()),
+        )
+        found.append((ranges_m, solve(spots), measure_ranges(spots)))
+    return found
+
+
+def within(found: list[tuple[np.ndarray, Ranges]], sigmas: float) -> float:
+    away = [(each.range_m - true_m) / each.sigma_m for true_m, each in found]
+    away = np.concatenate(away)
+    return float((np.abs(away[np.isfinite(away)]) < sigmas).mean())
+
+
+def test_sigma_holds_what_the_readings_leave_open_of_the_fog() -> None:
+    cases = drawn(60, 3)
+    fitted, plain = ([(case[0], case[n]) for case in cases] for n in (1, 2))
+    assert 0.64 < within(fitted, 1) < 0.9
+    assert within(fitted, 2) > 0.92
+    assert within(fitted, 3) > 0.99
+    assert within(plain, 2) < 0.7
+    ranged = np.concatenate([each.valid for _, each in fitted])
+    assert ranged.mean() > 0.4
+    error_m = np.concatenate([each.range_m - true_m for true_m, each in fitted])
+    assert np.nanmedian(np.abs(error_m)) < 0.3
+
+
+def test_the_status_says_what_a_range_rests_on() -> None:
+    found = measure(record(extinction_per_m=0.02))
+    assert "weather prior" in found.status
+    assert found.valid.tolist() == [status in RANGED for status in found.status]
+    near = measure(record([1.0, 1.0, 1.0, 1.0]))
+    assert near.status == ("ok",) * 4  # so near and so bright that no fog matters
+
+
+def test_in_clear_air_sigma_is_a_little_wider_than_the_plain_one() -> None:
+    spots = record()
+    found, plain = measure(spots), measure_ranges(spots)
+    assert found.valid.all()
+    assert (np.abs(found.range_m - plain.range_m) < found.sigma_m + plain.sigma_m).all()
+    assert (found.sigma_m >= 0.95 * plain.sigma_m).all()
+    assert np.median(found.sigma_m / plain.sigma_m) < 3
+
+
+def test_stated_clear_the_plain_ranges_come_first() -> None:
+    spots = record()
+    assert usual_rangings(spots) == ("fog", "cw")
+    assert usual_rangings(stated(spots, "clear")) == ("cw",)
+    assert usual_rangings(stated(spots, "fog")) == ("fog", "cw")
+
+
+def test_a_stated_visibility_tells_the_fog() -> None:
+    spots = record(extinction_per_m=0.05)
+    unknown, known = measure(spots), measure(stated(spots, 3.9 / 0.05))
+    both = unknown.valid & known.valid
+    assert both.sum() >= 3
+    assert known.fog.log_sigma < 0.7 * unknown.fog.log_sigma
+    assert known.fog.extinction_per_m == pytest.approx(0.05, rel=0.3)
+    assert (np.abs(known.range_m - RANGES) < 3 * known.sigma_m)[both].all()
+    assert measure(stated(spots, "fog")).fog.extinction_per_m > unknown.fog.extinction_per_m
+
+
+def test_the_image_tells_the_fog_that_two_numbers_cannot() -> None:
+    """Pixels as bright as clear air makes them exclude fog, and brighter ones clear air."""
+    optics = told_optics(load_instrument("paper"))
+    spots = record(extinction_per_m=0.02)
+    (seen,) = bucket_optics(optics, spots)
+    surface = optics.pixel_electrons * 0.3 / np.pi * np.diag(overlap(seen, RANGES)[0])
+    sigma = 0.05 * surface
+    dim, bright = (
+        measure(spots, optics, Brightness(gain * surface, sigma)).fog.extinction_per_m
+        for gain in (1.0, 2.5)
+    )
+    assert 2 * dim < bright
+
+
+def test_an_image_says_nothing_of_spots_outside_of_it() -> None:
+    image = np.arange(16.0).reshape(4, 4)
+    found = brightness_at(np.array([[1, 1], [0, 3], [4, 1], [-3, 2]]), image, np.ones((4, 4)))
+    np.testing.assert_allclose(found.electrons, [5.0, 4.5, np.nan, np.nan])
+    optics = told_optics(load_instrument("paper"))
+    spots = record()
+    nothing = Brightness(np.full(4, np.nan), np.full(4, np.nan))
+    np.testing.assert_allclose(
+        measure(spots, optics, nothing).range_m, measure(spots, optics).range_m, rtol=1e-9
+    )
+
+
+def test_detectors_that_are_not_stated_leave_the_image_out() -> None:
+    assert bucket_optics(None, record()) == ()
+    assert bucket_optics(Optics(0.2, 0.2), record()) == ()
+
+
+def test_targets_beyond_the_wrap_are_not_called_near() -> None:
+    """The plain method puts them a wrap too near, and calls that "ok"."""
+    far_m = [11.4, 11.8, 12.1, 12.3]
+    spots = record(far_m, reflectances=0.5)
+    assert "ok" in measure_ranges(spots).status
+    assert not measure(spots).valid.any()
+
+
+def test_two_windows_are_ranged_alike() -> None:
+    hybrid = load_instrument("hybrid")
+    received = light(hybrid, [1.2, 1.6, 2.0, 2.4], extinction_per_m=0.06)
+    spots = hybrid.tof.record(received, hybrid.spot_optics, np.random.default_rng(1))
+    found = measure(spots)
+    away = (found.range_m - [1.2, 1.6, 2.0, 2.4]) / found.sigma_m
+    assert (np.abs(away[found.valid]) < 4).all()
+
+
+@pytest.mark.parametrize("weather", ["sunny", "", "-3", "nan", "1e9", 0.0])
+def test_weather_that_is_none_is_refused(weather) -> None:
+    with pytest.raises(InputError, match="allowed: unknown, clear, fog, or a visibility from 1 to"):
+        Weather.parsed(weather)
+
+
+def test_an_instrument_states_its_weather() -> None:
+    assert np.isnan(load_instrument("paper").spot_optics.clear_probability)
+    foggy = changed("paper", weather=80.0).spot_optics
+    assert (foggy.clear_probability, foggy.visibility_m) == (0.0, 80.0)
+    assert changed("paper", weather="clear").spot_optics.clear_probability == 1.0
