@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from alternatives import DualVolpath, TransientSpots
 from efficiency import Method, Series, measure, ratio, z_score
+from error_coverage import HALF_ANGLE_RAD, stated_errors
 from options import benchmark_options, finish
 from room import FOG_KIND, air, box_pose, room
 from scipy.constants import c
@@ -47,7 +48,7 @@ PLAN = INSTRUMENT.pattern_plan
 LIT = PLAN.exposures - 1  # the last exposure is dark
 PLACED = InstrumentView.of(INSTRUMENT, np.eye(4))
 PROJECTOR = PLACED.projector
-DETECTOR = replace(PLACED.bucket, half_angle_rad=np.radians(12))
+DETECTOR = replace(PLACED.bucket, half_angle_rad=HALF_ANGLE_RAD)
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,24 @@ class Amounts:
     path_counts: tuple[int, ...]
     memory_spp: int
     steady_runs: int
+    coverage: tuple[int, tuple[int, int]]  # runs, and pixels of the image
 
 
 FULL = Amounts(
-    (None, 200, 50, 20, 10), 20, 128, 256, 2**17, 8, 20, 2**17, (64, 256, 1024), 1000, 32
+    (None, 200, 50, 20, 10),
+    20,
+    128,
+    256,
+    2**17,
+    8,
+    20,
+    2**17,
+    (64, 256, 1024),
+    1000,
+    32,
+    (24, (64, 64)),
 )
-QUICK = Amounts((None, 50), 10, 64, 256, 2**16, 4, 4, 2**15, (16, 64), 64, 32)
+QUICK = Amounts((None, 50), 10, 64, 256, 2**16, 4, 4, 2**15, (16, 64), 64, 32, (12, (32, 32)))
 
 Section = tuple[Table, list[Check]]
 
@@ -89,6 +102,7 @@ def main() -> int:
         patterns,
         spots,
         steady,
+        honesty,
         cost_of_paths,
         cost_of_patterns,
     )
@@ -261,6 +275,11 @@ def steady(amounts: Amounts) -> Section:
     columns = ("visibility", "error", "largest told", "χ²", "z", "processor time (s)")
     checks = [Check("largest_z_steady", largest_z, 4), Check("chi2_steady", max(told), 1.7)]
     return Table(title, columns, rows), checks
+
+
+def honesty(amounts: Amounts) -> Section:
+    """How many estimates lie within their stated errors."""
+    return stated_errors(INSTRUMENT, *amounts.coverage)
 
 
 def lit_evenly(scene: Scene, emitter: dict[str, object], samples: int) -> Floats:

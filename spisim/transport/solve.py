@@ -23,6 +23,7 @@ from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import BeamView, InstrumentView
 from spisim.transport.world import World, build_world
 
@@ -45,7 +46,8 @@ GROWTH = 3.0
 class Transport:
     """Light transport of one scene and instrument: fractions of emitted power, and daylight.
 
-    `*_error` are standard errors of the Monte Carlo estimate. `extra` has what `Outputs` asked for:
+    `*_error` are standard errors of the Monte Carlo estimate, those of pixels and bins moderated by
+    what is around (`spisim.transport.stated_error`). `extra` has what `Outputs` asked for:
     `phasors` (F, H, W), complex; `cube` (H, W, bins) and `cube_path_length_m` (bins,); and, split
     into unscattered, single and multiple, `orders` (3, H, W) of the image, `phasor_orders`
     (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, 4, bins).
@@ -174,9 +176,9 @@ def solve(
     )
     return Transport(
         image=image.mean["image"].reshape(shape),
-        image_error=image.error["image"].reshape(shape),
+        image_error=image_error(image, shape),
         spot_histogram=spots.mean["histogram"],
-        spot_histogram_error=spots.error["histogram"],
+        spot_histogram_error=spot_error(spots),
         path_length_m=bins.centres_m,
         **steady,
         noise_share=image.size,

@@ -35,6 +35,7 @@ from spisim.transport.engine.sampling import Estimate, Paths
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.sequence import LightSequence, at_key_times
 from spisim.transport.solve import Transport, met_m, steady_light
+from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import World, build_world
 
@@ -101,9 +102,9 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     spot_guessed = extinction * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
     return Transport(
         image=light,
-        image_error=np.hypot(image.error["image"].reshape(light.shape), guessed),
+        image_error=np.hypot(image_error(image, light.shape), guessed),
         spot_histogram=surfaces + echo + spot_guessed,
-        spot_histogram_error=np.hypot(spots.error["histogram"], spot_guessed),
+        spot_histogram_error=np.hypot(spot_error(spots), spot_guessed),
         path_length_m=bins.centres_m,
         noise_share=np.nan,
         spot_noise_share=np.nan,
