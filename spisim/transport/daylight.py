@@ -145,10 +145,12 @@ def projector_power(
         rays = FogRays(world, lamp) if world.media.parts else None
         direct_light(world, ends, lamp, seeds[2], deposit, replicas=replicas)
         mirrored_light(world, lamp, ends, seeds[2], deposit, replicas=replicas)
-        if max_vertices == 1:
+        if max_vertices == 1 and not world.geometry.see_through:
             return
         inward = second_on_or_behind_glass
-        out = Walk(world, lamp, ends, True, second_on, deposit, rays, replicas=replicas)
+        out = Walk(
+            world, lamp, ends, True, second_on, deposit, rays, world.mirrors, replicas=replicas
+        )
         out.run(seeds[0], max_vertices)
         back = Walk(world, ends, lamp, False, inward, deposit, rays, replicas=replicas)
         back.run(seeds[1], max_vertices)
