@@ -163,7 +163,8 @@ def test_all_light_of_a_folded_room_is_that_of_the_unfolded_one(heading, axes, m
         for each in (folded, unfolded)
     ]
     assert np.all(np.abs(worlds.z_score(*readings)) < 4)
-    assert np.all(readings[0].std(axis=0)[:2] < 0.05 * readings[0].mean(axis=0)[:2])
+    once = folded[:, 1].sum(axis=1)  # 10 % of which is missing without the images
+    assert once.std() < 0.02 * once.mean()
 
 
 @pytest.mark.parametrize(

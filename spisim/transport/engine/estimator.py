@@ -121,8 +121,10 @@ def image_light(
         rays_alone = near.times(DIRECT_RAYS)
         direct_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
         mirrored_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
-        if max_vertices == 1 and not world.geometry.see_through:
-            return
+        if max_vertices == 1:
+            if not world.geometry.see_through:
+                return
+            strategy = Strategy.PROJECTOR  # which finds what lies behind panes
         if halo:
             halo_light(world, near.times(HALO_RAYS), far, seeds[2], deposit, replicas=replicas)
     walk = partial(Walk, world, deposit=deposit, rays=rays, halo=halo, replicas=replicas)
@@ -172,7 +174,7 @@ def spot_histogram(
             if strategy is not Strategy.DETECTOR:
                 out = walk(near, far, True, weight, mirrors=world.smooth)
                 out.run(seeds[0], max_vertices - 1)
-            if strategy is not Strategy.PROJECTOR:
+            if strategy is not Strategy.PROJECTOR and max_vertices > 1:
                 walk(far, near, False, weight).run(seeds[1], max_vertices - 1)
         return tallies.read(detectors.area_m2)
 
