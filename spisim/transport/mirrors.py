@@ -46,6 +46,10 @@ class Plane(NamedTuple):
         """The mirror image of a point."""
         return point - 2 * (dr.dot(self.normal, point) - self.offset_m) * self.normal
 
+    def turned(self, direction: Any) -> Any:
+        """The mirror image of a direction."""
+        return direction - 2 * dr.dot(self.normal, direction) * self.normal
+
     def holds(self, si: Any) -> Any:
         """Whether a place on a surface belongs to the plane: it may cross others there."""
         near = dr.abs(dr.dot(self.normal, si.p) - self.offset_m) < 2 * SAME_PLACE_M
@@ -70,6 +74,13 @@ class Fold(NamedTuple):
         for number, plane in enumerate(self.planes):
             vertex = dr.select(number < self.met, plane.image(vertex), vertex)
         return vertex
+
+    def ray_of_vertex(self, ray: Any) -> Any:
+        """A ray through the vertex, as the end sees it."""
+        direction = mi.Vector3f(ray.d)
+        for number, plane in enumerate(self.planes):
+            direction = dr.select(number < self.met, plane.turned(direction), direction)
+        return mi.Ray3f(mi.Point3f(self.image_of_vertex(ray.o)), direction)
 
 
 class _Planes(NamedTuple):

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
-import mitsuba as mi
 
 from spisim.transport.engine.ends import Connection
 from spisim.transport.mirrors import Fold, reflected
@@ -60,9 +59,7 @@ class Mirrored:
 
     def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
         """See `Detectors`."""
-        origin = self.fold.image_of_vertex(ray.o)
-        direction = mi.Vector3f(self.fold.image_of_vertex(ray.o + ray.d) - origin)
-        near, far = self.end.overlap(number, mi.Ray3f(mi.Point3f(origin), direction), reach)
+        near, far = self.end.overlap(number, self.fold.ray_of_vertex(ray), reach)
         return near, far
 
     def transmission(
