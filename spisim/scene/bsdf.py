@@ -180,11 +180,12 @@ class Principled:
 class Retroreflector:
     """A diffuse body that sends part of the light back to where it came from: tape, cat's eyes.
 
-    The lobe is that of a rough metal about the incoming in place of the mirrored direction (the
-    back vector of Belcour et al. 2014, JOSA A 31, 2561). `returned` is its share of the light at
-    normal incidence; it falls with the entrance angle β as cosᵏβ, k = `ENTRANCE_FALL`. The
-    coefficient of retroreflection at the observation angle δ follows (small α and δ, in sr⁻¹, which
-    are cd/(lx m²)):
+    The lobe is that of microfacets which face the incoming light, wherever the surface faces
+    (compare the back vector of Belcour et al. 2014, JOSA A 31, 2561): the same all around the
+    incoming direction. `returned` is its fraction of the light at normal incidence. The
+    coefficient of retroreflection falls with the entrance angle β as cosᵏβ, k = `ENTRANCE_FALL`;
+    at the observation angle δ, in any direction, it is (small α and δ, in sr⁻¹, which are
+    cd/(lx m²)):
 
         R_A = returned · cosᵏβ / (4 π α² (1 + δ² / (2 α)²)²)
 

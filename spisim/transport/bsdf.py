@@ -97,12 +97,12 @@ def _principled(bsdf: Principled, material: Material) -> dict[str, Any]:
 def _retroreflector(bsdf: Retroreflector, material: Material) -> dict[str, Any]:
     """Lobe and body, each drawn as often as it is bright."""
     total = bsdf.returned + material.reflectance
-    lobe = _rough("conductor", bsdf.roughness) | _metal(total * _texture(material))
+    white = _spectrum(total * _texture(material))
     return {
         "type": "blendbsdf",
         "weight": _spectrum(bsdf.returned / total if total > 0 else 0.0),
-        "body": {"type": "diffuse", "reflectance": _spectrum(total * _texture(material))},
-        "lobe": retroreflector(lobe),
+        "body": {"type": "diffuse", "reflectance": white},
+        "lobe": retroreflector(bsdf.roughness, white),
     }
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -145,13 +146,12 @@ def projector_power(
         rays = FogRays(world, lamp) if world.media.parts else None
         direct_light(world, ends, lamp, seeds[2], deposit, replicas=replicas)
         mirrored_light(world, lamp, ends, seeds[2], deposit, replicas=replicas)
-        if max_vertices == 1:
-            return
-        inward = second_on_or_behind_glass
-        out = Walk(world, lamp, ends, True, second_on, deposit, rays, replicas=replicas)
-        out.run(seeds[0], max_vertices)
-        back = Walk(world, ends, lamp, False, inward, deposit, rays, replicas=replicas)
-        back.run(seeds[1], max_vertices)
+        walk = partial(Walk, world, deposit=deposit, rays=rays, replicas=replicas)
+        if max_vertices > 1:
+            out = walk(lamp, ends, True, second_on, mirrors=world.mirrors)
+            out.run(seeds[0], max_vertices)
+        if max_vertices > 1 or world.geometry.see_through:
+            walk(ends, lamp, False, second_on_or_behind_glass).run(seeds[1], max_vertices)
 
     found = _received(trace, detectors, floor_w / total_w, target, seed)
     return Received(total_w * found.power_w, total_w * found.error_w, found.dropped)

@@ -21,7 +21,7 @@ BEAM_SIGMAS = 3.0
 
 def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> None:
     """TransportWarning for beams that mirrors throw straight into their detectors."""
-    if world.mirrors is None:
+    if world.smooth is None:
         return
     lasers = np.flatnonzero(mirrored_beams(world, beams, detectors))
     if lasers.size:

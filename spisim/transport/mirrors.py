@@ -1,4 +1,6 @@
-"""Plane mirrors and panes, by which light reaches an end that its last scattering does not see.
+"""Plane mirrors, by which light reaches an end that its last scattering does not see.
+
+Panes and smooth coats are among them.
 
 A path that meets a mirror next to both ends is found by no walk: each is a density of zero for the
 other. A plane mirror shows an end as an image behind it (the method of images), so that a vertex
@@ -19,7 +21,7 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from spisim.scene import SceneObject
-from spisim.scene.bsdf import Conductor, Dielectric, Mirror, ThinPane
+from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane
 from spisim.scene.content import surface_content
 from spisim.transport.geometry import Geometry
 from spisim.transport.media import Media
@@ -43,6 +45,10 @@ class Plane(NamedTuple):
     def image(self, point: Any) -> Any:
         """The mirror image of a point."""
         return point - 2 * (dr.dot(self.normal, point) - self.offset_m) * self.normal
+
+    def turned(self, direction: Any) -> Any:
+        """The mirror image of a direction."""
+        return direction - 2 * dr.dot(self.normal, direction) * self.normal
 
     def holds(self, si: Any) -> Any:
         """Whether a place on a surface belongs to the plane: it may cross others there."""
@@ -68,6 +74,13 @@ class Fold(NamedTuple):
         for number, plane in enumerate(self.planes):
             vertex = dr.select(number < self.met, plane.image(vertex), vertex)
         return vertex
+
+    def ray_of_vertex(self, ray: Any) -> Any:
+        """A ray through the vertex, as the end sees it."""
+        direction = mi.Vector3f(ray.d)
+        for number, plane in enumerate(self.planes):
+            direction = dr.select(number < self.met, plane.turned(direction), direction)
+        return mi.Ray3f(mi.Point3f(self.image_of_vertex(ray.o)), direction)
 
 
 class _Planes(NamedTuple):
@@ -101,17 +114,16 @@ class Mirrors:
     most: int  # in a row
 
     @classmethod
-    def of(cls, objects: Sequence[SceneObject]) -> Mirrors | None:
-        """Those of a scene; None where nothing mirrors."""
-        mirrors = [thing for thing in objects if _mirrors(thing)]
-        planes, strength = _known_planes(mirrors) if mirrors else (np.zeros((0, 4)), np.zeros(0))
+    def of(cls, things: Sequence[SceneObject]) -> Mirrors | None:
+        """Those of objects that mirror; None where there are none."""
+        planes, strength = _known_planes(things) if things else (np.zeros((0, 4)), np.zeros(0))
         if not strength.size:
             return None
         planes, strength = planes.astype(np.float32), strength.astype(np.float32)
         return cls(
             largest=_Planes.of(planes[:MAX_PLANES], strength[:MAX_PLANES]),
             all=_Planes.of(planes, strength),
-            again=dr.opaque(mi.Float, _again(mirrors)),
+            again=dr.opaque(mi.Float, _again(things)),
             most=min(len(planes), MAX_FOLDS),
         )
 
@@ -159,7 +171,7 @@ def reflected(
         si = geometry.scene.ray_intersect(before, here)
         gap_m = passed_m + si.t
         met = here & si.is_valid() & (gap_m < rest_m) & plane.holds(si) & (through > 0)
-        # The first choice of every mirror and pane is to reflect.
+        # The first choice of every mirror, pane and coat is to reflect.
         sample, weight = si.bsdf().sample(
             mi.BSDFContext(mi.TransportMode.Importance), si, mi.Float(0), mi.Point2f(0.5), met
         )
@@ -173,31 +185,46 @@ def reflected(
     return left * media.transmittance(ray.o, ray.d, rest_m, sampler, left > 0)
 
 
-def _mirrors(thing: SceneObject) -> bool:
-    # Coats of gloss reflect 4 %, both ways together 0.2 % of what a mirror does.
-    smooth = isinstance(thing.material.bsdf, Mirror | Conductor | Dielectric | ThinPane)
-    return smooth and thing.material.opacity is None
+def mirrors_of(objects: Sequence[SceneObject]) -> tuple[Mirrors | None, Mirrors | None]:
+    """Mirrors, smooth metal, glass and panes of a scene; and these and smooth coats."""
+    coats, mirrors = (
+        [each for each in objects if isinstance(each.material.bsdf, kinds) and _is_whole(each)]
+        for kinds in (Plastic, Mirror | Conductor | Dielectric | ThinPane)
+    )
+    found = Mirrors.of(mirrors)
+    return found, Mirrors.of(coats + mirrors) if coats else found
+
+
+def _is_whole(thing: SceneObject) -> bool:
+    return thing.material.opacity is None
+
+
+def _reflectance(thing: SceneObject) -> float:
+    """At normal incidence; of plastic, that of its coat."""
+    bsdf = thing.material.bsdf
+    if isinstance(bsdf, Plastic):
+        return Dielectric(bsdf.ior).fresnel_reflectance
+    return thing.material.reflectance
 
 
 def _again(mirrors: Sequence[SceneObject]) -> float:
     """How often to look for a second mirror: what light keeps on average, to what it had before."""
-    reflectances = [thing.material.reflectance for thing in mirrors]
+    reflectances = [_reflectance(thing) for thing in mirrors]
     areas = [thing.mesh.area * each for thing, each in zip(mirrors, reflectances, strict=True)]
     kept = float(np.average(reflectances, weights=areas))
     return kept / (1 + kept)
 
 
 def _known_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
-    """See `_planes`; those found last, as long as nothing about the objects changed."""
+    """See `_planes`; those found last for the first of the objects, as long as none changed."""
     content = surface_content(mirrors)
     known = _KEPT.get(mirrors[0])
     if known is None or known[0] != content:
-        _KEPT.clear()
         known = _KEPT[mirrors[0]] = content, _planes(mirrors)
     return known[1]
 
 
-#: The planes found last, by the first of the objects.
+#: The planes found last, by the first of the objects and with the content of all.
 _KEPT: WeakKeyDictionary[SceneObject, tuple[bytes, tuple[Floats, Floats]]] = WeakKeyDictionary()
 
 
@@ -205,9 +232,7 @@ def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
     """Unit normal and offset (planes, 4) of those that triangles lie in, and area x reflectance."""
     triangles = np.concatenate([thing.mesh.triangles for thing in things])
     normals = np.concatenate([thing.mesh.face_normals for thing in things])
-    strength = np.concatenate(
-        [thing.mesh.area_faces * thing.material.reflectance for thing in things]
-    )
+    strength = np.concatenate([thing.mesh.area_faces * _reflectance(thing) for thing in things])
     found: list[Floats] = []
     total: list[float] = []
     free = strength > 0

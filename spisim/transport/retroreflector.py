@@ -13,11 +13,11 @@ from spisim.scene.bsdf import ENTRANCE_FALL
 PLUGIN = "spisim-retroreflector"
 
 
-def retroreflector(lobe: dict[str, Any]) -> dict[str, Any]:
-    """Mitsuba description of a surface that does to the incoming what `lobe` does to the mirrored
-    direction; needs an active variant."""
+def retroreflector(roughness: float, reflectance: dict[str, Any]) -> dict[str, Any]:
+    """Mitsuba description of a lobe about the incoming direction, of this width α and reflectance
+    at normal incidence; needs an active variant."""
     _register(str(mi.variant()))
-    return {"type": PLUGIN, "lobe": lobe}
+    return {"type": PLUGIN, "alpha": float(roughness), "reflectance": reflectance}
 
 
 @cache
@@ -25,45 +25,62 @@ def _register(variant: str) -> None:
     """Make the plugin known to one variant, of whose types its class is made."""
 
     class Retroreflector(mi.BSDF):
-        """f(i, o) = lobe(mirrored i, o) · (cos i · cos o)^(k / 2): reciprocal, as the lobe is."""
+        """f(i, o) = reflectance · p(i, o) · (cos i · cos o)^(k / 2 - 1).
+
+        p is the density of directions that a facet drawn from GGX's distribution about i mirrors i
+        into, D(δ / 2) / 4 for δ between i and o (Walter et al. 2007): the same all around i, and
+        both ways.
+        """
 
         def __init__(self, properties: Any) -> None:
             super().__init__(properties)
-            self.lobe = properties["lobe"]
-            count = self.lobe.component_count()
-            self.m_components = [self.lobe.flags(number) for number in range(count)]
-            self.m_flags = self.lobe.flags()
+            self.alpha = float(properties["alpha"])
+            self.reflectance = properties.get_texture("reflectance")
+            self.m_flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
+            self.m_components = [self.m_flags]
 
         def sample(
             self, context: Any, si: Any, choice: Any, square: Any, active: Any = True
         ) -> Any:
-            drawn, weight = self.lobe.sample(context, _mirrored(si), choice, square, active)
-            return drawn, weight * _fade(si.wi, drawn.wo)
+            facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, self.alpha, False)
+            facet, _ = facets.sample(mi.Vector3f(0, 0, 1), square)
+            around = mi.Vector3f(facet.x, facet.y, facet.z) * (2 * facet.z) - mi.Vector3f(0, 0, 1)
+            drawn: Any = dr.zeros(mi.BSDFSample3f)
+            drawn.wo = mi.Frame3f(si.wi).to_world(around)
+            drawn.pdf = self._density(si.wi, drawn.wo)
+            drawn.eta = 1
+            drawn.sampled_type = mi.UInt32(+mi.BSDFFlags.GlossyReflection)
+            return drawn, self._weight(si, drawn.wo, active)
 
         def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return self.lobe.eval(context, _mirrored(si), wo, active) * _fade(si.wi, wo)
+            return self._weight(si, wo, active) * self._density(si.wi, wo)
 
         def pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            return self.lobe.pdf(context, _mirrored(si), wo, active)
+            return dr.select(active & _above(si.wi, wo), self._density(si.wi, wo), 0)
 
         def eval_pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
-            value, density = self.lobe.eval_pdf(context, _mirrored(si), wo, active)
-            return value * _fade(si.wi, wo), density
+            return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
 
         def traverse(self, callback: Any) -> None:
-            callback.put("lobe", self.lobe, mi.ParamFlags.Differentiable)
+            callback.put("reflectance", self.reflectance, mi.ParamFlags.Differentiable)
 
         def to_string(self) -> str:
-            return f"Retroreflector[{self.lobe}]"
+            return f"Retroreflector[alpha={self.alpha}, reflectance={self.reflectance}]"
+
+        def _density(self, wi: Any, wo: Any) -> Any:
+            """p; from the chord between the two, which single precision knows well."""
+            sine2 = dr.squared_norm(wo - wi) / 4  # of δ / 2
+            spread = (1 - sine2) * self.alpha + sine2 / self.alpha
+            return dr.rcp(4 * dr.pi * spread * spread)
+
+        def _weight(self, si: Any, wo: Any, active: Any) -> Any:
+            """f cos o / p."""
+            fade = dr.power(si.wi.z * wo.z, ENTRANCE_FALL / 2 - 1) * wo.z
+            lit = active & _above(si.wi, wo)
+            return self.reflectance.eval(si, lit) * dr.select(lit, fade, 0)
 
     mi.register_bsdf(PLUGIN, Retroreflector)
 
 
-def _mirrored(si: Any) -> Any:
-    turned = mi.SurfaceInteraction3f(si)
-    turned.wi = mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z)
-    return turned
-
-
-def _fade(wi: Any, wo: Any) -> Any:
-    return dr.power(dr.maximum(wi.z * wo.z, 0), ENTRANCE_FALL / 2)
+def _above(wi: Any, wo: Any) -> Any:
+    return (wi.z > 0) & (wo.z > 0)

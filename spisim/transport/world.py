@@ -20,7 +20,7 @@ from spisim.transport.enclosed import Enclosed, surface_scene
 from spisim.transport.geometry import Geometry, transform
 from spisim.transport.media import Bias, Grid, Homogeneous, Media, Medium, density_texture
 from spisim.transport.meshes import Meshes
-from spisim.transport.mirrors import Mirrors
+from spisim.transport.mirrors import Mirrors, mirrors_of
 from spisim.transport.phase import phase_plugin
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
@@ -36,7 +36,8 @@ class World:
 
     geometry: Geometry
     media: Media
-    mirrors: Mirrors | None
+    mirrors: Mirrors | None  # smooth metal, glass and panes, too
+    smooth: Mirrors | None  # these, and smooth coats
     radius_m: float  # of a ball around everything
     diffuse: bool  # all surfaces are Lambertian
 
@@ -59,10 +60,12 @@ class World:
 @with_backend
 def build_world(scene: Scene) -> World:
     """Hand a scene to Mitsuba."""
+    mirrors, smooth = mirrors_of(scene.objects)
     return World(
         geometry=_geometry(scene),
         media=_media(scene),
-        mirrors=Mirrors.of(scene.objects),
+        mirrors=mirrors,
+        smooth=smooth,
         radius_m=_everything(scene)[1],
         diffuse=all(isinstance(thing.material.bsdf, Diffuse) for thing in scene.objects),
     )

@@ -8,7 +8,7 @@ import trimesh
 
 import worlds
 from spisim.scene import Material, SceneObject
-from spisim.scene.bsdf import Mirror, ThinPane
+from spisim.scene.bsdf import Mirror, Plastic, ThinPane
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import transport_image
@@ -139,13 +139,21 @@ def test_a_room_with_mirrors_in_fog_against_the_reference_engine(mirrors) -> Non
     assert all(total.std() < 0.05 * total.mean() for total in totals)
 
 
-@pytest.mark.parametrize("tilt_rad", [0.0, 0.02, 0.06])
-def test_a_laser_that_is_mirrored_straight_back_is_told(tilt_rad, recwarn) -> None:
+@pytest.mark.parametrize(
+    ("tilt_rad", "material"),
+    [
+        (0.0, MIRROR),
+        (0.02, MIRROR),
+        (0.06, MIRROR),
+        (0.02, Material("gloss", 0.5, "test", Plastic())),
+    ],
+)
+def test_a_laser_that_is_mirrored_straight_back_is_told(tilt_rad, material, recwarn) -> None:
     """The first of two beams comes back 2 m · tan(2 tilt) aside, 8 mm wide."""
     lasers = replace(worlds.beams([0, 0, 1], [0.2, 0, 1]), divergence_rad=2e-3, waist_m=1e-3)
     place = [-2.0 * np.tan(0.04), 0, 0]  # where the tilt of 0.02 takes it
     apertures = worlds.detector([place, place], half_angle_deg=20)
-    world = build_world(worlds.scene(mirror(2.0, tilt_rad, 3.0)))
+    world = build_world(worlds.scene(mirror(2.0, tilt_rad, 3.0, material)))
     warn_of_glints(world, lasers, apertures)
     told = [str(each.message) for each in recwarn if each.category is TransportWarning]
     assert bool(told) == (tilt_rad == 0.02)

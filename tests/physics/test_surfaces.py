@@ -25,6 +25,7 @@ from spisim.scene.bsdf import (
 )
 from spisim.transport.engine import estimator
 from spisim.transport.engine.estimator import Strategy
+from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.world import build_world
 
 # isort: split
@@ -172,14 +173,16 @@ def test_wall_of_tape(observation_deg):
     assert found.sum() == pytest.approx(closed, rel=2e-3, abs=0)
 
 
-def test_a_pane_weakens_both_ways_by_its_transmittance():
+@pytest.mark.parametrize("most", [1, MAX_VERTICES])
+def test_a_pane_weakens_both_ways_by_its_transmittance(most):
+    """It is no vertex: light that the wall behind it scatters once passes it twice."""
     # Tilted, or it would mirror the projector into the detector
     pane = sheet(made_of(ThinPane(1.5)), distance=2.0, half_size=5, tilt=0.1)
     bare = worlds.scene(worlds.plane(5.0, 0.5))
     glazed = replace(bare, objects=(*bare.objects, pane))
-    view = worlds.projector(1.0, (2, 2))
+    view, eye = worlds.projector(1.0, (2, 2)), worlds.detector(half_angle_deg=1.0)
     with_pane, without = (
-        worlds.image(build_world(place), view, worlds.detector(half_angle_deg=1.0), 256, SEEDS[0])
+        worlds.image(build_world(place), view, eye, 256, SEEDS[0], max_vertices=most)
         for place in (glazed, bare)
     )
     reflected = 0.04

@@ -237,20 +237,21 @@ def test_straight_back_is_what_the_surface_sends(distribution: str, cosine: floa
     assert straight_back(metal, cosine) == pytest.approx(value, rel=0.01)
 
 
-@pytest.mark.parametrize("cosine", [1.0, 0.9, 0.5])
-@pytest.mark.parametrize("observation_deg", [0.0, 0.2, 1.0, 1.5])
-def test_coefficient_of_retroreflection(cosine: float, observation_deg: float) -> None:
-    """R_A = f cos i cos o, away from the plane of incidence, as tape is measured."""
-    bsdf = Retroreflector(0.15)
-    delta = np.radians(observation_deg)
-    wi = np.array([np.sqrt(1 - cosine**2), 0, cosine])
-    wo = np.cos(delta) * wi + np.sin(delta) * np.array([0, 1, 0])
-    si = arriving(cosine, 1)
-    value = load(bsdf, 0.0).eval(context(), si, mi.Vector3f(*map(float, wo))).x.numpy()[0]
-    # Out of the plane the lobe is narrower by the cosine: facets turn by δ / (2 cos i)
-    slope = np.tan(delta) / (2 * cosine) / bsdf.roughness
-    closed = 0.15 * cosine**5 / (4 * np.pi * bsdf.roughness**2 * (1 + slope**2) ** 2)
-    assert value * cosine == pytest.approx(closed, rel=2e-3)
+@pytest.mark.parametrize("entrance_deg", [0.0, 40.0, 60.0])
+@pytest.mark.parametrize("observation_deg", [0.0, 0.2, 0.5, 1.5])
+def test_coefficient_of_retroreflection(entrance_deg: float, observation_deg: float) -> None:
+    """R_A = f cos i cos o is the same in the plane of incidence, across it and between."""
+    bsdf, beta, delta = Retroreflector(0.15), *np.radians([entrance_deg, observation_deg])
+    si = arriving(np.cos(beta), 3)
+    along, across = np.array([[np.cos(beta), 0, -np.sin(beta)], [0, 1, 0]])
+    around = np.radians([[0.0], [45.0], [90.0]])
+    aside = np.cos(around) * along + np.sin(around) * across
+    wo = np.cos(delta) * si.wi.numpy().T + np.sin(delta) * aside
+    value = load(bsdf, 0.0).eval(context(), si, mi.Vector3f(wo.T.astype(np.float32))).x.numpy()
+    slope = delta / (2 * bsdf.roughness)
+    closed = 0.15 * np.cos(beta) ** 5 / (4 * np.pi * bsdf.roughness**2 * (1 + slope**2) ** 2)
+    tilted = (wo[:, 2] / np.cos(beta)) ** 2.5  # cos^k β of small δ is (cos i cos o)^(k/2)
+    np.testing.assert_allclose(value * np.cos(beta), closed * tilted, rtol=2e-3)
 
 
 def test_tape_is_what_the_norm_asks_for() -> None:

@@ -6,7 +6,8 @@ equi-angularly about the vertex that is to be connected (Kulla & Fajardo, EGSR 2
 cancels the 1/distance² between the two.
 
 The beam's first vertex x₁ plays the part of a point source whose lobe is the scattering at x₁;
-`walk` then numbers vertices from x₂ on.
+`walk` then numbers vertices from x₂ on. So does a pane that a pencil passes straight through,
+which is no vertex: no path from a detector is connected to what lies behind it.
 """
 
 from __future__ import annotations
@@ -104,6 +105,7 @@ class Beams:
         weight = dr.select(in_fog, self.world.media.albedo(collision.medium) * phase_weight, 0)
         weight = dr.select(on_surface, bsdf_weight.x, weight)
         specular = on_surface & mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
+        straight = on_surface & mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null)
         density = dr.select(in_fog, phase_density, dr.select(specular, dr.inf, sample.pdf))
         return Launch(
             origin=dr.select(in_fog, point, outgoing.o),
@@ -118,6 +120,7 @@ class Beams:
                 distance,
             ),
             cell=self.cell(lane),
+            crossings=dr.select(straight, mi.UInt32(1), mi.UInt32(0)),
         )
 
     def density(self, launch: Launch, first_vertex: Any) -> Any:

@@ -17,6 +17,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.points import Points
+from spisim.transport.engine.sight import Mirrored, Straight
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
 from spisim.transport.mirrors import reflected
@@ -25,6 +26,12 @@ from spisim.transport.world import World
 #: Ends whose rays are followed, and ends that these are connected to.
 Source = Projector | Beams | Detectors
 Sink = Detectors | Lamp
+#: Numbers, cells, replicas, and random numbers.
+Lanes = tuple[Any, Any, Any, Any]
+
+
+#: How the other end is seen from there.
+Sight = Straight | Mirrored
 
 
 class Pencil(NamedTuple):
@@ -44,18 +51,23 @@ def direct_light(
     The ray is followed to the first surface, be it a pane or not. The end with the narrower field
     is the one to follow rays from: they should lie in the field of the other.
     """
-    lane, cell, replica, sampler = low_discrepancy(this, replicas, seed)
-    ray, weight = this.pencil(lane, sampler)
-    si, reach = world.first_surface(ray)
-    pencil = Pencil(ray, si, reach, other.choose(lane, sampler))
+    lanes = low_discrepancy(this, replicas, seed)
+    _along_rays(world, this, Straight(world, other), lanes, deposit)
 
-    def add(value: Any, length_m: Any, scatterings: int, lit: Any) -> None:
-        order = mi.UInt32(scatterings)
-        deposit(Contribution(value * weight, cell, length_m, order, lit, replica))
 
-    far_point = _off_surface(world, pencil, other, sampler, add)
-    if world.media.parts:
-        _off_fog(world, pencil, other, far_point, sampler, add)
+def direct_light_in_mirrors(
+    world: World, this: Beams, other: Detectors, seed: int, deposit: Deposit, *, replicas: int = 1
+) -> None:
+    """Deposit what each lane's ray scatters once, as mirrors and smooth coats show it.
+
+    No path from the other end finds it: a mirror does not lead one onto a laser's ray.
+    """
+    if world.smooth is None:
+        return
+    lanes = low_discrepancy(this, replicas, seed ^ 3)  # others
+    sampler = lanes[-1]
+    fold = world.smooth.choose_any(sampler.next_1d(), sampler)
+    _along_rays(world, this, Mirrored(world, other, fold), lanes, deposit)
 
 
 def mirrored_light(
@@ -77,14 +89,12 @@ def mirrored_light(
     random: Any = mi.sample_tea_float32  # whose stubs take Python's numbers alone
     turn = (mi.Float(lane) + 0.5) / source.lanes + random(replica, dr.opaque(mi.UInt32, seed))
     fold = world.mirrors.choose_any(turn - dr.floor(turn), sampler)  # all planes in turn
-    middle = fold.image_of_vertex(source.middle)
-    detector = detectors.choose(lane, sampler)
-    end = detectors.connect_to(detector, middle, sampler)
-    response = end.importance * dr.squared_norm(middle - end.point)
-    image = fold.image(end.point)
-    start = source.connect(lane, image, sampler)
-    towards, length_m = direction_to(start.point, image)
-    value = start.importance * response / (fold.probability * source.paths)
+    number = detectors.choose(lane, sampler)
+    end = Mirrored(world, detectors, fold).connect_to(number, source.middle, sampler)
+    response = end.importance * dr.squared_norm(source.middle - end.point)
+    start = source.connect(lane, end.point, sampler)
+    towards, length_m = direction_to(start.point, end.point)
+    value = start.importance * response / source.paths
     lit = carries_light(value)
     ray = mi.Ray3f(start.point, towards)
     value *= reflected(world.geometry, world.media, fold, ray, length_m, sampler, lit)
@@ -93,23 +103,38 @@ def mirrored_light(
     deposit(Contribution(value, place, length_m, mi.UInt32(0), lit, replica))
 
 
-def _off_surface(world: World, pencil: Pencil, other: Sink, sampler: Any, add: Any) -> Any:
+def _along_rays(world: World, this: Source, sight: Sight, lanes: Lanes, deposit: Deposit) -> None:
+    lane, cell, replica, sampler = lanes
+    ray, weight = this.pencil(lane, sampler)
+    si, reach = world.first_surface(ray)
+    pencil = Pencil(ray, si, reach, sight.end.choose(lane, sampler))
+
+    def add(value: Any, length_m: Any, scatterings: int, lit: Any) -> None:
+        order = mi.UInt32(scatterings)
+        deposit(Contribution(value * weight, cell, length_m, order, lit, replica))
+
+    far_point = _off_surface(world, pencil, sight, sampler, add)
+    if world.media.parts:
+        _off_fog(world, pencil, sight, far_point, sampler, add)
+
+
+def _off_surface(world: World, pencil: Pencil, sight: Sight, sampler: Any, add: Any) -> Any:
     """Light that the surface scatters; returns the place of the other end that it goes to."""
     ray, si, reach, number = pencil
-    end = other.connect_to(number, si.p, sampler)
+    end = sight.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
-    reflected = si.bsdf().eval(surface_context(other), si, si.to_local(towards), si.is_valid())
-    value = reflected.x * end.importance
+    context = surface_context(sight.end)
+    scattered = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
+    value = scattered.x * end.importance
     lit = carries_light(value) & si.is_valid()
-    value *= world.geometry.transmission(si, si.p, towards, gap, mi.Bool(False), lit)
     value *= world.media.transmittance(ray.o, ray.d, reach, sampler, lit)
-    value *= world.media.transmittance(si.p, towards, gap, sampler, lit)
+    value *= sight.transmission(si, si.p, towards, gap, mi.Bool(False), sampler, lit)
     add(value, reach + gap, 0, lit)
     return end.point
 
 
 def _off_fog(
-    world: World, pencil: Pencil, other: Sink, far_point: Any, sampler: Any, add: Any
+    world: World, pencil: Pencil, sight: Sight, far_point: Any, sampler: Any, add: Any
 ) -> None:
     """Light that the fog scatters, at one point per lane where the other's field covers the ray.
 
@@ -117,8 +142,8 @@ def _off_fog(
     far away.
     """
     media = world.media
-    ray, _, reach, number = pencil
-    near, far = other.overlap(number, ray, reach)
+    ray, si, reach, number = pencil
+    near, far = sight.overlap(number, ray, reach)
     angular = EquiAngular.about(far_point, ray, far, near)
     choice = sampler.next_1d()
     distance = dr.select(
@@ -127,14 +152,13 @@ def _off_fog(
     density = 0.5 * (angular.density(distance) + dr.rcp(far - near))
     point = mi.Point3f(ray(distance))
     medium = media.pick(point, sampler.next_1d())
-    end = other.connect_to(number, point, sampler)
+    end = sight.connect_to(number, point, sampler)
     towards, gap = direction_to(point, end.point)
     value = media.albedo(medium) * media.extinction_at(point) * end.importance / density
     lit = carries_light(value) & (far > near)
     value *= media.phase(medium, point, ray.d, towards, lit)
-    value *= world.geometry.between(point, towards, gap, lit)
     value *= media.transmittance(ray.o, ray.d, distance, sampler, lit)
-    value *= media.transmittance(point, towards, gap, sampler, lit)
+    value *= sight.transmission(si, point, towards, gap, mi.Bool(True), sampler, lit)
     add(value, distance + gap, 1, lit)
 
 
@@ -144,7 +168,7 @@ def surface_context(other: Sink) -> Any:
     return mi.BSDFContext(mi.TransportMode.Importance if outward else mi.TransportMode.Radiance)
 
 
-def low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> tuple[Any, Any, Any, Any]:
+def low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> Lanes:
     """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
     number: Any = dr.arange(mi.UInt32, replicas * this.lanes)
     beside = dr.opaque(mi.UInt32, replicas)

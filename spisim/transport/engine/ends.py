@@ -35,6 +35,7 @@ class Launch(NamedTuple):
     scatterings: Any  # in fog, before `origin`
     state: Any  # what `density` needs to know
     cell: Any  # accumulator cell, None where the other end tells it
+    crossings: Any = 0  # surfaces passed straight through before `origin`
     replica: Any = 0  # which of the estimates side by side the path is part of
 
 

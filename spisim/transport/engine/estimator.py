@@ -15,7 +15,7 @@ import numpy as np
 
 from spisim.transport.engine.apertures import Detectors, JointDetectors
 from spisim.transport.engine.beams import Beams
-from spisim.transport.engine.direct import direct_light, mirrored_light
+from spisim.transport.engine.direct import direct_light, direct_light_in_mirrors, mirrored_light
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.halo import halo_light
@@ -47,7 +47,8 @@ from spisim.transport.world import World
 DIRECT_RAYS = 8
 #: And light that fog and a surface scatter once each.
 HALO_RAYS = 2
-#: The same for lasers, whose spots outshine what is scattered more often.
+#: The same for lasers, whose spots outshine what is scattered more often; as few rays do for what
+#: mirrors show.
 SPOT_RAYS, SPOT_HALO_RAYS = 8, 2
 
 
@@ -121,17 +122,17 @@ def image_light(
         direct_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
         mirrored_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
         if max_vertices == 1:
-            return
+            if not world.geometry.see_through:
+                return
+            strategy = Strategy.PROJECTOR  # which finds what lies behind panes
         if halo:
             halo_light(world, near.times(HALO_RAYS), far, seeds[2], deposit, replicas=replicas)
+    walk = partial(Walk, world, deposit=deposit, rays=rays, halo=halo, replicas=replicas)
     if strategy is not Strategy.DETECTOR:
-        out = Walk(
-            world, near, far, True, outward, deposit, rays, footprint, halo, replicas=replicas
-        )
+        out = walk(near, far, True, outward, mirrors=world.mirrors, footprint=footprint)
         out.run(seeds[0], max_vertices)
     if strategy is not Strategy.PROJECTOR:
-        back = Walk(world, far, near, False, inward, deposit, rays, halo=halo, replicas=replicas)
-        back.run(seeds[1], max_vertices)
+        walk(far, near, False, inward).run(seeds[1], max_vertices)
 
 
 def spot_histogram(
@@ -161,23 +162,20 @@ def spot_histogram(
         far = Detectors.of(detectors, int(samples))
         rays = near.times(SPOT_RAYS)
         direct_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
-        if max_vertices > 1:
+        rays = near.times(SPOT_HALO_RAYS)
+        direct_light_in_mirrors(world, rays, far, seeds[2], tallies.add, replicas=replicas)
+        if max_vertices > 1 or world.geometry.see_through:
             weight, halo = alone, False
             if strategy is Strategy.BOTH:
                 weight, halo = balanced, world.hazy
             if halo:
-                rays = near.times(SPOT_HALO_RAYS)
                 halo_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
+            walk = partial(Walk, world, deposit=tallies.add, halo=halo, replicas=replicas)
             if strategy is not Strategy.DETECTOR:
-                out = Walk(
-                    world, near, far, True, weight, tallies.add, halo=halo, replicas=replicas
-                )
+                out = walk(near, far, True, weight, mirrors=world.smooth)
                 out.run(seeds[0], max_vertices - 1)
-            if strategy is not Strategy.PROJECTOR:
-                back = Walk(
-                    world, far, near, False, weight, tallies.add, halo=halo, replicas=replicas
-                )
-                back.run(seeds[1], max_vertices - 1)
+            if strategy is not Strategy.PROJECTOR and max_vertices > 1:
+                walk(far, near, False, weight).run(seeds[1], max_vertices - 1)
         return tallies.read(detectors.area_m2)
 
     return repeat(launch, budget, count, seed, progress, replicas=replicas)

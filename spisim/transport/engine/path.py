@@ -70,6 +70,11 @@ class Densities:
             bridge=mi.Float(0),
         )
 
+    @property
+    def met_mirror_first(self) -> Any:
+        """Whether no path of the other end would have been this one."""
+        return self.ratio * self.start == 0
+
     def go(self, distance: Any, through: Any) -> None:
         """Lengthen the segment by a flight."""
         self.segment_m += distance
@@ -153,8 +158,8 @@ class Path:
     densities: Densities
 
     @classmethod
-    def start(cls, launch: Launch) -> Path:
-        """At an end."""
+    def start(cls, launch: Launch, limit: Any) -> Path:
+        """At an end, if it may have as many vertices as one."""
         beta = mi.Float(launch.beta)
         return cls(
             ray=mi.Ray3f(launch.origin, launch.direction),
@@ -162,8 +167,8 @@ class Path:
             length_m=mi.Float(launch.length_m),
             scatterings=mi.UInt32(launch.scatterings),
             vertex=mi.UInt32(1),
-            crossings=mi.UInt32(0),
-            active=carries_light(beta),
+            crossings=mi.UInt32(launch.crossings),
+            active=carries_light(beta) & (limit > 0),
             densities=Densities.start_at(launch.origin),
         )
 

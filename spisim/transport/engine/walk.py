@@ -30,11 +30,12 @@ from spisim.transport.engine.halo import found_along_rays
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.path import Path, Ratio, quotient
 from spisim.transport.engine.rays import FogRays
+from spisim.transport.engine.sight import Mirrored
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Lobe, Turn, Vertex
 from spisim.transport.engine.weights import Weight
 from spisim.transport.geometry import direction_to
-from spisim.transport.mirrors import reflected
+from spisim.transport.mirrors import Mirrors
 from spisim.transport.world import World
 
 #: Paths longer than this carry nothing worth following; roulette ends almost all of them earlier.
@@ -68,7 +69,8 @@ class Walk:
     """Paths from `this` end, each vertex of which is joined to the `other`.
 
     `outward` paths start at an emitter, the others at a sensor. With `rays`, the bridge takes part;
-    a walk from a detector then carries it out. With a `sky`, paths that leave the scene find its
+    a walk from a detector then carries it out. `mirrors` show the other end to paths that met one
+    first; these are for walks outwards. With a `sky`, paths that leave the scene find its
     light.
     """
 
@@ -79,6 +81,7 @@ class Walk:
     weight: Weight
     deposit: Deposit
     rays: FogRays | None = None
+    mirrors: Mirrors | None = None
     footprint: Footprint | None = None
     halo: bool = False  # light of `halo_light` is found by it alone
     sky: Sky | None = None
@@ -91,13 +94,13 @@ class Walk:
         number, sampler = lanes(self.replicas * self.this.lanes, seed)
         replicas = dr.opaque(mi.UInt32, self.replicas)
         lane, replica = number // replicas, number % replicas
-        limit = dr.opaque(mi.UInt32, max_vertices)
         launch = self.this.launch(lane, sampler)._replace(replica=replica)
-        path, scale = Path.start(launch), 1 / launch.beta
+        limit = dr.opaque(mi.UInt32, max_vertices) + launch.crossings
+        path, scale = Path.start(launch, limit), 1 / launch.beta
         while dr.hint(path.active, exclude=[self, launch, scale, limit]):
             here = self._fly(path, launch, sampler)
             self._join_other_end(here, path, launch, lane, sampler)
-            if dr.hint(self.world.mirrors is not None and self.outward, mode="scalar"):
+            if dr.hint(self.mirrors is not None, mode="scalar"):
                 self._join_by_mirror(here, path, launch, lane, sampler)
             if dr.hint(self.rays is not None and not self.outward, mode="scalar"):
                 self._join_ray(here, path, launch, limit, sampler)
@@ -178,8 +181,7 @@ class Walk:
         else:
             found = found_along_rays(here.point, path.densities.before, launch.origin, ~here.in_fog)
             scatterings, vertices = path.scatterings, path.vertex
-        by_mirror = path.densities.ratio * path.densities.start == 0
-        return found & ~by_mirror & (vertices == 2) & (scatterings == 1)
+        return found & ~path.densities.met_mirror_first & (vertices == 2) & (scatterings == 1)
 
     def _flown(self, end: Connection, here: Vertex) -> Connection:
         """The other end, with the density of its paths' first flights as they are drawn."""
@@ -217,19 +219,17 @@ class Walk:
 
         Of paths that met a mirror first: all others the opposite end finds, which meets it first.
         """
-        densities, mirrors = path.densities, self.world.mirrors
-        assert mirrors is not None
-        blind = path.active & (densities.ratio * densities.start == 0)
-        fold = mirrors.choose(sampler)
-        end = self.other.connect(lane, fold.image_of_vertex(here.point), sampler)
-        towards, length_m = direction_to(here.point, fold.image(end.point))
+        assert self.mirrors is not None
+        blind = path.active & path.densities.met_mirror_first
+        sight = Mirrored(self.world, self.other, self.mirrors.choose(sampler))
+        end = sight.connect(lane, here.point, sampler)
+        towards, length_m = direction_to(here.point, end.point)
         lobe = here.lobe(towards, blind & (end.importance > 0))
-        value = path.beta * end.importance * lobe.value / fold.probability
+        value = path.beta * end.importance * lobe.value
         lit = blind & carries_light(value)
-        ray = here.si.spawn_ray(towards)
-        ray.o = dr.select(here.in_fog, here.point, ray.o)
-        media, geometry = self.world.media, self.world.geometry
-        value *= reflected(geometry, media, fold, ray, length_m, sampler, lit)
+        value *= sight.transmission(
+            here.si, here.point, towards, length_m, here.in_fog, sampler, lit
+        )
         self.deposit(
             Contribution(
                 value,

@@ -1,0 +1,76 @@
+"""How the vertices of a path see an end: straight on, past panes, or in plane mirrors.
+
+Either way a vertex is connected to a point at the length of the path to it; only the fraction of
+light that gets there differs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import drjit as dr
+
+from spisim.transport.engine.ends import Connection
+from spisim.transport.mirrors import Fold, reflected
+from spisim.transport.world import World
+
+
+@dataclass(frozen=True, eq=False)
+class Straight:
+    """An end where it is."""
+
+    world: World
+    end: Any
+
+    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+        """See `Detectors`."""
+        end: Connection = self.end.connect_to(number, vertex, sampler)
+        return end
+
+    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+        """See `Detectors`."""
+        near, far = self.end.overlap(number, ray, reach)
+        return near, far
+
+    def transmission(
+        self, si: Any, point: Any, towards: Any, gap_m: Any, in_fog: Any, sampler: Any, active: Any
+    ) -> Any:
+        """Fraction of light that gets from a vertex, `si` or a `point` in fog, to the end."""
+        clear = self.world.geometry.transmission(si, point, towards, gap_m, in_fog, active)
+        return clear * self.world.media.transmittance(point, towards, gap_m, sampler, active)
+
+
+@dataclass(frozen=True, eq=False)
+class Mirrored:
+    """The image of an end behind the planes of a fold (the method of images)."""
+
+    world: World
+    end: Any
+    fold: Fold
+
+    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+        """See `ends`."""
+        return self._image(self.end.connect(lane, self.fold.image_of_vertex(vertex), sampler))
+
+    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+        """See `Detectors`."""
+        return self._image(self.end.connect_to(number, self.fold.image_of_vertex(vertex), sampler))
+
+    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+        """See `Detectors`."""
+        near, far = self.end.overlap(number, self.fold.ray_of_vertex(ray), reach)
+        return near, far
+
+    def transmission(
+        self, si: Any, point: Any, towards: Any, gap_m: Any, in_fog: Any, sampler: Any, active: Any
+    ) -> Any:
+        """See `Straight`; the planes reflect part of it."""
+        ray = si.spawn_ray(towards)
+        ray.o = dr.select(in_fog, point, ray.o)
+        geometry, media = self.world.geometry, self.world.media
+        return reflected(geometry, media, self.fold, ray, gap_m, sampler, active)
+
+    def _image(self, end: Connection) -> Connection:
+        importance = end.importance / self.fold.probability
+        return end._replace(point=self.fold.image(end.point), importance=importance)
