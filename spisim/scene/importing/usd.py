@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 
 from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, LimitError
 from spisim.scene.importing import shapes
 from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.model import (
@@ -76,7 +76,7 @@ def _check_layers(top: Path, folders: Folders) -> None:
             continue
         seen.add(path)
         if len(seen) > MAX_LAYERS:
-            raise InputError(f"{top}: is composed of more than {MAX_LAYERS:,} layers")
+            raise LimitError(f"{top}: is composed of more than {MAX_LAYERS:,} layers")
         with readable(str(path), "OpenUSD"):
             layer = Sdf.Layer.FindOrOpen(str(path))
             names = list(layer.GetCompositionAssetDependencies())
@@ -155,7 +155,7 @@ class _Stage:
         poses = instancer.ComputeInstanceTransformsAtTime(0.0, 0.0)
         numbers = instancer.GetProtoIndicesAttr().Get() or []
         if len(numbers) > MAX_PARTS:
-            raise InputError(f"more than {MAX_PARTS:,} parts (instances counted)")
+            raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
         roots = [self._stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetTargets()]
         own = self._pose(prim)
         # instances take the prototype's own transform along; what is below it stands relative to it
