@@ -98,7 +98,7 @@ def test_texts_are_what_they_were_meant_to_be() -> None:
 def test_the_lenient_way_is_no_way_around(tmp_path: Path, text: str) -> None:
     """Neither entities, nor other files, nor what is cut off, nor depth."""
     (tmp_path / "a.sdf").write_text(text)
-    with pytest.raises(InputError, match="document type|not valid XML|nested more than"):
+    with pytest.raises(InputError, match=r"document type|not valid XML|nested more than"):
         taken(tmp_path / "a.sdf")
 
 
@@ -159,7 +159,7 @@ def test_models_and_what_describes_them(tmp_path: Path) -> None:
     report = taken(sdf(tmp_path / "a.sdf", more=includes))
     assert len(report.written.scene.objects) == 3
     told = " ".join(left_out(report))
-    for word in ("cut/model.config", "laughs/model.config", "'model://bomb'", "secret", "gone"):
+    for word in ("cut/model.config", "laughs/model.config", "bomb/model.sdf", "secret", "gone"):
         assert word in told
 
 
@@ -179,7 +179,7 @@ def test_files_in_the_model_path(tmp_path: Path, folder: str) -> None:
     file = sdf(tmp_path / "worlds" / "a.sdf", mesh("file://models/crate/meshes/a.stl"))
     assert taken(file, model_path=(tmp_path / folder,)).triangles == 4
     other = sdf(tmp_path / "worlds" / "b.sdf", mesh("file://models/../../crate/meshes/a.stl"))
-    with pytest.raises(InputError, match="outside the folders|no file"):
+    with pytest.raises(InputError, match=r"outside the folders|no file"):
         taken(other, model_path=(tmp_path / folder,), overwrite=True)
 
 
@@ -196,7 +196,8 @@ TWO = (
     .replace(
         "</library_geometries>",
         '<geometry id="h"><mesh><source id="q"><float_array id="qa" count="9">{}</float_array>'
-        '<technique_common><accessor source="#qa" count="3" stride="3"><param name="X" type="float"/>'
+        '<technique_common><accessor source="#qa" count="3" stride="3">'
+    '<param name="X" type="float"/>'
         '<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common>'
         '</source><vertices id="w"><input semantic="POSITION" source="#q"/></vertices><triangles '
         'count="1"><input semantic="VERTEX" source="#w" offset="0"/><p>0 1 2</p></triangles></mesh>'
@@ -213,7 +214,7 @@ SOUND = "0 0 0 1 0 0 0 1 0"
     ("before", "after", "message"),
     [
         (SOUND, "0 0 0 1 0 0 0 NaN 0", "geometry 'h': a float_array has numbers that are not fin"),
-        (SOUND, "0 0 0 1 0 0 0 x 0", "geometry 'h': damaged"),
+        (SOUND, "0 0 0 1 0 0 0 x 0", "geometry 'h': Corrupted"),
         (SOUND, "0 0 0 1 0 0", "geometry 'h'"),
         (SOUND, "0 0 0 1 0 0 2 0 0", "has no area"),
         ("<p>0 1 2<", "<p>0 1 7<", "geometry 'h'"),
@@ -264,7 +265,7 @@ def test_materials_and_pictures_of_collada(
         ({"nodes": [{"mesh": 0, "children": [0]}]}, "node 0 is reached twice"),
         ({"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0, 0]}]}, "node 0 is reached twice"),
         ({"nodes": [{"mesh": 0}, {"mesh": 7}], "scenes": [{"nodes": [0, 1]}]}, "refers to mesh 7"),
-        ({"nodes": [{"mesh": 0}, {"mesh": 0, "scale": 2}], "scenes": [{"nodes": [0, 1]}]},
+        ({"nodes": [{"mesh": 0}, {"mesh": 0, "scale": "x"}], "scenes": [{"nodes": [0, 1]}]},
          "node 1: cannot be read|a scale"),
         ({"nodes": [{"mesh": 0}, {"mesh": 0, "scale": [1, 0, 1]}], "scenes": [{"nodes": [0, 1]}]},
          "a scale is zero"),

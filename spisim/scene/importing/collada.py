@@ -50,11 +50,10 @@ def read_collada(path: Path, folders: Folders) -> Content:
         document = load_document(root, None if content.notes else data, path.name, content)
         _take_asset(document.assetInfo, content)
         scene = document.scene or next(iter(document.scenes), None)
-        if scene is None:
-            content.check_not_empty(path, "has no scene")
         walk = _Walk(content, _pictures(document, path, folders, content))
-        for node in scene.nodes:
+        for node in scene.nodes if scene else ():
             walk.add(node, np.eye(4), path.stem, 0)
+        content.check_not_empty(path, "holds no triangles" if scene else "has no scene")
         return content
 
 

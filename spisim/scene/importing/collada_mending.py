@@ -76,7 +76,7 @@ def _dangling(root: Element) -> Iterable[tuple[Element, str]]:
 def _unusable(root: Element) -> Iterable[tuple[Element, str]]:
     """Nodes that nothing places, and geometries with numbers that are none."""
     for element in root.iter():
-        name = shown(element.get("name") or element.get("id", ""))
+        name = shown(element.get("name") or element.get("id") or "")
         if _tag(element) == "node":
             for child in element:
                 if not _is_placing(child):

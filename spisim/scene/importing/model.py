@@ -218,7 +218,7 @@ def pose_faults(matrices: Floats) -> dict[int, str]:
     finite = np.isfinite(matrices).all(axis=(1, 2))
     safe = np.where(finite[:, None, None], matrices, np.eye(4))
     last = safe[:, 3]
-    affine = np.abs(last - [0, 0, 0, 1]).max(axis=1) <= 1e-8
+    affine = np.asarray(np.abs(last - [0, 0, 0, 1]).max(axis=1) <= 1e-8)
     stretches = np.linalg.svd(safe[:, :3, :3], compute_uv=False)
     flat = stretches[:, 2] <= 1e-15 * stretches[:, 0]
     faults = dict.fromkeys(np.flatnonzero(flat).tolist(), "its pose flattens it; a scale is zero")
