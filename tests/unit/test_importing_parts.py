@@ -3,12 +3,15 @@
 Bombs, links out of the folders and sizes stay refused, on the lenient way, too.
 """
 
+import io
 import itertools
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from foreign import (
     TRIANGLE,
@@ -197,7 +200,7 @@ TWO = (
         "</library_geometries>",
         '<geometry id="h"><mesh><source id="q"><float_array id="qa" count="9">{}</float_array>'
         '<technique_common><accessor source="#qa" count="3" stride="3">'
-    '<param name="X" type="float"/>'
+        '<param name="X" type="float"/>'
         '<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common>'
         '</source><vertices id="w"><input semantic="POSITION" source="#q"/></vertices><triangles '
         'count="1"><input semantic="VERTEX" source="#w" offset="0"/><p>0 1 2</p></triangles></mesh>'
@@ -297,3 +300,162 @@ def test_notes_have_an_end(tmp_path: Path) -> None:
     report = taken(sdf(tmp_path / "a.sdf", BOX, *["<bax/>"] * 1100))
     assert len(report.notes) == 1000
     assert report.notes[-1] == "and more like these"
+
+
+STAGE = """#usda 1.0
+(
+  metersPerUnit = 1
+  upAxis = "Z"
+)
+def Xform "hall" {arcs}
+{{
+  def Cube "crate" (prepend apiSchemas = ["MaterialBindingAPI"])
+  {{
+    rel material:binding = </hall/m1>
+  }}
+  def Material "m1"
+  {{
+    token outputs:surface.connect = </hall/m1/shader.outputs:surface>
+    def Shader "shader"
+    {{
+      uniform token info:id = "UsdPreviewSurface"
+      color3f inputs:diffuseColor.connect = </hall/m1/picture.outputs:rgb>
+      token outputs:surface
+    }}
+    def Shader "picture"
+    {{
+      uniform token info:id = "UsdUVTexture"
+      asset inputs:file = @{picture}@
+      float3 outputs:rgb
+    }}
+  }}
+  {more}
+}}
+"""
+CUBE = trimesh.creation.box((2, 2, 2))
+TRIANGLE_POINTS = "point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]"
+
+
+def stage(path: Path, arcs: str = "", more: str = "", picture: str = "a.png") -> Path:
+    pytest.importorskip("pxr")
+    path.write_text(STAGE.format(arcs=arcs, more=more, picture=picture))
+    return path
+
+
+def package(path: Path, files: dict[str, bytes], compression: int = zipfile.ZIP_STORED) -> Path:
+    """A package whose files begin at multiples of 64 bytes, as they must."""
+    pytest.importorskip("pxr")
+    with zipfile.ZipFile(path, "w", compression) as archive:
+        for name, data in files.items():
+            header = zipfile.ZipInfo(name)
+            header.compress_type = compression
+            header.extra = bytes(-(archive.start_dir + 30 + len(name)) % 64)
+            archive.writestr(header, data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("paint.mtlx", "<?xml version='1.0'?><materialx/>", "cannot be read as OpenUSD"),
+        ("bad.usda", "no layer", "cannot be read as OpenUSD"),
+        ("gone.usda", None, "there is no such file"),
+        ("`${NAME}`.usda", None, "there is no such file"),
+    ],
+)
+@pytest.mark.parametrize("arc", ["references", "payload"])
+def test_layers(tmp_path: Path, name: str, text: str | None, message: str, arc: str) -> None:
+    """A stage stays where one of its layers is none, and the layer's file is not changed."""
+    file = stage(tmp_path / "a.usda", f"(prepend {arc} = @./{name}@)")
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    before = file.read_text()
+    report = taken(file)
+    assert_same(written(report), CUBE)
+    (note,) = left_out(report)
+    assert name in note
+    assert message in note
+    assert file.read_text() == before
+
+
+def test_layers_outside_of_the_folders(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    stage(tmp_path / "secret.usda")
+    (tmp_path / "in" / "link.usda").symlink_to(tmp_path / "secret.usda")
+    for reference in ("../secret.usda", "./link.usda", str(tmp_path / "secret.usda")):
+        file = stage(tmp_path / "in" / "a.usda", f"(prepend references = @{reference}@)")
+        with pytest.raises(InputError, match="outside the folders"):
+            taken(file, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ('def Mesh "m"', "int[] faceVertexCounts = [3]", "int[] faceVertexIndices = [0, 1, 7]",
+         TRIANGLE_POINTS, "vertex not in the file"),
+        ('def Mesh "m"', "int[] faceVertexCounts = [3, 3]", "int[] faceVertexIndices = [0, 1, 2]",
+         TRIANGLE_POINTS, "do not fit"),
+        ('def Sphere "m"', "double radius = -1", "radius should be a positive number"),
+        ('def Cube "m"', "double3 xformOp:scale = (1, 0, 1)",
+         'uniform token[] xformOpOrder = ["xformOp:scale"]', "a scale is zero"),
+    ],
+)  # fmt: skip
+def test_prims(tmp_path: Path, lines: tuple[str, ...]) -> None:
+    kind, *fields, message = lines
+    more = "\n".join([kind, "{", *fields, "}"])
+    report = taken(stage(tmp_path / "a.usda", more=more))
+    assert_same(written(report), CUBE)
+    assert message in " ".join(left_out(report))
+
+
+def test_packages(tmp_path: Path) -> None:
+    """A layer, another that it refers to, one that is missing, and a picture."""
+    text = stage(tmp_path / "a.usda", picture="maps/a.png").read_text()
+    arcs = "(prepend references = [@b.usda@, @gone.usda@])"
+    first = '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Z"\n)\ndef "hall" ' + arcs + " {}"
+    inner = text.replace('def Xform "hall"', 'def Xform "hall" ').replace(
+        ' metersPerUnit = 1', ' defaultPrim = "hall"\n metersPerUnit = 1')  # fmt: skip
+    picture = io.BytesIO()
+    Image.new("RGB", (2, 2), (188, 0, 0)).save(picture, "png")
+    files = {"a.usda": first.encode(), "b.usda": inner.encode(), "maps/a.png": picture.getvalue()}
+    report = taken(package(tmp_path / "a.usdz", files))
+    assert_same(written(report), CUBE)
+    (thing,) = report.written.scene.objects
+    assert thing.material.reflectance == pytest.approx(0.7 * 188 / 255, abs=2e-3)
+    assert any("gone.usda" in note for note in left_out(report))
+
+
+@pytest.mark.parametrize("name", ["../a.usda", "/etc/a.usda", "b/../../a.usda", "C:/a.usda"])
+def test_packages_that_reach_out(tmp_path: Path, name: str) -> None:
+    text = stage(tmp_path / "b.usda").read_bytes()
+    with pytest.raises(InputError, match="holds a file outside of it"):
+        taken(package(tmp_path / "a.usdz", {"a.usda": text, name: text}))
+
+
+def test_packages_that_refer_out(tmp_path: Path) -> None:
+    """Beside a package's own files there are none by a relative path, and none by others."""
+    (tmp_path / "in").mkdir()
+    stage(tmp_path / "secret.usda")
+    for reference in ("../secret.usda", "../../secret.usda"):
+        text = stage(tmp_path / "b.usda", f"(prepend references = @{reference}@)").read_bytes()
+        file = package(tmp_path / "in" / "a.usdz", {"a.usda": text})
+        report = taken(file, overwrite=True)
+        assert_same(written(report), CUBE)
+        assert any("there is no such file" in note for note in left_out(report))
+    reference = str(tmp_path / "secret.usda")
+    text = stage(tmp_path / "b.usda", f"(prepend references = @{reference}@)").read_bytes()
+    with pytest.raises(InputError, match="outside the folders"):
+        taken(package(tmp_path / "in" / "a.usdz", {"a.usda": text}), overwrite=True)
+
+
+def test_packages_that_are_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = stage(tmp_path / "b.usda").read_bytes()
+    file = package(tmp_path / "a.usdz", {"a.usda": text + b"\n" * 10**7}, zipfile.ZIP_DEFLATED)
+    with pytest.raises(InputError, match="compressed or encrypted"):
+        taken(file)
+    (tmp_path / "b.usdz").write_bytes(b"PK\x03\x04" + bytes(100))
+    with pytest.raises(InputError, match="no archive"):
+        taken(tmp_path / "b.usdz")
+    monkeypatch.setattr("spisim.scene.importing.usd_package.MAX_FILES", 1)
+    with pytest.raises(InputError, match="2 files; more than 1"):
+        taken(package(tmp_path / "c.usdz", {"a.usda": text, "b.usda": text}))

@@ -76,7 +76,7 @@ class TestEveryFormat:
         ("a.glbb", "unknown format '.glbb': did you mean '.glb'"),
         ("a", "unknown format ''"),
         ("a.zip", "archives are not read; unpack it"),
-        ("a.usdz", "archives are not read; unpack it"),
+        ("a.zae", "archives are not read; unpack it"),
     ],
 )
 def test_unknown_formats(tmp_path: Path, name: str, message: str) -> None:

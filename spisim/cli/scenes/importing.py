@@ -35,8 +35,8 @@ def command(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A scene or mesh: .glb .gltf .obj .stl .ply .off .dae .usd .usda .usdc .urdf .sdf "
-            ".world, Mitsuba's .xml.",
+            help="A scene or mesh: .glb .gltf .obj .stl .ply .off .dae .usd .usda .usdc .usdz "
+            ".urdf .sdf .world, Mitsuba's .xml.",
             show_default=False,
         ),
     ],

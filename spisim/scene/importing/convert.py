@@ -37,7 +37,7 @@ FORMATS: dict[str, Reader] = {
     ".sdf": read_sdf,
     ".world": read_sdf,
     ".urdf": read_urdf,
-    **dict.fromkeys((".usd", ".usda", ".usdc"), read_usd),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
 }
 #: A model smaller than that is in another unit than is thought.
 MIN_SIZE_M = 1e-3
@@ -52,7 +52,7 @@ WATTS = (
     "they have a unit, which is much: most lamps for the eye have next to nothing there; see "
     "`lamps` in the scene file"
 )
-ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
+ARCHIVES = (".zip", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
 
 @dataclass(frozen=True)

@@ -57,14 +57,22 @@ class Folders:
         if found:
             return found[0]
         if not inside:
-            raise InputError(
-                f"{referrer}: {shown(reference)} lies outside the folders that may be read "
-                f"({self._list()}); copy it there or name its folder with --model-path"
-            )
+            raise self._outside(reference, referrer)
         searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
         closed = [str(folder) for folder in more if not self._holds(folder.resolve())]
         hint = f"; --model-path allows to read in {', '.join(closed)}, too" if closed else ""
         raise InputError(f"{referrer}: no file {shown(reference)}; searched {searched}{hint}")
+
+    def check_inside(self, path: Path, reference: str, referrer: str) -> None:
+        """InputError for a file that is there and may not be read."""
+        if not self._holds(path.resolve()):
+            raise self._outside(reference, referrer)
+
+    def _outside(self, reference: str, referrer: str) -> InputError:
+        return InputError(
+            f"{referrer}: {shown(reference)} lies outside the folders that may be read "
+            f"({self._list()}); copy it there or name its folder with --model-path"
+        )
 
     def _candidates(self, reference: str, places: Sequence[Path], referrer: str) -> list[Path]:
         if not reference:
