@@ -215,12 +215,12 @@ Reader: TypeAlias = Callable[[Path, Folders], Content]
 
 def pose_faults(matrices: Floats) -> dict[int, str]:
     """Which of (n, 4, 4) matrices place nothing, and why: not finite, not affine, or flat."""
-    finite = np.isfinite(matrices).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     safe = np.where(finite[:, None, None], matrices, np.eye(4))
     last = safe[:, 3]
     affine = np.asarray(np.abs(last - [0, 0, 0, 1]).max(axis=1) <= 1e-8)
     stretches = np.linalg.svd(safe[:, :3, :3], compute_uv=False)
-    flat = stretches[:, 2] <= 1e-15 * stretches[:, 0]
+    flat = np.asarray(stretches[:, 2] <= 1e-15 * stretches[:, 0])
     faults = dict.fromkeys(np.flatnonzero(flat).tolist(), "its pose flattens it; a scale is zero")
     for index in np.flatnonzero(~affine).tolist():
         row = ", ".join(f"{value:g}" for value in last[index])
