@@ -86,7 +86,7 @@ def read_suite(name: str, folder: Path) -> Suite:
         independent = independent_mesh(path, there)
         suite.tried += 1
         try:
-            folders = Folders.around(path, (folder, *sorted(models)), skip_missing=True)
+            folders = Folders.around(path, (folder, *sorted(models)))
             content = READERS[path.suffix.lower()](path, folders)
             if not content.parts:
                 raise InputError("holds no triangles")

@@ -16,6 +16,10 @@ class InputError(ValueError):
     """A file, option or value cannot be used; the message says which and what is allowed."""
 
 
+class LimitError(InputError):
+    """There is more of something than is read, which ends reading: nothing else makes up for it."""
+
+
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
     """Put the file in front of the message of an InputError raised within, unless it is there."""
@@ -24,7 +28,7 @@ def naming(path: str | Path) -> Iterator[None]:
     except InputError as error:
         if str(error).startswith((f"{path}:", f"{path} is ")):
             raise
-        raise InputError(f"{path}: {error}") from error.__cause__
+        raise type(error)(f"{path}: {error}") from error.__cause__
 
 
 def explain(error: OSError) -> str:

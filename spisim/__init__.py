@@ -17,7 +17,7 @@ from spisim.version import __version__
 if TYPE_CHECKING:
     from spisim.instrument import Instrument, load_instrument
     from spisim.progress import progress_bar
-    from spisim.report import write_report
+    from spisim.report.capture import write_report
     from spisim.scene import Scene, load_scene
     from spisim.simulation import Simulation, simulate
 
@@ -44,7 +44,7 @@ _HOMES = {
     "load_scene": "scene",
     "progress_bar": "progress",
     "simulate": "simulation",
-    "write_report": "report",
+    "write_report": "report.capture",
 }
 
 

@@ -52,6 +52,9 @@ a thousand rows of all frequencies. Few low ones vary little, in a texture the o
 OTHER_TRANSFORM = 12.0
 """The same for coefficients of another transform, compared with the likeliest layout."""
 
+AXIS_ORDERS = ("natural", "dyadic", "sequency")
+"""Of the rows along one axis."""
+
 UNLIT = "single-ended without dark"
 """A sequence of polarities that tells no background, but may well be what was recorded."""
 SEQUENCES = POLARITIES | {
@@ -215,12 +218,15 @@ def _likely(
 
 def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
     """Name of a complete transform whose coefficients, in the sequence in which the plan's rows
-    come, are likelier than those rows."""
+    come, are likelier than those rows, and than Hadamard's rows in orders that have no name."""
     if plan.sampled < plan.pixels or plan.distinct[0] != plan.patterns.level:
         return None
     place = np.argsort(plan.distinct)
     parts = _parts(plan, readings[0].astype(np.float64))
     bar = _fit_some(parts.values, row_spectra(plan.shape), parts.rows).image
+    for order in _unnamed_orders(plan.shape):
+        found = _fit_some(parts.values, row_spectra(plan.shape), order[place[parts.rows]]).image
+        bar = max(bar, found)
     bar += OTHER_TRANSFORM * _coarseness(readings)
     likeliest = None
     for name, models in other_spectra(plan.shape):
@@ -228,6 +234,19 @@ def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
         if found > bar:
             likeliest, bar = name, found
     return likeliest
+
+
+@lru_cache(maxsize=4)
+def _unnamed_orders(shape: tuple[int, int]) -> list[NDArray[np.int64]]:
+    """Orders of all rows in which some software has them: one along columns, one along rows.
+
+    Their coefficients fall off along both axes as those of Haar's wavelets do.
+    """
+    along = [
+        [ordered_rows(Hadamard((1, side)), order).astype(np.int64) for order in AXIS_ORDERS]
+        for side in shape
+    ]
+    return [np.add.outer(shape[1] * tall, wide).ravel() for tall in along[0] for wide in along[1]]
 
 
 def _scattered(plan: PatternPlan, readings: NDArray[Any]) -> bool:

@@ -38,7 +38,8 @@ def command(
     from reconstruction.outputs import outputs_in
     from spisim.instrument import load_instrument
     from spisim.measurement import simulation_warnings
-    from spisim.report import write_overview, write_report
+    from spisim.report.capture import write_report
+    from spisim.report.overview import write_overview
     from spisim.scene import load_scene
     from spisim.simulation import simulate
     from spisim.transport import fine_view

@@ -40,7 +40,7 @@ def command(
     from reconstruction import evaluate, first_patterns, read_capture, read_result
     from reconstruction.cli import main
     from reconstruction.files import require_outputs
-    from spisim.report import write_report
+    from spisim.report.capture import write_report
 
     page = output / "report.html"
     require_outputs([named(page, "capture report")], [capture], overwrite=overwrite)

@@ -1,8 +1,8 @@
 """Whether a scene is one to fly in: room around the drone, and something to see and to range."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import trimesh
@@ -48,6 +48,11 @@ class Needs:
     lens_ring_m: float  # half of a detector's lens is within this radius
 
 
+def layout_problem(scene: Scene, needs: Needs) -> str | None:
+    """See `Layout.problem`."""
+    return Layout(scene, needs).problem
+
+
 def _directions(azimuth_deg: Floats, elevation_deg: Floats) -> Floats:
     """Unit vectors (n, 3) in the optical frame, to the right and up."""
     azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
@@ -67,77 +72,103 @@ OFFERED = Needs(
 )
 
 
-def layout_problem(scene: Scene, needs: Needs) -> str | None:
-    """What makes a scene useless to who needs this, in words, or None if nothing does.
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A scene about its drone, and what somebody needs of it."""
 
-    Spots may meet nothing, or something far, as long as enough of them return from near by.
-    """
-    if name := enclosing_object(scene, scene.drone_pose[:3, 3]):
-        return f"the drone is inside {name!r}"
-    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
-    triangles = (triangles - scene.drone_pose[:3, 3]) @ scene.drone_pose[:3, :3]
-    clearance = _distance_to(triangles)
-    if clearance < CLEARANCE_M:
-        return f"something is {clearance:.2f} m from the drone, less than {CLEARANCE_M} m"
-    in_view = _may_be_in_view(triangles, needs)
-    seen = triangles[in_view]
-    spots = first_hits(np.zeros(3), needs.beams, seen)
-    lost = _lost(scene, needs, seen, in_view)
-    if len(spots) - len(lost) < needs.least_spots:
-        told = ", ".join(f"spot {number} {why}" for number, why in lost.items())
-        return f"at least {needs.least_spots} of the laser spots should return: {told}"
-    fields = [np.linspace(-half, half, RAYS) for half in needs.half_field_deg]
-    nearest = min(first_hits(np.zeros(3), _rays(*fields), seen).min(), spots.min())
-    if nearest < MIN_DISTANCE_M:
-        return f"the nearest surface in view is at {nearest:.2f} m, less than {MIN_DISTANCE_M} m"
-    return None
+    scene: Scene
+    needs: Needs
 
+    @cached_property
+    def triangles(self) -> Floats:
+        """All triangles (t, 3, 3) in the optical frame."""
+        meshes = [thing.mesh for thing in self.scene.objects]
+        pose = self.scene.drone_pose
+        points = np.concatenate([np.asarray(mesh.vertices) for mesh in meshes])
+        firsts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+        faces = [np.asarray(mesh.faces) + n for mesh, n in zip(meshes, firsts, strict=True)]
+        return np.asarray(((points - pose[:3, 3]) @ pose[:3, :3])[np.concatenate(faces)])
 
-def lost_spots(scene: Scene, needs: Needs) -> dict[int, str]:
-    """Spots that give no range to who needs this, by their numbers, and why, in words."""
-    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
-    triangles = (triangles - scene.drone_pose[:3, 3]) @ scene.drone_pose[:3, :3]
-    in_view = _may_be_in_view(triangles, needs)
-    return _lost(scene, needs, triangles[in_view], in_view)
+    @cached_property
+    def clearance_m(self) -> float:
+        """Distance from the drone to the nearest surface, all around."""
+        return _distance_to(self.triangles)
 
+    @cached_property
+    def lost(self) -> dict[int, str]:
+        """Spots that give no range, by their numbers, and why, in words."""
+        lost = {}
+        for number, range_m in enumerate(self._spots):
+            if range_m > self.needs.farthest_spot_m:
+                lost[number] = f"meets nothing within {self.needs.farthest_spot_m:.3g} m"
+            elif why := self._why_dark(number):
+                lost[number] = why
+        return lost
 
-def _lost(scene: Scene, needs: Needs, seen: Floats, in_view: NDArray[np.bool_]) -> dict[int, str]:
-    """See `lost_spots`; `seen` (t, 3, 3) are the triangles in view, in the optical frame."""
-    owners = np.repeat(np.arange(len(scene.objects)), [len(o.mesh.faces) for o in scene.objects])
-    things = [scene.objects[k] for k in owners[in_view]]
-    lost = {}
-    for number, range_m in enumerate(first_hits(np.zeros(3), needs.beams, seen)):
-        if range_m > needs.farthest_spot_m:
-            lost[number] = f"meets nothing within {needs.farthest_spot_m:.3g} m"
-        elif why := _why_dark(needs, number, seen, things):
-            lost[number] = why
-    return lost
+    @property
+    def problem(self) -> str | None:
+        """What makes the scene useless to who needs this, in words, or None if nothing does.
 
+        Spots may meet nothing, or something far, as long as enough of them return from near by.
+        """
+        if name := enclosing_object(self.scene, self.scene.drone_pose[:3, 3]):
+            return f"the drone is inside {name!r}"
+        if self.clearance_m < CLEARANCE_M:
+            return (
+                f"something is {self.clearance_m:.2f} m from the drone, less than {CLEARANCE_M} m"
+            )
+        if len(self._spots) - len(self.lost) < self.needs.least_spots:
+            told = ", ".join(f"spot {number} {why}" for number, why in self.lost.items())
+            return f"at least {self.needs.least_spots} of the laser spots should return: {told}"
+        fields = [np.linspace(-half, half, RAYS) for half in self.needs.half_field_deg]
+        field = first_hits(np.zeros(3), _rays(*fields), self._seen)
+        if (near := min(field.min(), self._spots.min())) < MIN_DISTANCE_M:
+            return f"the nearest surface in view is at {near:.2f} m, less than {MIN_DISTANCE_M} m"
+        return None
 
-def _why_dark(
-    needs: Needs, number: int, triangles: Floats, things: Sequence[SceneObject]
-) -> str | None:
-    """Why a spot, which meets one of the triangles (t, 3, 3), gives too little light; or None.
+    @cached_property
+    def _in_view(self) -> NDArray[np.int64]:
+        """Numbers of the triangles that may be in view."""
+        return np.flatnonzero(_may_be_in_view(self.triangles, self.needs))
 
-    What a diffuse surface of reflectance 1 across the beam would return at 1 m is 1, in 1/m².
-    """
-    beam = needs.beams[number]
-    (distance,), (place,) = first_met(np.zeros(3), beam[None], triangles)
-    one, two, three = triangles[place]
-    normal = np.cross(two - one, three - one)
-    normal *= -np.sign(normal @ beam) / np.linalg.norm(normal)
-    spot = distance * beam + OFF_SURFACE_M * normal
-    lens = np.tile(needs.detectors_m[number], (len(ON_LENS), 1))
-    lens[:, :2] += needs.lens_ring_m * ON_LENS
-    between = _along(beam, triangles, float(np.linalg.norm(lens, axis=1).max()))
-    seen = np.mean([first_hits(point, (spot - point)[None], between)[0] > 1 for point in lens])
-    thing = things[place]
-    where = f"on {thing.name!r} ({thing.material.name}) at {distance:.3g} m"
-    if seen < 0.5:
-        return f"{where} is hidden from its detector"
-    if seen * straight_back(thing.material, float(-normal @ beam)) / distance**2 < MIN_SPOT_PER_M2:
-        return f"{where} is too faint"
-    return None
+    @cached_property
+    def _seen(self) -> Floats:
+        return self.triangles[self._in_view]
+
+    @cached_property
+    def _spots(self) -> Floats:
+        """Ranges (4,) of the spots."""
+        return first_hits(np.zeros(3), self.needs.beams, self._seen)
+
+    def _owner(self, triangle: int) -> SceneObject:
+        """The object of a triangle."""
+        stops = np.cumsum([len(thing.mesh.faces) for thing in self.scene.objects])
+        return self.scene.objects[int(np.searchsorted(stops, triangle, side="right"))]
+
+    def _why_dark(self, number: int) -> str | None:
+        """Why a spot, which meets something, gives too little light; or None.
+
+        What a diffuse surface of reflectance 1 across the beam would return at 1 m is 1, in 1/m².
+        """
+        needs, triangles = self.needs, self._seen
+        beam = needs.beams[number]
+        (distance,), (place,) = first_met(np.zeros(3), beam[None], triangles)
+        one, two, three = triangles[place]
+        normal = np.cross(two - one, three - one)
+        normal *= -np.sign(normal @ beam) / np.linalg.norm(normal)
+        spot = distance * beam + OFF_SURFACE_M * normal
+        lens = np.tile(needs.detectors_m[number], (len(ON_LENS), 1))
+        lens[:, :2] += needs.lens_ring_m * ON_LENS
+        between = _along(beam, triangles, float(np.linalg.norm(lens, axis=1).max()))
+        seen = np.mean([first_hits(point, (spot - point)[None], between)[0] > 1 for point in lens])
+        thing = self._owner(self._in_view[place])
+        where = f"on {thing.name!r} ({thing.material.name}) at {distance:.3g} m"
+        if seen < 0.5:
+            return f"{where} is hidden from its detector"
+        returned = seen * straight_back(thing.material, float(-normal @ beam)) / distance**2
+        if returned < MIN_SPOT_PER_M2:
+            return f"{where} is too faint"
+        return None
 
 
 def _along(beam: Floats, triangles: Floats, within_m: float) -> Floats:
@@ -175,12 +206,6 @@ def _gaussian_facets(alpha: float, cosine: float) -> float:
     unshadowed = 2 / (1 + math.erf(steep) + tail)
     facing = math.exp(-((slope / alpha) ** 2)) / (alpha**2 * cosine**4)
     return facing * unshadowed**2 / (4 * cosine)
-
-
-def clearance_m(scene: Scene) -> float:
-    """Distance from the drone to the nearest surface, all around."""
-    triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
-    return _distance_to(triangles - scene.drone_pose[:3, 3])
 
 
 def _distance_to(triangles: Floats) -> float:

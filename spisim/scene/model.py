@@ -28,13 +28,17 @@ STILL: Vector3 = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class SceneObject:
-    """One named surface. Velocities are in world axes, about the centre of its bounds."""
+    """One named surface. Velocities are in world axes, about the centre of its bounds.
+
+    Copies that differ by a rotation and a move alone have the same `original` mesh.
+    """
 
     name: str
     mesh: trimesh.Trimesh  # world coordinates, metres
     material: Material
     velocity_m_s: Vector3 = STILL
     angular_velocity_rad_s: Vector3 = STILL
+    original: trimesh.Trimesh | None = None
 
     @property
     def moves(self) -> bool:

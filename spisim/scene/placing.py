@@ -100,10 +100,15 @@ def _place(
             raise InputError(f"reaches {far:.3g} m from the origin; at most {MAX_COORDINATE_M:g} m")
     turning = radians(described.angular_velocity_deg_s)
     return [
-        SceneObject(name, posed, material, described.velocity_m_s, turning)
+        SceneObject(name, posed, material, described.velocity_m_s, turning, mesh)
         for name, posed in instances.items()
     ]
 
 
 def _posed(mesh: trimesh.Trimesh, pose: Pose) -> trimesh.Trimesh:
-    return mesh.copy().apply_transform(pose_matrix(pose.rotate_deg, pose.translate_m))
+    """A copy elsewhere; what trimesh's own copying looks after would take most of the time."""
+    matrix = pose_matrix(pose.rotate_deg, pose.translate_m)
+    points = np.asarray(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+    uv = texture_coordinates(mesh)
+    visual = None if uv is None else trimesh.visual.TextureVisuals(uv=uv)
+    return trimesh.Trimesh(points, np.array(mesh.faces), process=False, visual=visual)

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, LimitError
 from spisim.config.files import check_is_there
 from spisim.scene.description import (
     BoxObject,
@@ -122,7 +122,7 @@ def check_obj_indices(data: bytes, name: str) -> None:
 def check_triangles(count: int) -> None:
     """InputError for more triangles than are read."""
     if count > MAX_TRIANGLES:
-        raise InputError(
+        raise LimitError(
             f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not read"
         )
 

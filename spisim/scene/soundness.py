@@ -13,7 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
-from spisim.scene.model import Scene
+from spisim.scene.model import Scene, SceneObject
 from spisim.scene.rays import winding_number
 from spisim.scene.warning import SceneWarning
 
@@ -30,7 +30,9 @@ def warn_of_unsound_meshes(scene: Scene) -> None:
 
     Sheets are fine, and so is a room: a closed mesh that faces in, with the drone inside.
     """
-    faults = {thing.name: fault(thing.mesh) for thing in scene.objects}
+    originals = {id(mesh): mesh for mesh in map(_original, scene.objects)}
+    found_in = {key: fault(mesh) for key, mesh in originals.items()}
+    faults = {thing.name: found_in[id(_original(thing))] for thing in scene.objects}
     for thing in scene.objects:
         if faults[thing.name] == INVERTED:
             wraps = winding_number(scene.drone_pose[:3, 3], thing.mesh.triangles)
@@ -43,6 +45,11 @@ def warn_of_unsound_meshes(scene: Scene) -> None:
             SceneWarning,
             stacklevel=2,
         )
+
+
+def _original(thing: SceneObject) -> trimesh.Trimesh:
+    """What a copy is sound or unsound with."""
+    return thing.mesh if thing.original is None else thing.original
 
 
 def warn_of_odd_sizes(scene: Scene) -> None:

@@ -88,12 +88,22 @@ class Meshes:
 
     def object_ids(self, si: Any) -> NDArray[np.int64]:
         """Number of the object that each ray meets, -1 for none."""
-        numbers = _registry_ids(si.shape)
-        shape = np.where(numbers < len(self._shapes), self._shapes[numbers % len(self._shapes)], -1)
-        triangle = self._first[shape] + si.prim_index.numpy()
-        order = np.searchsorted(self._starts, triangle, side="right") - 1
-        met = shape >= 0
-        return np.where(met, self._objects[np.where(met, order, 0)], -1)
+        shape: Any = dr.reinterpret_array(mi.UInt32, si.shape)
+        ours = shape < len(self._shapes)
+        ours &= dr.gather(mi.Int32, self._number_of, shape, ours) >= 0
+        owner = dr.gather(mi.Int32, self._owners, self.triangle(si, ours), ours)
+        found: Any = dr.select(ours, owner, -1)
+        return np.asarray(found.numpy(), dtype=np.int64)
+
+    @cached_property
+    def _number_of(self) -> Any:
+        """Of each of Dr.Jit's numbers of a shape, -1 for those of others."""
+        return mi.Int32(self._shapes.astype(np.int32))
+
+    @cached_property
+    def _owners(self) -> Any:
+        """Number of the object of each triangle."""
+        return mi.Int32(np.repeat(self._objects, np.diff(self._starts)).astype(np.int32))
 
 
 #: The last ones that were made of objects, by the first of these: they last as long as it does.

@@ -19,11 +19,14 @@ from spisim.transport.meshes import Meshes
 
 #: Whole surfaces, or panes, that a line of sight goes through at most.
 MAX_PANES = 8
-#: Rays that look for what keeps skylight off a point, and how far.
-SKY_RAYS = 16
+#: Of the light of a ray, what is worth being followed through a pane.
+LEAST_LEFT = 0.02
+#: Rays that look for what keeps skylight off a point, and how far. Neighbours go on with one
+#: sequence, so that what a pixel averages over fills the sky evenly.
+SKY_RAYS = 8
 SKY_REACH_M = 2.0
-#: Steps of a sequence that fills the square evenly (Roberts' R2, of the plastic number).
-PLASTIC = (0.7548776662, 0.5698402910)
+#: Steps of a sequence that fills the square evenly (Roberts' R2, of the plastic number), in 2^-32.
+PLASTIC = tuple(round(step * 2**32) for step in (0.7548776662, 0.5698402910))
 #: Rays at a time, which bounds the memory.
 RAYS_AT_A_TIME = 2**20
 
@@ -73,20 +76,25 @@ class RayCaster:
         return np.concatenate(parts)
 
     def _shade(self, ray: Any, steps: int, reflectance: Floats) -> NDArray[np.float32]:
-        lanes = dr.width(ray.d)
-        seen, weight, left = np.zeros(lanes), np.zeros(lanes), np.ones(lanes)
+        count = dr.width(ray.d)
+        seen, weight, left = np.zeros(count), np.zeros(count), np.ones(count)
+        lanes = np.arange(count)  # of the rays that are on their way
         for _ in range(steps):
             si = self.meshes.scene.ray_intersect(ray)
             ids = self.meshes.object_ids(si)
-            met = ids >= 0
-            passed: Any = si.bsdf().eval_null_transmission(si, si.is_valid()).x
-            passed = np.where(met, passed.numpy(), 0.0) if steps > 1 else 0.0
-            share = np.where(met, left * (1 - passed), 0.0)
-            tone = np.sqrt(reflectance[ids]) * self._sky(si)
-            seen, weight, left = seen + share * tone, weight + share, left * passed
-            if steps == 1 or left.max() < 0.02:
+            passed: Any = np.zeros(1)
+            if steps > 1:
+                passed = si.bsdf().eval_null_transmission(si, si.is_valid()).x.numpy()
+            through = np.where(ids >= 0, left[lanes] * passed, 0.0)
+            fraction = np.where(ids >= 0, left[lanes] - through, 0.0)
+            seen[lanes] += fraction * np.sqrt(reflectance[ids]) * self._sky(si)
+            weight[lanes] += fraction
+            left[lanes] = through
+            going = np.flatnonzero(through >= LEAST_LEFT)
+            if not len(going):
                 break
-            ray = si.spawn_ray(ray.d)
+            lanes = lanes[going]
+            ray = dr.gather(mi.Ray3f, si.spawn_ray(ray.d), mi.UInt32(going))
         return np.where(weight > 0.02, seen / np.maximum(weight, 0.02), np.nan).astype(np.float32)
 
     def _sky(self, si: Any) -> Floats:
@@ -94,13 +102,11 @@ class RayCaster:
         facing = dr.abs(si.wi.z)
         normal = dr.select(si.wi.z < 0, -si.n, si.n)
         frame = mi.Frame3f(normal)
-        sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(0, dr.width(si))
-        shift = sampler.next_2d()
+        first = SKY_RAYS * dr.arange(mi.UInt32, dr.width(si))
         free = mi.Float(0)
         for number in range(SKY_RAYS):
-            point = mi.Point2f(shift + number * mi.Point2f(*PLASTIC))
-            towards = mi.warp.square_to_cosine_hemisphere(point - dr.floor(point))
+            point = mi.Point2f(*(mi.Float((first + number) * step) / 2**32 for step in PLASTIC))
+            towards = mi.warp.square_to_cosine_hemisphere(point)
             ray = si.spawn_ray(frame.to_world(towards))
             ray.maxt = SKY_REACH_M
             free += dr.select(self.meshes.scene.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)

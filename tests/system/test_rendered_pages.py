@@ -12,7 +12,7 @@ from browser import Browser, chromium
 from datasets import make_set
 from reconstruction import Capture, evaluate, reconstruct
 from spisim.dataset.records import Record
-from spisim.report import write_report
+from spisim.report.capture import write_report
 from spisim.report.contact_sheet import write_contact_sheet
 from spisim.report.flight import Sighting
 from spisim.report.flight_page import write_flight

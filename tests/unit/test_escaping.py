@@ -26,7 +26,7 @@ from spisim.cli.console import print_json, results, say, warn
 from spisim.cli.tables import plain_table
 from spisim.config import csv_table
 from spisim.dataset.records import Record
-from spisim.report import write_report
+from spisim.report.capture import write_report
 from spisim.report.contact_sheet import write_contact_sheet
 from spisim.report.page import page_script
 from spisim.report.study import write_study

@@ -1,5 +1,7 @@
 """Importing arrays: every file type, plans verified against the patterns, and bad input named."""
 
+import struct
+import zlib
 from pathlib import Path
 
 import h5py
@@ -38,6 +40,56 @@ def write_mat73(path):
 def test_every_file_type_gives_the_same_numbers(tmp_path, name, write):
     write(tmp_path / name)
     assert np.array_equal(load_array(tmp_path / name).ravel(), VALUES.ravel())
+
+
+def element(kind, data):
+    """Of a MATLAB file of version 5: type, size, data, to a multiple of 8 bytes."""
+    return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+def stranger(kind, name):
+    """An element of a class that holds no numbers: 3 an object, 16 a function, 17 a newer object.
+
+    After flags, dimensions and name comes what such a one has; MathWorks, "MAT-File Format".
+    """
+    flags, title = element(6, struct.pack("<II", kind, 0)), element(1, name)
+    one = element(5, struct.pack("<ii", 1, 1))
+    number = element(6, struct.pack("<II", 6, 0)) + one + element(1, b"") + element(9, bytes(8))
+    if kind == 17:
+        title += element(1, b"MCOS") + element(1, b"table")
+    if kind == 3:
+        title += (
+            element(1, b"Scene") + element(5, struct.pack("<i", 8)) + element(1, b"width".ljust(8))
+        )
+    return element(14, flags + (b"" if kind == 17 else one) + title + element(14, number))
+
+
+@pytest.mark.parametrize("kind", [3, 16, 17])
+@pytest.mark.parametrize("is_first", [True, False])
+@pytest.mark.parametrize("compressed", [True, False])
+@pytest.mark.parametrize("variable", [None, "data"])
+def test_objects_beside_numbers_are_left_out(tmp_path, kind, is_first, compressed, variable):
+    """A recording is read whatever else its program keeps in the file."""
+    scipy.io.savemat(tmp_path / "a.mat", {"data": VALUES})
+    whole = (tmp_path / "a.mat").read_bytes()
+    more = stranger(kind, b"settings")
+    if compressed:
+        more = struct.pack("<II", 15, len(zlib.compress(more))) + zlib.compress(more)
+    parts = [more, whole[128:]] if is_first else [whole[128:], more]
+    (tmp_path / "a.mat").write_bytes(b"".join([whole[:128], *parts]))
+    with pytest.warns(UserWarning, match=r"a\.mat: left out, .*'settings'"):
+        assert np.array_equal(load_array(tmp_path / "a.mat", variable), VALUES)
+
+
+def test_a_file_of_objects_alone_is_refused(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {})
+    with (tmp_path / "a.mat").open("ab") as file:
+        file.write(stranger(17, b"settings"))
+    with (
+        pytest.warns(UserWarning, match="'settings'"),
+        pytest.raises(InputError, match="name one of its variables"),
+    ):
+        load_array(tmp_path / "a.mat")
 
 
 def test_one_of_several_variables(tmp_path):

@@ -245,7 +245,7 @@ def test_a_mean_of_a_preview_surface_that_is_guessed(tmp_path: Path) -> None:
     ("inputs", "changes", "told"),
     [
         ([COLOURED], {"file": "gone.png"}, "gone.png"),
-        ([COLOURED], {"file": "/etc/c.png"}, "outside the folders"),
+        ([COLOURED], {"file": "/etc/gone.png"}, "outside the folders"),
         (["int inputs:useSpecularWorkflow = 1"], {}, ""),
     ],
 )

@@ -76,7 +76,7 @@ class TestEveryFormat:
         ("a.glbb", "unknown format '.glbb': did you mean '.glb'"),
         ("a", "unknown format ''"),
         ("a.zip", "archives are not read; unpack it"),
-        ("a.usdz", "archives are not read; unpack it"),
+        ("a.zae", "archives are not read; unpack it"),
     ],
 )
 def test_unknown_formats(tmp_path: Path, name: str, message: str) -> None:
@@ -147,10 +147,8 @@ NOT_FINITE = np.array([[0, 0, 0], [1, 0, np.nan], [0, 1, 0]], "<f4").tobytes()
         ({"bufferViews": [{"buffer": 0, "byteLength": 37}]}, "ends at byte 37 of 36"),
         ({"nodes": [{"mesh": 5}]}, "refers to mesh 5; there are 1"),
         ({"nodes": [{"mesh": -1}]}, "refers to mesh -1"),
-        ({"nodes": [{"mesh": 0, "children": [0]}]}, "node 0 is reached twice"),
-        ({"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0, 0]}]}, "node 0 is reached twice"),
         ({"nodes": [{"mesh": 0, "scale": [0, 1, 1]}]}, "a scale is zero"),
-        ({"nodes": [{"mesh": 0, "scale": [1, 1]}]}, "cannot be read as a GLB"),
+        ({"nodes": [{"mesh": 0, "scale": [1, 1]}]}, "node 0: cannot be read"),
         ({"nodes": [{"mesh": 0, "translation": [float("nan"), 0, 0]}]}, "not made of finite"),
         ({"nodes": [{"mesh": 0, "rotation": [0, 0, 0, 0]}]}, "its rotation is zero"),
         ({"scene": 4}, "refers to scene 4"),
@@ -236,7 +234,11 @@ def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("spisim.scene.importing.gltf_buffers.MAX_FILE_BYTES", 100)
     (tmp_path / "a.bin").write_bytes(TRIANGLE)
     buffers = [{"byteLength": 36, "uri": "./" * i + "a.bin"} for i in range(3)]
-    (tmp_path / "a.gltf").write_text(json.dumps(triangle_header(buffers=buffers)))
+    views = [{"buffer": i, "byteLength": 36} for i in range(3)]
+    rows = [{"bufferView": i, "componentType": 5126, "count": 2, "type": "VEC3"} for i in range(3)]
+    meshes = [{"primitives": [{"attributes": {"POSITION": i}}]} for i in range(3)]
+    header = triangle_header(buffers=buffers, bufferViews=views, accessors=rows, meshes=meshes)
+    (tmp_path / "a.gltf").write_text(json.dumps(header))
     refused(tmp_path / "a.gltf", "its buffers hold more than 2 GB together")
 
 
@@ -273,11 +275,8 @@ def test_instances_count_as_triangles(tmp_path: Path) -> None:
     ("before", "after", "message"),
     [
         ('url="#g"', 'url="#h"', "geometry '#h' is not in the file"),
-        ('url="#s"', 'url="#t"', "refers to what is not there|no scene"),
-        ("0 2 1 0 1 3", "0 2 1 0 1 9", "vertex not in the file|cannot be read"),
+        ("0 2 1 0 1 3", "0 2 1 0 1 9", "geometry 'g': Indexes .* beyond the limits"),
         ("0 0 0 1000", "0 0 0 NaN", "not finite"),
-        ("<translate>0 0 -4000<", "<translate>0 0 -inf<", "finite"),
-        ("<translate>0 0 -4000<", "<translate>0 0<", "cannot be read as a COLLADA"),
         ('meter="0.001"', 'meter="0"', "unit"),
         ('meter="0.001"', 'meter="-1"', "unit"),
     ],

@@ -50,13 +50,6 @@ def test_robots(tmp_path: Path) -> None:
     ("before", "after", "message"),
     [
         ("<robot ", "<robo ", "not valid XML"),
-        ('<parent link="base"/>', "", "joint 'one': needs a parent and a child"),
-        ('<parent link="base"/>', '<parent link="tip"/>', "poses go in a circle"),
-        ('<parent link="base"/>', '<parent link="bas"/>', "no frame 'bas': did you mean 'base'"),
-        ('xyz="0 0 4"', 'xyz="0 4"', "joint 'one': xyz: expected 3 finite numbers"),
-        ("package://arm/w.ply", "../../w.ply", "outside the folders"),
-        ("package://arm/w.ply", "package://leg/w.ply", "no file"),
-        ("<box size", "<bax size", "geometry bax is unknown"),
         (
             "<material name=",
             '<xacro:macro xmlns:xacro="http://www.ros.org/wiki/xacro"/><material name=',
@@ -74,10 +67,28 @@ def test_damaged_robots(tmp_path: Path, before: str, after: str, message: str) -
         taken(file)
 
 
-def test_missing_meshes_of_robots(tmp_path: Path) -> None:
-    report = taken(robot(tmp_path / "r.urdf", "gone.ply"), skip_missing=True)
-    assert len(report.written.scene.objects) == 2
-    assert any("gone.ply" in note for note in report.notes)
+@pytest.mark.parametrize(
+    ("before", "after", "message", "left"),
+    [
+        ('<parent link="base"/>', "", "joint 'one': needs a parent and a child", {"base"}),
+        ('<parent link="base"/>', '<parent link="tip"/>', "poses go in a circle", {"base"}),
+        ('<parent link="base"/>', '<parent link="bas"/>', "did you mean 'base'", {"base"}),
+        ('xyz="0 0 4"', 'xyz="0 4"', "'one': xyz: expected 3 finite numbers", {"base"}),
+        ("package://arm/w.ply", "../../w.ply", "outside the folders", {"base", "tip"}),
+        ("package://arm/w.ply", "package://leg/w.ply", "no file", {"base", "tip"}),
+        ("<box size", "<bax size", "geometry bax is unknown", {"arm v", "tip"}),
+    ],
+)
+def test_links_that_cannot_be_read_are_left_out(
+    tmp_path: Path, before: str, after: str, message: str, left: set[str]
+) -> None:
+    """Nothing is shown where nobody knows its place."""
+    file = robot(tmp_path / "r.urdf")
+    file.write_text(file.read_text().replace(before, after, 1))
+    report = taken(file)
+    assert any(note.startswith("left out: ") and message in note for note in report.notes)
+    assert {thing.name for thing in report.written.scene.objects} == left
+    assert any("left out; the notes say" in each for each in report.warnings)
 
 
 STAGE = """#usda 1.0

@@ -233,10 +233,25 @@ def test_pictures_outside_of_the_folders_are_not_read(tmp_path: Path) -> None:
     inner = tmp_path / "inner"
     inner.mkdir()
     file = obj(inner, "map_Kd ../front.png")
+    (inner / "front.png").unlink()
     (tmp_path / "front.png").write_bytes(packed())
     report = taken(file)
     assert report.materials[0][0].how == "default"
     assert any("outside" in note for note in report.notes)
+
+
+@pytest.mark.parametrize("name", ["../front.png", "C:\\models\\front.png", "/home/them/front.png"])
+@pytest.mark.parametrize("folder", [".", "materials/textures", "../materials/textures"])
+def test_pictures_are_found_by_their_name(tmp_path: Path, name: str, folder: str) -> None:
+    """Of another machine, and where Gazebo's models have theirs; a note tells which is taken."""
+    inner = tmp_path / "meshes"
+    inner.mkdir()
+    file = obj(inner, f"map_Kd {name}")
+    (inner / folder).mkdir(parents=True, exist_ok=True)
+    (inner / "front.png").rename(inner / folder / "front.png")
+    report = taken(file, model_path=(tmp_path,))
+    assert report.materials[0][0].how == "texture"
+    assert any("front.png is taken, by its name" in note for note in report.notes)
 
 
 def test_an_unknown_use_is_refused_by_the_command(tmp_path: Path) -> None:

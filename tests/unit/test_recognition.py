@@ -1,5 +1,8 @@
 """Layouts of readings, told by the spectrum of images, and what is no known layout."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.fft import idctn
@@ -17,6 +20,7 @@ from reconstruction.operators import (
     expose,
     fwht,
     make_plan,
+    ordered_rows,
     transposed,
 )
 from reconstruction.operators.bases.hadamard import Hadamard
@@ -129,6 +133,31 @@ def test_coefficients_of_other_transforms_are_told():
         assert "look like Haar wavelet coefficients" in doubt(plan, pyramid.reshape(1, -1))
     with pytest.raises(InputError, match="look like Haar wavelet coefficients, in a pyramid"):
         recognise(pyramid.reshape(1, -1), SHAPE)
+
+
+CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
+
+
+@pytest.mark.parametrize("tall", ["natural", "dyadic", "sequency"])
+@pytest.mark.parametrize("wide", ["natural", "dyadic", "sequency"])
+@pytest.mark.parametrize("seed", [None, 4])
+def test_hadamard_coefficients_are_none_of_haar(tall, wide, seed):
+    """Of a real recording and of a picture, in orders of software that have no name here."""
+    basis = Hadamard(SHAPE)
+    if seed is None:
+        values = np.load(CAR).ravel()
+    else:
+        values = expose(
+            make_plan(SHAPE, order="natural", polarity="signed"), natural_image(32, seed)
+        )
+    side = Hadamard((1, 32))
+    rows = np.add.outer(32 * ordered_rows(side, tall), ordered_rows(side, wide)).ravel()
+    readings = values[None, rows]
+    for order in (*ORDERS, "walsh-2d"):
+        declared = ordered_rows(basis, order).astype(np.int32)
+        plan = PatternPlan(SHAPE, declared, np.zeros(1024, np.int8), order, basis)
+        assert not re.search("Haar|cosine", doubt(plan, readings) or "")
+    assert recognise(readings, SHAPE)
 
 
 def test_a_dark_reading_is_estimated():

@@ -3,6 +3,7 @@
 import io
 import math
 import struct
+import warnings
 import zlib
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,9 @@ from .variables import pick
 
 HEADER_BYTES = 128
 """Of a file of version 5; elements follow, each a type, a size and data."""
-COMPRESSED = 15
+MATRIX, COMPRESSED, OPAQUE = 14, 15, 17
+OBJECTS = {3: "an object", 16: "a function", OPAQUE: "an object"}
+"""By their classes: what holds no numbers, and what SciPy cannot tell the shape of."""
 
 NUMBERS = frozenset(
     [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
@@ -27,7 +30,10 @@ NUMBERS = frozenset(
 
 
 def read_mat(path: Path, variable: str | None) -> NDArray[Any]:
-    """A variable of numbers, or the only variable; InputError if it is none or too large."""
+    """A variable of numbers, or the only variable; InputError if it is none or too large.
+
+    Objects of MATLAB's classes are left out, with a warning.
+    """
     return _read_hdf5(path, variable) if h5py.is_hdf5(path) else _read_older(path, variable)
 
 
@@ -43,7 +49,10 @@ def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
     import scipy.io  # slow to import
 
     content = path.read_bytes()
-    unpacked = _inflated(content)
+    unpacked, left_out = _inflated(content)
+    if left_out:
+        told = ", ".join(left_out)
+        warnings.warn(f"{path.name}: left out, since it holds no numbers: {told}", stacklevel=2)
     kinds = {name: (shape, kind) for name, shape, kind in scipy.io.whosmat(_open(unpacked))}
     name = pick({name: name for name in kinds}, variable)
     shape, kind = kinds[name]
@@ -55,11 +64,15 @@ def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
     return np.asarray(scipy.io.loadmat(_open(unpacked), variable_names=[name])[name])
 
 
-def _inflated(content: bytes) -> bytes:
-    """A MATLAB file with its compressed elements replaced by what is in them."""
+def _inflated(content: bytes) -> tuple[bytes, list[str]]:
+    """A MATLAB file with its compressed elements replaced by what is in them, less its objects.
+
+    And what those are. Layout: MathWorks, "MAT-File Format", 2023, chapter 1.
+    """
     order = {b"IM": "<", b"MI": ">"}.get(content[126:HEADER_BYTES])
     if order is None:  # version 4, which has no compression
-        return content
+        return content, []
+    left_out = []
     parts, place, left = [content[:HEADER_BYTES]], HEADER_BYTES, MAX_UNPACKED_BYTES
     while place + 8 <= len(content):
         kind, size = struct.unpack_from(f"{order}II", content, place)
@@ -72,8 +85,35 @@ def _inflated(content: bytes) -> bytes:
                 raise _too_large(MAX_UNPACKED_BYTES - left)
         else:
             parts.append(content[place:following])
+        if what := _object(parts[-1], order):
+            left_out.append(what)
+            parts.pop()
         place = following
-    return b"".join(parts)
+    return b"".join(parts), left_out
+
+
+def _object(element: bytes, order: str) -> str | None:
+    """What an element is that holds an object, and of which name; None for any other.
+
+    A matrix begins with its flags, the lowest byte of which is its class, its dimensions, which
+    objects of newer classes lack, and its name.
+    """
+    if len(element) < 32 or struct.unpack_from(f"{order}I", element)[0] != MATRIX:
+        return None
+    kind = struct.unpack_from(f"{order}I", element, 16)[0] & 0xFF
+    if kind not in OBJECTS:
+        return None
+    start = 24 if kind == OPAQUE else _part(element, 24, order)[1]
+    name = _part(element, start, order)[0] if start + 8 <= len(element) else b""
+    return f"{OBJECTS[kind]} {name.decode(errors='replace')[:80]!r}"
+
+
+def _part(element: bytes, start: int, order: str) -> tuple[bytes, int]:
+    """Data of a part of an element, and where the next begins; short ones are within their tag."""
+    kind, size = struct.unpack_from(f"{order}II", element, start)
+    if kind >> 16:
+        return element[start + 4 : start + 4 + min(kind >> 16, 4)], start + 8
+    return element[start + 8 : start + 8 + size], start + 8 + -(-size // 8) * 8
 
 
 def _open(content: bytes) -> Any:

@@ -35,8 +35,8 @@ def command(
         Path,
         typer.Argument(
             metavar="FILE",
-            help="A scene or mesh: .glb .gltf .obj .stl .ply .off .dae .usd .usda .usdc .urdf .sdf "
-            ".world, Mitsuba's .xml.",
+            help="A scene or mesh: .glb .gltf .obj .stl .ply .off .dae .usd .usda .usdc .usdz "
+            ".urdf .sdf .world, Mitsuba's .xml.",
             show_default=False,
         ),
     ],
@@ -59,12 +59,6 @@ def command(
         list[Path] | None,
         typer.Option(metavar="DIR", help="Folder to look for models in, and to read from."),
     ] = None,
-    skip_missing: Annotated[
-        bool,
-        typer.Option(
-            help="Leave out, and tell, what needs files that are missing (Gazebo, robots, Mitsuba)."
-        ),
-    ] = False,
     ground: Annotated[
         str | None,
         typer.Option(metavar="MATERIAL", help="Put a floor of this material under everything."),
@@ -109,7 +103,6 @@ def command(
         materials,
         (*(model_path or ()), *_search_path()),
         _fuel_cache(),
-        skip_missing,
         ground,
         textures,
         lamps,

@@ -19,10 +19,11 @@ def perspective_rays(
     pose: Floats, shape: tuple[int, int], tan_half_width: float, tan_half_height: float
 ) -> Rays:
     """Of a pinhole at a pose (4, 4), world from optical frame."""
-    x, y = _centres(shape[1]) * tan_half_width, _centres(shape[0]) * tan_half_height
-    local = np.stack([*np.meshgrid(x, y), np.ones(shape)], axis=-1).reshape(-1, 3)
-    local /= np.linalg.norm(local, axis=1, keepdims=True)
-    directions = local @ pose[:3, :3].T
+    x, y = _centres(shape[1]) * tan_half_width, _centres(shape[0])[:, None] * tan_half_height
+    right, down, ahead = pose[:3, :3].T
+    directions = x[..., None] * right + (y[..., None] * down + ahead)
+    directions /= np.sqrt(1 + x**2 + y**2)[..., None]
+    directions = directions.reshape(-1, 3)
     return np.broadcast_to(pose[:3, 3], directions.shape), directions
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from reconstruction.arrays import Floats
 from spisim.instrument import Instrument, needs
 from spisim.scene import Scene
-from spisim.scene.layout import clearance_m, layout_problem, lost_spots
+from spisim.scene.layout import Layout
 from spisim.transport import RayCaster
 
 from .cameras import perspective_rays
@@ -76,19 +76,20 @@ def survey(scene: Scene, instrument: Instrument, caster: RayCaster) -> Survey:
     points = origin + field.range_m[hit, None] * rays[1][hit]
     bounds = np.array([thing.mesh.bounds for thing in scene.objects])
     extents = np.round(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0), 9)  # 4e-16 m is none
+    layout = Layout(scene, needs(instrument))
     return Survey(
         name=scene.name,
         nearest=seen(field.range_m[near], field.object_id[near]),
         farthest=seen(field.range_m[far], field.object_id[far]),
         spots=tuple(map(seen, spots.range_m, spots.object_id)),
-        clearance_m=clearance_m(scene),
+        clearance_m=layout.clearance_m,
         extents_m=(float(extents[0]), float(extents[1]), float(extents[2])),
         objects=len(scene.objects),
         triangles=sum(len(thing.mesh.faces) for thing in scene.objects),
         media=scene.media_summary(),
         lamps=[lamp.summary() for lamp in scene.lamps],
-        lost=lost_spots(scene, needs(instrument)),
-        problem=layout_problem(scene, needs(instrument)),
+        lost=layout.lost,
+        problem=layout.problem,
         points_m=points,
         nearest_m=origin + field.range_m[near] * rays[1][near] if hit.any() else np.full(3, np.nan),
     )

@@ -4,9 +4,7 @@ trimesh's loader is not used: it applies neither `unit` nor `up_axis`, and drops
 materials.
 """
 
-import io
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +12,9 @@ import numpy as np
 import trimesh
 
 from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, LimitError
 from spisim.scene.importing.collada_lamps import light
-from spisim.scene.importing.collada_mending import mended
+from spisim.scene.importing.collada_mending import load_document
 from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.model import (
     Axis,
@@ -27,7 +25,7 @@ from spisim.scene.importing.model import (
     with_texture_coordinates,
 )
 from spisim.scene.importing.textures import Texture
-from spisim.scene.importing.xml import parse_xml
+from spisim.scene.importing.xml import parse_lenient_xml
 from spisim.scene.shapes import check_mesh
 
 AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
@@ -40,57 +38,39 @@ MAX_NODES = 200_000
 
 
 def read_collada(path: Path, folders: Folders) -> Content:
-    """Parts of a COLLADA file. InputError for what is damaged or refers to what is not there."""
-    import collada
-    from collada.common import DaeBrokenRefError, DaeIncompleteError, DaeUnsupportedError
+    """Parts of a COLLADA file; what is damaged or refers to what is not there is left out, noted.
 
+    Raises InputError for what is none, or has no scene.
+    """
+    content = Content()
     data = read_bytes(path)
-    root = parse_xml(data, path)  # for what it refuses: pycollada's own parser expands entities
-    _refuse_nan(data)
+    # for what it refuses, too: pycollada's own parser expands entities
+    root = parse_lenient_xml(data, path, content.note)
     with readable(str(path), "a COLLADA file"):
-        data, lacking = mended(root, data)
-        overlooked = [DaeUnsupportedError, DaeBrokenRefError, DaeIncompleteError]
-        document = collada.Collada(io.BytesIO(data), ignore=overlooked)
-        if document.scene is None:
-            raise InputError(f"{path}: has no scene")
-        content = _empty(document.assetInfo)
-        lacking += [_told(lack) for lack in document.errors]
-        for lack in lacking:
-            content.note(f"{path.name}: {lack}")
+        document = load_document(root, None if content.notes else data, path.name, content)
+        _take_asset(document.assetInfo, content)
+        scene = document.scene or next(iter(document.scenes), None)
         walk = _Walk(content, _pictures(document, path, folders, content))
-        for node in document.scene.nodes:
+        for node in scene.nodes if scene else ():
             walk.add(node, np.eye(4), path.stem, 0)
-        if not content.parts and lacking:
-            raise InputError(f"{path}: holds no triangles that can be read: {lacking[0]}")
+        content.check_not_empty(path, "holds no triangles" if scene else "has no scene")
         return content
 
 
-def _told(error: Any) -> str:
-    """What pycollada says of a file, in one line."""
-    return " ".join(str(error.msg).split())[:200]
-
-
-def _refuse_nan(data: bytes) -> None:
-    """pycollada reads NaN as 0, which moves vertices."""
-    for found in re.finditer(rb"<[^<>]*float_array[^<>]*>([^<]*)", data):
-        if b"nan" in found[1].lower():
-            raise InputError("a float_array has numbers that are not finite (NaN)")
-
-
-def _empty(asset: Any) -> Content:
-    axis = AXES[asset.upaxis]
-    content = Content(up=axis, up_why=f"up_axis of the file: {asset.upaxis}")
+def _take_asset(asset: Any, content: Content) -> None:
+    """Unit and axes."""
+    content.up = AXES[asset.upaxis]
+    content.up_why = f"up_axis of the file: {asset.upaxis}"
     stated = asset.xmlnode.find("{*}up_axis")
     if stated is None or not stated.text:
         content.up_why = "the file has no up_axis, and COLLADA then means y"
     if asset.unitmeter is None:
         content.unit_why = "the file has no unit, and COLLADA then means metres"
-        return content
+        return
     if not 0 < asset.unitmeter < math.inf:
         raise InputError(f"unit: meter should be a positive number; found {asset.unitmeter}")
     content.unit_m = asset.unitmeter
     content.unit_why = f"unit of the file: {asset.unitname or 'unnamed'}, {content.unit_m:g} m"
-    return content
 
 
 class _Walk:
@@ -115,23 +95,25 @@ class _Walk:
 
         self._nodes += 1
         if self._nodes > MAX_NODES:
-            raise InputError(f"more than {MAX_NODES:,} nodes (instances counted)")
+            raise LimitError(f"more than {MAX_NODES:,} nodes (instances counted)")
         if depth > MAX_DEPTH:
-            raise InputError(f"node {shown(name)}: nodes are nested more than {MAX_DEPTH} deep")
+            raise LimitError(f"node {shown(name)}: nodes are nested more than {MAX_DEPTH} deep")
         if isinstance(node, NodeNode):  # an instance
             node = node.node
         if isinstance(node, Node):
             to_world = parent @ np.asarray(node.matrix, float)
             for child in node.children:
                 self.add(child, to_world, node.name or node.id or name, depth + 1)
-        elif isinstance(node, GeometryNode):
-            self._add_geometry(node.geometry, node.materials, parent, name)
-        elif isinstance(node, ControllerNode):
-            self._add_controlled(node, parent, name)
-        elif isinstance(node, LightNode):
-            self._content.glows += light(node.light, parent, name, self._content)
-        elif isinstance(node, CameraNode):
-            self._content.cameras.append(parent @ LOOKING)
+            return
+        with self._content.leaving_out(f"node {shown(name)}"):
+            if isinstance(node, GeometryNode):
+                self._add_geometry(node.geometry, node.materials, parent, name)
+            elif isinstance(node, ControllerNode):
+                self._add_controlled(node, parent, name)
+            elif isinstance(node, LightNode):
+                self._content.glows += light(node.light, parent, name, self._content)
+            elif isinstance(node, CameraNode):
+                self._content.cameras.append(parent @ LOOKING)
 
     def _add_controlled(self, node: Any, to_world: Floats, name: str) -> None:
         """A skinned mesh as it was bound to its joints, or a morphed one as it began."""
@@ -163,14 +145,15 @@ def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str 
     name = geometry.name or geometry.id
     found = []
     for primitive in geometry.primitives:
-        triangles = primitive.triangleset() if isinstance(primitive, Polylist) else primitive
-        if not isinstance(triangles, TriangleSet) or triangles.vertex is None:
-            content.note(f"geometry {shown(name)}: lines are left out")
-            continue
-        mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
-        check_mesh(mesh, name)
-        mesh.remove_unreferenced_vertices()
-        found.append((_textured(triangles, mesh), primitive.material))
+        with content.leaving_out(f"geometry {shown(name)}"):
+            triangles = primitive.triangleset() if isinstance(primitive, Polylist) else primitive
+            if not isinstance(triangles, TriangleSet) or triangles.vertex is None:
+                content.note(f"geometry {shown(name)}: lines are left out")
+                continue
+            mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
+            check_mesh(mesh, name)
+            mesh.remove_unreferenced_vertices()
+            found.append((_textured(triangles, mesh), primitive.material))
     return found
 
 

@@ -37,7 +37,7 @@ FORMATS: dict[str, Reader] = {
     ".sdf": read_sdf,
     ".world": read_sdf,
     ".urdf": read_urdf,
-    **dict.fromkeys((".usd", ".usda", ".usdc"), read_usd),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd),
 }
 #: A model smaller than that is in another unit than is thought.
 MIN_SIZE_M = 1e-3
@@ -52,7 +52,7 @@ WATTS = (
     "they have a unit, which is much: most lamps for the eye have next to nothing there; see "
     "`lamps` in the scene file"
 )
-ARCHIVES = (".zip", ".usdz", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
+ARCHIVES = (".zip", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,6 @@ class Options:
     materials: Path | None = None
     model_path: tuple[Path, ...] = ()
     fuel: Path | None = None
-    skip_missing: bool = False
     ground: str | None = None
     textures: Use = "mean"
     lamps: Literal["off", "watts"] = "off"
@@ -117,15 +116,17 @@ def import_scene(
     inputs = [path for path in (file, options.materials) if path is not None]
     check_free(output, options.overwrite, inputs)
     chosen = {} if options.materials is None else read_map(options.materials)
-    folders = Folders.around(file, options.model_path, options.fuel, options.skip_missing)
+    folders = Folders.around(file, options.model_path, options.fuel)
     with _naming_once(file):
         content = reader(file, folders)
     content = choose_up(choose_unit(content, options.units), options.up)
-    if not content.parts:
-        raise InputError(f"{file}: holds no triangles")
+    content.check_not_empty(file)
     content = _lit(content, options.lamps)
     with _naming_once(file):
-        content = to_metres(content, options.scale)
+        content, placed = _placed(to_metres(content, options.scale))
+    content.check_not_empty(file)
+    with _naming_once(file):
+        _check_size(placed)
     if options.materials is not None:
         check_map(chosen, content.parts, options.materials)
     pictured = Pictured(options.textures)
@@ -139,8 +140,6 @@ def import_scene(
         content.note(
             f"textures taken as reflectances, by a rule of thumb: {len(pictured.rows)}; {BEWARE}"
         )
-    with _naming_once(file):
-        placed = _placed(content)
     if options.ground is not None:
         floor = ground(placed)
         content.parts.append(floor)
@@ -159,6 +158,8 @@ def import_scene(
     near, far = drones.NEAREST_RANGE_M
     if not near <= drone.nearest_m <= far:
         odd.append(f"the surface nearest to the drone is {drone.nearest_m:.3g} m away")
+    if content.left_out:
+        odd.append(f"{len(content.left_out)} things are left out; the notes say which and why")
     return Import(
         written,
         content.unit_m,
@@ -205,27 +206,31 @@ def _naming_once(file: Path) -> Iterator[None]:
         raise InputError(f"{file}: {error}") from None
 
 
-def _placed(content: Content) -> list[trimesh.Trimesh]:
-    """The meshes of all parts in world coordinates."""
+def _placed(content: Content) -> tuple[Content, list[trimesh.Trimesh]]:
+    """The content less what is too far away, and the meshes of its parts in the world."""
     meshes = {id(part.geometry): as_mesh(part.geometry) for part in content.parts}
-    count = sum(len(meshes[id(part.geometry)].faces) for part in content.parts)
-    check_triangles(count)
+    check_triangles(sum(len(meshes[id(part.geometry)].faces) for part in content.parts))
     placed = [
         meshes[id(part.geometry)].copy().apply_transform(part.to_world) for part in content.parts
     ]
-    for part, mesh in zip(content.parts, placed, strict=True):
-        if not (far := float(np.abs(mesh.bounds).max())) <= MAX_COORDINATE_M:
-            raise InputError(
-                f"object {part.name!r:.80} reaches {far:.3g} m from the origin; at most "
-                f"{MAX_COORDINATE_M:g} m: see --units and --scale"
-            )
+    reaches = [float(np.abs(mesh.bounds).max()) for mesh in placed]
+    faults = {
+        index: f"reaches {far:.3g} m from the origin; at most {MAX_COORDINATE_M:g} m: see --units "
+        "and --scale"
+        for index, far in enumerate(reaches)
+        if not far <= MAX_COORDINATE_M
+    }
+    kept = [mesh for index, mesh in enumerate(placed) if index not in faults]
+    return content.without(faults), kept
+
+
+def _check_size(placed: Sequence[trimesh.Trimesh]) -> None:
     corners = np.concatenate([mesh.bounds for mesh in placed])
     if (across := float(np.ptp(corners, axis=0).max())) < MIN_SIZE_M:
         raise InputError(
             f"all of it is {across:.3g} m across; at least {MIN_SIZE_M:g} m: see --units and "
             "--scale"
         )
-    return placed
 
 
 def _drone(around: Surroundings, content: Content, options: Options) -> DronePose:

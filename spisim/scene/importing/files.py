@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError, LimitError, nearest
 
 MAX_FILE_BYTES = 2 * 1024**3
 
@@ -20,43 +20,31 @@ MODEL_SCHEMES = ("model", "package")
 FUEL_HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")
 
 
-class MissingFile(InputError):
-    """A file that another one refers to is not there, or may not be read."""
-
-
 @dataclass(frozen=True)
 class Folders:
     """The folders that may be read, symbolic links resolved.
 
-    `fuel` is where Gazebo keeps what it has downloaded. With `skip_missing` readers leave out, and
-    note, what needs a file that is missing.
+    `fuel` is where Gazebo keeps what it has downloaded.
     """
 
     roots: tuple[Path, ...]
     fuel: Path | None = None
-    skip_missing: bool = False
 
     @classmethod
-    def around(
-        cls,
-        file: Path,
-        more: Sequence[Path] = (),
-        fuel: Path | None = None,
-        skip_missing: bool = False,
-    ) -> Folders:
+    def around(cls, file: Path, more: Sequence[Path] = (), fuel: Path | None = None) -> Folders:
         """The folder of a file and more, the search path; InputError for what is no folder."""
         for folder in more:
             if not folder.is_dir():
                 raise InputError(f"--model-path {folder}: no such folder")
         roots = tuple(folder.resolve() for folder in (file.parent, *more))
-        return cls(roots, None if fuel is None else fuel.resolve(), skip_missing)
+        return cls(roots, None if fuel is None else fuel.resolve())
 
     def find(self, reference: str, beside: Path, referrer: str, more: Sequence[Path] = ()) -> Path:
         """Path of the file or folder that a file in folder `beside` refers to.
 
-        `reference` is a path or a URI: relative to `beside` or `more` folders, `file://…`, or
-        `model://name/…` in one of the roots, or `https://fuel…` in Gazebo's copy. Raises
-        MissingFile, starting with `referrer`, where there is none, for one outside the roots, and
+        `reference` is a path or a URI: relative to `beside` or `more` folders, `model://name/…` in
+        one of the roots, `file://…` in either, or `https://fuel…` in Gazebo's copy. Raises
+        InputError, starting with `referrer`, where there is none, for one outside the roots, and
         for one on the network.
         """
         candidates = self._candidates(reference.strip(), (beside, *more), referrer)
@@ -69,31 +57,40 @@ class Folders:
         if found:
             return found[0]
         if not inside:
-            raise MissingFile(
-                f"{referrer}: {shown(reference)} lies outside the folders that may be read "
-                f"({self._list()}); copy it there or name its folder with --model-path"
-            )
+            raise self._outside(reference, referrer)
         searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
         closed = [str(folder) for folder in more if not self._holds(folder.resolve())]
         hint = f"; --model-path allows to read in {', '.join(closed)}, too" if closed else ""
-        raise MissingFile(f"{referrer}: no file {shown(reference)}; searched {searched}{hint}")
+        raise InputError(f"{referrer}: no file {shown(reference)}; searched {searched}{hint}")
+
+    def check_inside(self, path: Path, reference: str, referrer: str) -> None:
+        """InputError for a file that is there and may not be read."""
+        if not self._holds(path.resolve()):
+            raise self._outside(reference, referrer)
+
+    def _outside(self, reference: str, referrer: str) -> InputError:
+        return InputError(
+            f"{referrer}: {shown(reference)} lies outside the folders that may be read "
+            f"({self._list()}); copy it there or name its folder with --model-path"
+        )
 
     def _candidates(self, reference: str, places: Sequence[Path], referrer: str) -> list[Path]:
         if not reference:
             raise InputError(f"{referrer}: the reference to a file is empty")
         scheme, rest = _split(reference)
-        if scheme in MODEL_SCHEMES:
+        beside = [place / rest for place in places] if scheme in ("", "file") else []
+        if scheme == "" or (scheme == "file" and rest.startswith("/")):
+            return beside
+        if scheme in (*MODEL_SCHEMES, "file"):
             rest = rest.lstrip("/")
-            model = rest.partition("/")[0]
-            # A model that is itself one of the folders is found by its own name.
-            own = [root.parent / rest for root in self.roots if root.name == model]
-            return [*(root / rest for root in self.roots), *own]
-        if scheme in ("", "file"):
-            return [place / rest for place in places]
+            first = rest.partition("/")[0]
+            # A folder that is itself one of those that may be read is found by its own name.
+            own = [root.parent / rest for root in self.roots if root.name == first]
+            return [*beside, *(root / rest for root in self.roots), *own]
         if scheme in ("http", "https", "ftp", "fuel"):
             if copy := self._downloaded(rest):
                 return [copy]
-            raise MissingFile(
+            raise InputError(
                 f"{referrer}: {shown(reference)} is on the network, which is never read; "
                 "download it and refer to the file"
             )
@@ -138,7 +135,7 @@ def read_bytes(path: Path) -> bytes:
     if size == 0:
         raise InputError(f"{path}: the file is empty")
     if size > MAX_FILE_BYTES:
-        raise InputError(f"{path}: {size / 1024**3:.1f} GB; more than 2 GB are not read")
+        raise LimitError(f"{path}: {size / 1024**3:.1f} GB; more than 2 GB are not read")
     try:
         return path.read_bytes()
     except OSError as error:

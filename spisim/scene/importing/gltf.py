@@ -15,8 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
-from spisim.scene.importing.files import Folders, read_bytes
+from reconstruction.errors import InputError, LimitError
+from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.gltf_buffers import MESHOPT, Buffers, at, check_sizes
 from spisim.scene.importing.gltf_lamps import node_lamps
 from spisim.scene.importing.gltf_materials import read_surfaces
@@ -122,23 +122,24 @@ def _content(header: Any, chunk: bytes, path: Path, folders: Folders) -> Content
     surfaces = read_surfaces(header, buffers, path, folders, content)
     meshes = read_meshes(header, buffers, content)
     nodes = header.get("nodes", [])
-    waiting = [(at(nodes, i, "node"), i, np.eye(4)) for i in reversed(roots)]
+    waiting: list[tuple[Any, Floats]] = [(number, np.eye(4)) for number in reversed(roots)]
     seen: set[int] = set()
     while waiting:
-        node, number, parent = waiting.pop()
-        if number in seen:
-            raise InputError(f"node {number} is reached twice: the nodes are no tree")
-        seen.add(number)
-        to_world = parent @ _matrix(node, number)
-        if "mesh" in node:
-            shown_there = at(meshes, node["mesh"], "mesh")
-            for copy in _copies(node, buffers):
-                _add(content, node, shown_there, to_world @ copy, surfaces)
-        if "camera" in node:
-            content.cameras.append(to_world @ LOOKING)
-        content.glows += node_lamps(node, header, to_world, content)
-        children = reversed(node.get("children", []))
-        waiting += [(at(nodes, child, "node"), child, to_world) for child in children]
+        number, parent = waiting.pop()
+        with content.leaving_out(f"node {number!r:.80}"):
+            node = at(nodes, number, "node")
+            if number in seen:
+                raise InputError(f"node {number} is reached twice: the nodes are no tree")
+            seen.add(number)
+            to_world = parent @ _matrix(node, number)
+            waiting += [(child, to_world) for child in reversed(node.get("children", []))]
+            if "camera" in node:
+                content.cameras.append(to_world @ LOOKING)
+            content.glows += node_lamps(node, header, to_world, content)
+            if "mesh" in node:
+                shown_there = at(meshes, node["mesh"], "mesh")
+                for copy in _copies(node, buffers):
+                    _add(content, node, shown_there, to_world @ copy, surfaces)
     return content
 
 
@@ -151,8 +152,9 @@ def _add(
 ) -> None:
     for each in primitives:
         surface = Surface()
-        if each.material is not None:
-            surface = at(surfaces, each.material, "material")
+        with content.leaving_out(f"the material of mesh {shown(each.name)}"):
+            if each.material is not None:
+                surface = at(surfaces, each.material, "material")
         content.add(Part(node.get("name") or each.name, each.mesh, to_world, surface))
 
 
@@ -168,7 +170,7 @@ def _copies(node: dict[str, Any], buffers: Buffers) -> Iterator[Floats]:
     }
     for row in range(min((len(column) for column in columns.values()), default=0)):
         if row >= MAX_PARTS:
-            raise InputError(f"more than {MAX_PARTS:,} parts (instances counted)")
+            raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
         yield _matrix({name: column[row] for name, column in columns.items()}, row)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import json
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, LimitError
 from spisim.scene.importing.files import MAX_FILE_BYTES, Folders, read_bytes
 
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -29,10 +30,8 @@ class Buffers:
     def __init__(self, header: dict[str, Any], path: Path, folders: Folders, chunk: bytes) -> None:
         self._header = header
         self._required = header.get("extensionsRequired", [])
+        self._path, self._folders, self._chunk = path, folders, chunk
         self._data: dict[str, bytes] = {}
-        self._buffers = [
-            self._buffer(row, path, folders, chunk) for row in _rows(header, "buffers")
-        ]
         self._views: dict[int, bytes | memoryview] = {}
 
     def accessor(self, index: Any) -> NDArray[Any]:
@@ -40,7 +39,8 @@ class Buffers:
         row = at(_rows(self._header, "accessors"), index, "accessor")
         if "bufferView" not in row and "sparse" not in row:
             raise InputError(f"accessor {index} has no bufferView: its data are not in the file")
-        kind, shape = np.dtype(KINDS[row["componentType"]]), (row["count"], COMPONENTS[row["type"]])
+        kind = np.dtype(KINDS[row["componentType"]])
+        shape = (whole(row, "count"), COMPONENTS[row["type"]])
         values = np.zeros(shape, kind)
         if "bufferView" in row:
             values = self._strided(row, kind, shape)
@@ -64,7 +64,7 @@ class Buffers:
     def part(self, row: dict[str, Any]) -> memoryview:
         """Bytes from `byteOffset` of a buffer, `byteLength` long."""
         start, length = whole(row, "byteOffset", 0), whole(row, "byteLength")
-        data = at(self._buffers, row["buffer"], "buffer")
+        data = self._buffer(at(_rows(self._header, "buffers"), row["buffer"], "buffer"))
         if start + length > len(data):
             raise InputError(f"a bufferView ends at byte {start + length} of {len(data)}")
         return memoryview(data)[start : start + length]
@@ -99,31 +99,32 @@ class Buffers:
         values[numbers] = new.reshape(count, -1)
         return values
 
-    def _buffer(self, row: dict[str, Any], path: Path, folders: Folders, chunk: bytes) -> bytes:
+    def _buffer(self, row: dict[str, Any]) -> bytes:
+        """The bytes of a buffer, read when they are first needed."""
         uri = row.get("uri")
         if uri is None:
-            return chunk
+            return self._chunk
+        if uri not in self._data:
+            self._data[uri] = self._bytes_of(uri)
+            if sum(map(len, self._data.values())) > MAX_FILE_BYTES:
+                raise LimitError("its buffers hold more than 2 GB together, which are not read")
+        return self._data[uri]
+
+    def _bytes_of(self, uri: str) -> bytes:
         if uri.startswith("data:"):
             return within(uri)
-        if uri not in self._data:
-            self._data[uri] = read_bytes(folders.find(unquoted(uri), path.parent, "buffer"))
-            if sum(map(len, self._data.values())) > MAX_FILE_BYTES:
-                raise InputError("its buffers hold more than 2 GB together, which are not read")
-        return self._data[uri]
+        return read_bytes(self._folders.find(unquoted(uri), self._path.parent, "buffer"))
 
 
 def check_sizes(header: dict[str, Any]) -> None:
-    """InputError for views that are none, and for accessors of more than 2 GB together."""
-    for row in _rows(header, "bufferViews"):
-        whole(row, "byteOffset", 0)
-        whole(row, "byteLength")
+    """LimitError for accessors of more than 2 GB together; damaged ones are told when used."""
     total = 0
     for row in _rows(header, "accessors"):
-        whole(row, "byteOffset", 0)
-        width = np.dtype(KINDS[row["componentType"]]).itemsize * COMPONENTS[row["type"]]
-        total += whole(row, "count") * width
+        with suppress(InputError, KeyError, TypeError):
+            width = np.dtype(KINDS[row["componentType"]]).itemsize * COMPONENTS[row["type"]]
+            total += whole(row, "count") * width
     if total > MAX_FILE_BYTES:
-        raise InputError(
+        raise LimitError(
             f"its accessors hold {total / 1024**3:.3g} GB; more than 2 GB are not read"
         )
 
@@ -134,7 +135,7 @@ def _unpacked(packed: dict[str, Any], buffers: Buffers) -> bytes:
     data = np.frombuffer(buffers.part(packed), np.uint8)
     count, stride = whole(packed, "count"), whole(packed, "byteStride")
     if count * stride > MAX_FILE_BYTES:
-        raise InputError("a compressed bufferView holds more than 2 GB, which are not read")
+        raise LimitError("a compressed bufferView holds more than 2 GB, which are not read")
     if packed["mode"] != "ATTRIBUTES":
         name = "index_buffer" if packed["mode"] == "TRIANGLES" else "index_sequence"
         indices = getattr(decoder, f"decode_{name}")(count, stride, data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, LimitError
 from spisim.scene.importing.files import shown
 from spisim.scene.importing.gltf_buffers import Buffers, at, library
 from spisim.scene.importing.model import Content, with_texture_coordinates
@@ -36,26 +37,27 @@ def read_meshes(
     for number, row in enumerate(header.get("meshes", [])):
         name = row.get("name") or f"mesh {number}"
         primitives = []
-        for primitive in row["primitives"]:
-            if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
-                content.note(f"mesh {shown(name)}: points and lines are left out")
-                continue
-            mesh = _mesh(primitive, buffers)
-            check_mesh(mesh, name)
-            primitives.append(Primitive(name, mesh, primitive.get("material")))
+        for primitive in row.get("primitives", []):
+            with content.leaving_out(f"mesh {shown(name)}"):
+                if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
+                    content.note(f"mesh {shown(name)}: points and lines are left out")
+                    continue
+                mesh = _mesh(primitive, buffers)
+                check_mesh(mesh, name)
+                primitives.append(Primitive(name, mesh, primitive.get("material")))
         meshes.append(primitives)
     return meshes
 
 
 def check_triangle_count(header: dict[str, Any]) -> None:
-    """InputError for more triangles than are read."""
-    count = sum(
-        _triangles(primitive, header)
-        for mesh in header.get("meshes", [])
-        for primitive in mesh["primitives"]
-    )
+    """LimitError for more triangles than are read; damaged meshes are told when they are read."""
+    count = 0
+    for mesh in header.get("meshes", []):
+        for primitive in mesh.get("primitives", []):
+            with suppress(AttributeError, InputError, KeyError, TypeError, ValueError):
+                count += _triangles(primitive, header)
     if count > MAX_TRIANGLES:
-        raise InputError(f"{count:,} triangles; more than {MAX_TRIANGLES:,} are not read")
+        raise LimitError(f"{count:,} triangles; more than {MAX_TRIANGLES:,} are not read")
 
 
 def _triangles(primitive: dict[str, Any], header: dict[str, Any]) -> int:

@@ -14,7 +14,7 @@ import trimesh
 
 from reconstruction.errors import InputError
 from spisim.scene.importing.collada import read_collada
-from spisim.scene.importing.files import Folders, read_bytes
+from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.gltf import read_glb, read_gltf
 from spisim.scene.importing.model import (
     Content,
@@ -35,6 +35,9 @@ MARKS = {BOM_UTF16_LE: "utf-16", BOM_UTF16_BE: "utf-16"}
 #: What may stand between `map_Kd` and the name of a picture: words, or up to three numbers.
 MAP_OPTIONS = re.compile(r"-(?:[a-z]+)(?:\s+(?:on|off|[rgbmlz]|[-+.\d]+(?:e[-+]?\d+)?(?=\s)))*\s+")
 
+#: Groups of an OBJ file that become objects; some programs number faces by more of them.
+MAX_GROUPS = 1000
+
 Color: TypeAlias = tuple[float, float, float]
 
 
@@ -52,7 +55,7 @@ def read_obj(path: Path, folders: Folders) -> Content:
     names = dict.fromkeys(name.strip() for name in re.findall(r"^usemtl (.+)$", text, re.M))
     # trimesh keeps the name of a material only where a library describes it.
     library = "".join(f"newmtl {name}\nKd 0 0 0\n" for name in names).encode()
-    described = re.sub(r"^mtllib.*$", "", text, flags=re.M)
+    described = _grouped(re.sub(r"^mtllib.*$", "", text, flags=re.M))
     scene = _trimesh(
         f"mtllib materials\n{described}".encode(),
         path,
@@ -100,7 +103,7 @@ def read_ply(path: Path, folders: Folders) -> Content:
         faces = int(count) if kind == b"face" else faces
     content = _without_materials(data, path)
     found = sum(len(as_mesh(part.geometry).faces) for part in content.parts)
-    if found < faces:
+    if found < faces and not content.left_out:
         raise InputError(f"{path}: cut off: {found:,} of {faces:,} faces are there")
     return content
 
@@ -133,11 +136,12 @@ def _add(content: Content, path: Path, name: str, mesh: object, surface: Surface
     if not isinstance(mesh, trimesh.Trimesh):
         content.note(f"{path.name}: points and lines are left out")
         return
-    plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    check_mesh(plain, name)
-    if (uv := texture_coordinates(mesh)) is not None:
-        plain = with_texture_coordinates(plain, uv)
-    content.add(Part(name, plain, np.eye(4), surface))
+    with content.leaving_out(f"mesh {shown(name)}"):
+        plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        check_mesh(plain, name)
+        if (uv := texture_coordinates(mesh)) is not None:
+            plain = with_texture_coordinates(plain, uv)
+        content.add(Part(name, plain, np.eye(4), surface))
 
 
 def _trimesh(data: bytes, path: Path, **options: object) -> trimesh.Scene:
@@ -153,6 +157,14 @@ def _text(path: Path) -> str:
     if coding == "utf-8" and b"\0" in data[:4096]:
         raise InputError(f"{path}: cannot be read as OBJ: it is not a text file")
     return data.decode(coding, errors="replace").replace("\r\n", "\n").removeprefix("\ufeff")
+
+
+def _grouped(text: str) -> str:
+    """The text with its groups as objects, as far as it has no objects of its own."""
+    groups = len(re.findall(r"^g[ \t]+\S", text, re.M))
+    if re.search(r"^o[ \t]", text, re.M) or groups > MAX_GROUPS:
+        return text
+    return re.sub(r"^g(?=[ \t]+\S)", "o", text, flags=re.M)
 
 
 def _refuse_relative_indices(text: str, path: Path) -> None:

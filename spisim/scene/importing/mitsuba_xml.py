@@ -15,7 +15,7 @@ import trimesh
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import shapes
-from spisim.scene.importing.files import Folders, MissingFile
+from spisim.scene.importing.files import Folders
 from spisim.scene.importing.meshes import read_obj, read_ply
 from spisim.scene.importing.mitsuba_bsdf import told_surface
 from spisim.scene.importing.mitsuba_file import Node, Parse, Source, read_source
@@ -43,21 +43,22 @@ BOX_TOLERANCE = 1e-4
 def read_scene(path: Path, folders: Folders, parse: Parse) -> Content:
     """Parts of a Mitsuba scene; up is that of the sensor's `lookat`, else z.
 
-    Raises InputError for what cannot be read, refers to what is not there, or includes itself.
+    Shapes that cannot be read, or refer to what is not there, are left out, and noted. Raises
+    InputError where nothing is left, for includes in a circle, and for what Mitsuba's own parser
+    refuses.
     """
     content = Content(unit_why="Mitsuba has no unit: metres", up_why="Mitsuba has no up: z")
     source = read_source(path, folders)
     reader = _Shapes(source, folders, content)
     for node in parse(source.elements).children:
-        if node.kind == "shape":
-            reader.add(node, np.eye(4))
-        elif node.kind == "sensor":
-            _take_sensor(node, content)
-        elif node.kind == "emitter":
-            take_emitter(node, content, reader.file)
-    if not content.parts:
-        left_out = "; ".join(note for note in content.notes if note.startswith("left out: "))
-        raise InputError(f"{path}: has no shapes that can be read{left_out and f'; {left_out}'}")
+        with content.leaving_out(node.what):
+            if node.kind == "shape":
+                reader.add(node, np.eye(4))
+            elif node.kind == "sensor":
+                _take_sensor(node, content)
+            elif node.kind == "emitter":
+                take_emitter(node, content, reader.file)
+    content.check_not_empty(path, "has no shapes that can be read")
     return content
 
 
@@ -96,39 +97,28 @@ class _Shapes:
             self._content.note(f"{node.what}: shapes of this type are left out")
             return
         name = node.id or node.name or kind
-        parts = self._parts_there(node, kind, name)
-        if parts is None:
-            return
+        parts, is_flipped = self._parts(node, kind, name), node.value("flip_normals", False)
         if kind in MESHES and parts:
             name = node.id or Path(node.value("filename", name)).stem
         surface, radiance = self._surface(node), 0.0
         for each in node.children:
-            if each.kind == "emitter":
-                radiance += take_emitter(each, self._content, self.file, name)
-            elif each.kind == "medium" and node.properties.get("interior") is each:
-                placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
-                boxes = [_as_box(part, to_world) for part in parts]
-                first = None if surface is None else len(self._content.parts)
-                take_medium(each, placed, boxes, name, self._content, self.file, first)
+            with self._content.leaving_out(each.what):
+                if each.kind == "emitter":
+                    radiance += take_emitter(each, self._content, self.file, name)
+                elif each.kind == "medium" and node.properties.get("interior") is each:
+                    placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
+                    boxes = [_as_box(part, to_world) for part in parts]
+                    first = None if surface is None else len(self._content.parts)
+                    take_medium(each, placed, boxes, name, self._content, self.file, first)
         if surface is None:
             self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
             return
         for part in parts:
             geometry = part.geometry
-            if node.value("flip_normals", False):
+            if is_flipped:
                 geometry = shapes.as_mesh(geometry).copy()
                 geometry.invert()
             self._content.add(Part(name, geometry, to_world @ part.to_world, surface, radiance))
-
-    def _parts_there(self, node: Node, kind: str, name: str) -> list[Part] | None:
-        """As `_parts`; None, and a note, for a file that is missing and may be left out."""
-        try:
-            return self._parts(node, kind, name)
-        except MissingFile as error:
-            if not self._folders.skip_missing:
-                raise
-            self._content.note(f"left out: {error}")
-            return None
 
     def _parts(self, node: Node, kind: str, name: str) -> list[Part]:
         """Geometry of a shape in its own coordinates."""

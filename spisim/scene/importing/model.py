@@ -1,8 +1,10 @@
 """What the readers of foreign formats hand over: parts in a common world, and what was odd."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from json import JSONDecodeError
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -12,7 +14,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, LimitError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim.scene.importing.files import Folders
 from spisim.scene.importing.lattice import Lattice
@@ -24,6 +26,12 @@ Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
 
 #: Instances counted.
 MAX_PARTS = 100_000
+MAX_NOTES = 1000
+#: Where textures of Gazebo's models are, from a model's folder or that of its meshes.
+TEXTURE_FOLDERS = ("materials/textures", "../materials/textures")
+#: What notes of dropped parts begin with, and how much of them an error tells.
+LEFT_OUT = "left out: "
+MAX_REASONS, MAX_REASON_LETTERS = 3, 400
 
 
 @dataclass(frozen=True)
@@ -126,15 +134,52 @@ class Content:
     glows: list[Glow] = field(default_factory=list)
 
     def add(self, part: Part) -> None:
-        """Append a part; InputError for too many of them."""
+        """Append a part; LimitError for too many of them."""
         if len(self.parts) >= MAX_PARTS:
-            raise InputError(f"more than {MAX_PARTS:,} parts (instances counted)")
+            raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
         self.parts.append(part)
 
     def note(self, text: str) -> None:
-        """Keep something to tell, once."""
-        if text not in self.notes:
-            self.notes.append(text)
+        """Keep something to tell, once; beyond `MAX_NOTES` nothing more is told."""
+        if len(self.notes) < MAX_NOTES and text not in self.notes:
+            self.notes.append(text if len(self.notes) < MAX_NOTES - 1 else "and more like these")
+
+    @contextmanager
+    def leaving_out(self, what: str) -> Iterator[None]:
+        """Drop what cannot be read within, with a note that says why; LimitError is raised on."""
+        try:
+            with readable(what):
+                yield
+        except LimitError:
+            raise
+        except InputError as error:
+            self.note(f"{LEFT_OUT}{error}")
+
+    @property
+    def left_out(self) -> list[str]:
+        """Why parts were dropped."""
+        return [note.removeprefix(LEFT_OUT) for note in self.notes if note.startswith(LEFT_OUT)]
+
+    def without(self, faults: Mapping[int, str]) -> Content:
+        """The content less some parts, by their numbers, with notes that say why."""
+        if not faults:
+            return self
+        for index in sorted(faults):
+            self.note(f"{LEFT_OUT}object {self.parts[index].name!r:.80}: {faults[index]}")
+        kept = [index for index in range(len(self.parts)) if index not in faults]
+        numbers = {index: number for number, index in enumerate(kept)}
+        hazes = [
+            haze if haze.part is None else replace(haze, part=numbers[haze.part])
+            for haze in self.hazes
+            if haze.part is None or haze.part in numbers
+        ]
+        return replace(self, parts=[self.parts[index] for index in kept], hazes=hazes)
+
+    def check_not_empty(self, path: Path, lack: str = "holds no triangles") -> None:
+        """InputError where no part is left, with the first reasons why."""
+        if not self.parts:
+            reasons = [reason[:MAX_REASON_LETTERS] for reason in self.left_out[:MAX_REASONS]]
+            raise InputError("; ".join([f"{path}: {lack}", *reasons]))
 
     def texture(
         self,
@@ -144,12 +189,23 @@ class Content:
         referrer: str,
         more: Sequence[Path] = (),
     ) -> Texture | None:
-        """The texture that a file refers to; a note where it is missing, or may not be read."""
+        """The texture that a file refers to; a note where it is missing, or may not be read.
+
+        It is looked for by its path, and by its name alone where that is another machine's: beside
+        the file, in `more` folders, and where Gazebo's models have their textures.
+        """
+        usual = [beside / folder for folder in TEXTURE_FOLDERS]
+        places = [*more, *(folder for folder in usual if folder.is_dir())]
+        reference = name.replace("\\", "/")
         try:
-            path = folders.find(name.replace("\\", "/"), beside, referrer, more)
+            path = folders.find(reference, beside, referrer, places)
         except InputError as error:
-            self.note(f"{error}; this texture is not used")
-            return None
+            try:
+                path = folders.find(reference.rpartition("/")[2], beside, referrer, places)
+            except InputError:
+                self.note(f"{error}; this texture is not used")
+                return None
+            self.note(f"{error}; {path} is taken, by its name")
         return Texture(name, path)
 
 
@@ -157,21 +213,20 @@ class Content:
 Reader: TypeAlias = Callable[[Path, Folders], Content]
 
 
-def check_poses(matrices: Floats, what: Sequence[str]) -> None:
-    """InputError unless (n, 4, 4) matrices place things: finite, affine, and flatten nothing.
-
-    `what` (n,) they place is told.
-    """
-    finite = np.isfinite(matrices).all(axis=(1, 2))
-    for place in np.flatnonzero(~finite).tolist():
-        raise InputError(f"{what[place]}: its pose is not made of finite numbers")
-    affine = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1) <= 1e-8
-    for place in np.flatnonzero(~affine).tolist():
-        last = ", ".join(f"{value:g}" for value in matrices[place, 3])
-        raise InputError(f"{what[place]}: its pose is no affine matrix; the last row is {last}")
-    stretches = np.linalg.svd(matrices[:, :3, :3], compute_uv=False)
-    for place in np.flatnonzero(stretches[:, 2] <= 1e-15 * stretches[:, 0]).tolist():
-        raise InputError(f"{what[place]}: its pose flattens it; a scale is zero")
+def pose_faults(matrices: Floats) -> dict[int, str]:
+    """Which of (n, 4, 4) matrices place nothing, and why: not finite, not affine, or flat."""
+    finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
+    safe = np.where(finite[:, None, None], matrices, np.eye(4))
+    last = safe[:, 3]
+    affine = np.asarray(np.abs(last - [0, 0, 0, 1]).max(axis=1) <= 1e-8)
+    stretches = np.linalg.svd(safe[:, :3, :3], compute_uv=False)
+    flat = np.asarray(stretches[:, 2] <= 1e-15 * stretches[:, 0])
+    faults = dict.fromkeys(np.flatnonzero(flat).tolist(), "its pose flattens it; a scale is zero")
+    for index in np.flatnonzero(~affine).tolist():
+        row = ", ".join(f"{value:g}" for value in last[index])
+        faults[index] = f"its pose is no affine matrix; the last row is {row}"
+    lost = np.flatnonzero(~finite).tolist()
+    return faults | dict.fromkeys(lost, "its pose is not made of finite numbers")
 
 
 def with_texture_coordinates(mesh: trimesh.Trimesh, uv: ArrayLike) -> trimesh.Trimesh:
@@ -195,8 +250,8 @@ def scaling(factors: ArrayLike) -> Floats:
 
 
 @contextmanager
-def readable(what: str, kind: str) -> Iterator[None]:
-    """Turn whatever a parser runs into within into an InputError that names the file.
+def readable(what: str, kind: str = "") -> Iterator[None]:
+    """Turn whatever a parser runs into within into an InputError that names the file or part.
 
     What the parser says is about itself, so it is not told. Numbers that are not finite raise no
     warnings within; they are looked for afterwards. What trimesh logs of damaged files is not for
@@ -209,8 +264,11 @@ def readable(what: str, kind: str) -> Iterator[None]:
             yield
     except InputError:
         raise
+    except MemoryError:
+        raise LimitError(f"{what}: needs more memory than there is") from None
     except Exception as error:
-        raise InputError(f"{what}: cannot be read as {kind}: {_reason(error)}") from None
+        as_kind = f" as {kind}" if kind else ""
+        raise InputError(f"{what}: cannot be read{as_kind}: {_reason(error)}") from None
     finally:
         trimesh.util.log.disabled = logged
 
@@ -219,8 +277,6 @@ def _reason(error: Exception) -> str:
     match error:
         case RecursionError():
             return "nested too deeply"
-        case MemoryError():
-            return "it needs more memory than there is"
         case JSONDecodeError():
             return f"no valid JSON in line {error.lineno}"
         case UnicodeDecodeError():

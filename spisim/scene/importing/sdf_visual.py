@@ -10,7 +10,7 @@ import trimesh
 
 from reconstruction.errors import InputError, naming, nearest
 from spisim.scene.importing import shapes
-from spisim.scene.importing.files import Folders, MissingFile
+from spisim.scene.importing.files import Folders
 from spisim.scene.importing.heightmap import heightmap
 from spisim.scene.importing.meshes import READERS
 from spisim.scene.importing.metallic import Metallic
@@ -19,7 +19,7 @@ from spisim.scene.importing.model import (
     Part,
     Shape,
     Surface,
-    check_poses,
+    pose_faults,
     scaling,
     translation,
 )
@@ -43,6 +43,7 @@ class Visuals:
         self.content = content
         self._folders = folders
         self._files: dict[Path, list[Part]] = {}
+        self._faults: dict[Path, InputError] = {}
 
     def read(self, visual: Element, path: Path, what: str) -> list[Part]:
         """Parts of a visual in its own frame; its geometry may come from files beside `path`."""
@@ -58,19 +59,15 @@ class Visuals:
             found = ", ".join(child.tag for child in geometry)
             raise InputError(f"{what}: geometry {found:.80} is unknown: {nearest('', KNOWN)}")
         kind = kinds[0]
-        surface = self._surface(visual, path, what)
+        surface = None
+        with self.content.leaving_out(f"{what}: material"):
+            surface = self._surface(visual, path, what)
         if kind.tag in LEFT_OUT:
             if kind.tag != "empty":
                 self.content.note(f"{what}: geometry {kind.tag} is left out")
             return []
         if kind.tag in FROM_FILES:
-            try:
-                return FROM_FILES[kind.tag](self, kind, surface, path, what)
-            except MissingFile as error:
-                if not self._folders.skip_missing:
-                    raise
-                self.content.note(f"left out: {error}")
-                return []
+            return FROM_FILES[kind.tag](self, kind, surface, path, what)
         shape, pose = SHAPES[kind.tag](kind, what), np.eye(4)
         if kind.tag == "plane":
             pose = _facing(kind, what)
@@ -83,7 +80,8 @@ class Visuals:
             parts = _only(parts, submesh, what)
         factors = numbers(element.findtext("scale") or "1 1 1", 3, f"{what}: scale")
         grown = scaling(factors)
-        check_poses(grown[None], [f"{what}: scale {factors}"])
+        for fault in pose_faults(grown[None]).values():
+            raise InputError(f"{what}: scale {factors}: {fault}")
         return [
             Part(part.name, part.geometry, grown @ part.to_world, surface or part.surface)
             for part in parts
@@ -111,9 +109,15 @@ class Visuals:
         suffix = path.suffix.lower()
         if suffix not in READERS:
             raise InputError(f"{what}: mesh {path.name!r}: {nearest(suffix, READERS)}")
+        if path in self._faults:
+            raise self._faults[path]
         if path not in self._files:
-            with naming(f"{what}: mesh"):
-                content = READERS[suffix](path, self._folders)
+            try:
+                with naming(f"{what}: mesh"):
+                    content = READERS[suffix](path, self._folders)
+            except InputError as error:
+                self._faults[path] = error
+                raise
             content.up = "z"
             self._files[path] = to_metres(content, 1.0).parts
             loaded = (part for parts in self._files.values() for part in parts)
@@ -177,7 +181,8 @@ def _told(
 def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
     """The parts of one name, centred if asked for."""
     name = (submesh.findtext("name") or "").strip()
-    chosen = [part for part in parts if part.name == name]
+    # trimesh calls groups of OBJ by their names and those of their materials
+    chosen = [part for part in parts if part.name in (name, f"{name}_{part.surface.name}")]
     if not chosen:
         known = nearest(name, dict.fromkeys(part.name for part in parts))
         raise InputError(f"{what}: no submesh {name[:80]!r}: {known}")

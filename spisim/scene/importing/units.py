@@ -10,7 +10,7 @@ from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, nearest
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim.scene.importing.lattice import Lattice
-from spisim.scene.importing.model import Axis, Content, Glow, Shape, check_poses, scaling
+from spisim.scene.importing.model import Axis, Content, Glow, Shape, pose_faults, scaling
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
@@ -49,7 +49,8 @@ def choose_up(content: Content, axis: str | None) -> Content:
 def to_metres(content: Content, scale: float) -> Content:
     """The content with its meshes and poses in metres, z up, and everything scaled once more.
 
-    Raises InputError unless the scale is a positive number, and for poses that place nothing.
+    Parts with poses that place nothing are left out. Raises InputError unless the scale is a
+    positive number.
     """
     if not 0 < scale < math.inf:
         raise InputError(f"--scale should be a positive number; found {scale}")
@@ -59,15 +60,14 @@ def to_metres(content: Content, scale: float) -> Content:
     turn = np.eye(4)
     turn[:3, :3] = TO_Z_UP[content.up]
     grow, shrink = scaling(factor), scaling(1 / factor)
+    given = np.reshape([part.to_world for part in content.parts], (-1, 4, 4))
+    poses = turn @ grow @ given @ shrink
+    faults = pose_faults(poses) | pose_faults(given)
+    content, poses = content.without(faults), np.delete(poses, [*faults], axis=0)
     resized: dict[int, trimesh.Trimesh | Shape] = {}
     for part in content.parts:
         if id(part.geometry) not in resized:
             resized[id(part.geometry)] = _resized(part.geometry, factor)
-    given = np.reshape([part.to_world for part in content.parts], (-1, 4, 4))
-    names = [f"object {part.name!r:.80}" for part in content.parts]
-    check_poses(given, names)
-    poses = turn @ grow @ given @ shrink
-    check_poses(poses, names)
     parts = [
         replace(part, geometry=resized[id(part.geometry)], to_world=pose)
         for part, pose in zip(content.parts, poses, strict=True)

@@ -23,44 +23,50 @@ from spisim.scene.pose import pose_matrix
 def read_urdf(path: Path, folders: Folders) -> Content:
     """Parts of the visuals of a robot, metres, z up, all joints at zero.
 
-    Raises InputError for what cannot be read or refers to what is not there.
+    What of it cannot be read, or refers to what is not there, is left out, and noted. Raises
+    InputError where nothing is left.
     """
-    root = parse_lenient_xml(read_bytes(path), path)
+    content = Content(unit_why="URDF is in metres", up_why="ROS has z up (REP 103)")
+    root = parse_lenient_xml(read_bytes(path), path, content.note)
     if root.tag != "robot":
         raise InputError(f"{path}: is no URDF: its root is <{root.tag}>, not <robot>")
     if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
         raise InputError(f"{path}: has macros (xacro); `xacro {path.name} > robot.urdf` fills them")
-    content = Content(unit_why="URDF is in metres", up_why="ROS has z up (REP 103)")
     visuals = Visuals(folders, content)
-    frames = _frames(root, path)
+    frames = _frames(root, path, content)
     colors = {row.get("name", ""): row for row in root.findall("material")}
     for link in root.findall("link"):
         name = link.get("name", "")
         for visual in link.findall("visual"):
             what = f"link {shown(name)}"
-            at_link = frames.pose(name) @ _origin(visual, what)
-            for part in visuals.read(_as_sdf(visual, colors), path, what):
-                title = " ".join(filter(None, (name, visual.get("name", ""))))
-                content.add(Part(title, part.geometry, at_link @ part.to_world, part.surface))
-    if not content.parts:
-        raise InputError(f"{path}: has no visuals; collision shapes are not read")
+            with content.leaving_out(what):
+                at_link = frames.pose(name) @ _origin(visual, what)
+                for part in visuals.read(_as_sdf(visual, colors), path, what):
+                    title = " ".join(filter(None, (name, visual.get("name", ""))))
+                    content.add(Part(title, part.geometry, at_link @ part.to_world, part.surface))
+    content.check_not_empty(path, "has no visuals; collision shapes are not read")
     return content
 
 
-def _frames(root: Element, path: Path) -> Frames:
+def _frames(root: Element, path: Path, content: Content) -> Frames:
     """Links by their names; what no joint places stands at the origin."""
     frames = Frames("world", path.name)
-    placed = {}
+    placed: dict[str, tuple[Floats, str] | None] = {}
     for joint in root.findall("joint"):
         what = f"{path.name}: joint {shown(joint.get('name', ''))}"
         parent, child = joint.find("parent"), joint.find("child")
-        if parent is None or child is None:
-            raise InputError(f"{what}: needs a parent and a child")
-        placed[child.get("link", "")] = (_origin(joint, what), parent.get("link", ""))
+        moved = "" if child is None else child.get("link", "")
+        placed[moved] = None  # nobody knows where it is, unless all goes well
+        with content.leaving_out(what):
+            if parent is None or child is None:
+                raise InputError(f"{what}: needs a parent and a child")
+            placed[moved] = (_origin(joint, what), parent.get("link", ""))
     for link in root.findall("link"):
         name = link.get("name", "")
-        if name != "world":
-            frames.add(name, *placed.get(name, (np.eye(4), "")))
+        pose = placed.get(name, (np.eye(4), ""))
+        if name != "world" and pose is not None:
+            with content.leaving_out(f"{path.name}: link {shown(name)}"):
+                frames.add(name, *pose)
     return frames
 
 

@@ -1,4 +1,4 @@
-"""OpenUSD (.usd, .usda, .usdc): meshes, shapes, instances and bound materials, by Pixar's library.
+"""OpenUSD (.usd, .usda, .usdc, .usdz): meshes, shapes, instances, materials, by Pixar's library.
 
 Needs the extra `usd`. Layers that a stage is composed of are found by the library; those outside of
 the folders that may be read are refused before a prim is looked at.
@@ -15,10 +15,11 @@ import numpy as np
 import trimesh
 
 from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, LimitError
 from spisim.scene.importing import shapes
 from spisim.scene.importing.files import Folders, read_bytes, shown
 from spisim.scene.importing.model import (
+    LEFT_OUT,
     MAX_PARTS,
     Axis,
     Content,
@@ -29,6 +30,7 @@ from spisim.scene.importing.model import (
     with_texture_coordinates,
 )
 from spisim.scene.importing.usd_lamps import read_lamp
+from spisim.scene.importing.usd_package import check_package
 from spisim.scene.importing.usd_surfaces import read_surface
 from spisim.scene.shapes import check_mesh, check_triangles
 
@@ -41,48 +43,83 @@ ABOUT = {"X": [0.0, 1.0, 0.0], "Y": [-1.0, 0.0, 0.0], "Z": [0.0, 0.0, 0.0]}
 
 
 def read_usd(path: Path, folders: Folders) -> Content:
-    """Parts of a stage as it stands at its first time; InputError for what cannot be read."""
+    """Parts of a stage as it stands at its first time; what cannot be read is left out, and noted.
+
+    Raises InputError for what is no stage, or is composed of layers outside of the folders.
+    """
     read_bytes(path)
     try:
         from pxr import Usd, UsdGeom, UsdUtils
     except ImportError:
         raise InputError(f"{path}: OpenUSD needs a library: install `spisim[usd]`") from None
     told = UsdUtils.CoalescingDiagnosticDelegate()  # which keeps to itself what it would print
-    _check_layers(path, folders)
+    if path.suffix.lower() == ".usdz":
+        check_package(path)
+    content = Content()
+    layers = _readable_layers(path, folders, content)
     with readable(str(path), "OpenUSD"):
-        stage = Usd.Stage.Open(str(path.resolve()))
+        stage = Usd.Stage.Open(layers[0])
+        for layer in stage.GetUsedLayers():
+            if file := layer.realPath.partition("[")[0]:
+                folders.check_inside(Path(file), file, f"{path}: layer")
         axis = str(UsdGeom.GetStageUpAxis(stage))
         stated = stage.GetRootLayer().pseudoRoot.GetInfo("metersPerUnit")  # of either precision
         unit_m = float(stated or UsdGeom.GetStageMetersPerUnit(stage))
         if not 0 < unit_m < np.inf:
             raise InputError(f"{path}: metersPerUnit should be a positive number; found {unit_m}")
-        content = Content(
-            unit_m, f"metersPerUnit of the stage: {unit_m:g}", AXES[axis], f"upAxis: {axis}"
-        )
+        content.unit_m, content.unit_why = unit_m, f"metersPerUnit of the stage: {unit_m:g}"
+        content.up, content.up_why = AXES[axis], f"upAxis: {axis}"
         _Stage(stage, content, folders).read()
         if told.TakeUncoalescedDiagnostics():
             content.note(f"{path.name}: OpenUSD doubts some of what it says")
         return content
 
 
-def _check_layers(top: Path, folders: Folders) -> None:
-    """InputError for a layer that a stage would open, and that may not be read."""
-    from pxr import Sdf
+def _readable_layers(top: Path, folders: Folders, content: Content) -> list[Any]:
+    """The layers of a stage, the first one its own, kept open as they are to be composed.
 
-    waiting, seen = [top.resolve()], set()
+    What one of them refers to and is missing or cannot be read, such as MaterialX where the library
+    lacks it, is taken out of it, in memory alone. InputError for one outside of the folders.
+    """
+    from pxr import Ar, Sdf
+
+    layers: list[Any] = []
+    waiting, seen = [str(top.resolve())], set()
     while waiting:
-        path = waiting.pop()
-        if path in seen:
+        if (name := waiting.pop()) in seen:
             continue
-        seen.add(path)
+        seen.add(name)
         if len(seen) > MAX_LAYERS:
-            raise InputError(f"{top}: is composed of more than {MAX_LAYERS:,} layers")
-        with readable(str(path), "OpenUSD"):
-            layer = Sdf.Layer.FindOrOpen(str(path))
+            raise LimitError(f"{top}: is composed of more than {MAX_LAYERS:,} layers")
+        with readable(str(top), "OpenUSD"):
+            layer = Sdf.Layer.FindOrOpen(name)
+            if not layer:
+                raise InputError(f"{top}: cannot be read as OpenUSD")
             names = list(layer.GetCompositionAssetDependencies())
-        for name in names:
-            if name:
-                waiting.append(folders.find(name, path.parent, f"{path}: layer"))
+        layers.append(layer)
+        for reference in filter(None, names):
+            what = f"{name}: layer {shown(reference)}"
+            anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, reference)
+            found = str(Ar.GetResolver().Resolve(anchored))
+            if found:
+                folders.check_inside(Path(found.partition("[")[0]), reference, f"{name}: layer")
+            if found and _opens(found):
+                waiting.append(found)
+                continue
+            why = "cannot be read as OpenUSD" if found else "there is no such file"
+            content.note(f"{LEFT_OUT}{what}: {why}")
+            layer.UpdateCompositionAssetDependency(reference, "")
+    return layers
+
+
+def _opens(name: str) -> bool:
+    """Whether the library reads a layer."""
+    from pxr import Sdf, Tf
+
+    try:
+        return Path(name.partition("[")[0]).is_file() and bool(Sdf.Layer.FindOrOpen(name))
+    except Tf.ErrorException:
+        return False
 
 
 class _Stage:
@@ -105,10 +142,12 @@ class _Stage:
             if prim.IsA(UsdGeom.Imageable) and self._is_hidden(prim):
                 walk.PruneChildren()
             elif prim.IsA(UsdGeom.PointInstancer):
-                self._add_instances(prim)
+                with self._content.leaving_out(shown(str(prim.GetPath()))):
+                    self._add_instances(prim)
                 walk.PruneChildren()
             else:
-                self._add(prim, self._pose(prim))
+                with self._content.leaving_out(shown(str(prim.GetPath()))):
+                    self._add(prim, self._pose(prim))
 
     def _is_hidden(self, prim: Any) -> bool:
         from pxr import UsdGeom
@@ -145,7 +184,9 @@ class _Stage:
         """Once for all that it is bound to."""
         key = "" if material is None else str(material.GetPath())
         if key not in self._surfaces:
-            self._surfaces[key] = read_surface(material, self._content, self._folders)
+            self._surfaces[key] = Surface(material.GetName() if key else None)
+            with self._content.leaving_out(f"material {shown(key)}"):
+                self._surfaces[key] = read_surface(material, self._content, self._folders)
         return self._surfaces[key]
 
     def _add_instances(self, prim: Any) -> None:
@@ -155,7 +196,7 @@ class _Stage:
         poses = instancer.ComputeInstanceTransformsAtTime(0.0, 0.0)
         numbers = instancer.GetProtoIndicesAttr().Get() or []
         if len(numbers) > MAX_PARTS:
-            raise InputError(f"more than {MAX_PARTS:,} parts (instances counted)")
+            raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
         roots = [self._stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetTargets()]
         own = self._pose(prim)
         # instances take the prototype's own transform along; what is below it stands relative to it

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spisim.scene.importing.files import Folders
+from spisim.scene.importing.files import Folders, shown
 from spisim.scene.importing.metallic import Metallic
 from spisim.scene.importing.model import Content, Surface
 from spisim.scene.importing.textures import Texture
+from spisim.scene.importing.usd_package import read_from_package
 
 KIND, PICTURE, COORDINATES = "UsdPreviewSurface", "UsdUVTexture", "UsdPrimvarReader_float2"
 #: The primvar that meshes' coordinates are read from.
@@ -116,7 +118,7 @@ def _picture(source: Any, content: Content, folders: Folders) -> tuple[Texture, 
     name = "" if asset is None else asset.resolvedPath or asset.path
     if not name:
         return None
-    texture = content.texture(name, folders.roots[0], folders, "texture")
+    texture = _texture(name, content, folders)
     scale, bias = (_source(shader, key) for key in ("scale", "bias"))
     if texture is None or (bias is not None and np.any(bias.Get())):
         return None
@@ -124,6 +126,18 @@ def _picture(source: Any, content: Content, folders: Folders) -> tuple[Texture, 
     space = _source(shader, "sourceColorSpace")
     linear = space is not None and space.Get() == "raw"
     return replace(texture, fits=_fits(shader), linear=linear), channel, factor
+
+
+def _texture(name: str, content: Content, folders: Folders) -> Texture | None:
+    """The picture of a name, which may be that of a file in a package."""
+    package, bracket, inner = name.partition("[")
+    if not bracket:
+        return content.texture(name, folders.roots[0], folders, "texture")
+    folders.check_inside(Path(package), package, "texture")
+    if (data := read_from_package(name)) is None:
+        content.note(f"texture: no file {shown(inner.rstrip(']'))} in the package; it is not used")
+        return None
+    return Texture(inner.rstrip("]"), data)
 
 
 def _fits(texture: Any) -> bool:

@@ -2,16 +2,38 @@
 
 import math
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError
 
 from defusedxml import DTDForbidden
 from defusedxml.ElementTree import fromstring
 
-from reconstruction.errors import InputError
+from reconstruction.errors import InputError, LimitError
 
 #: Elements within elements; defusedxml has no limit, and what walks or writes a tree recurses.
 MAX_DEPTH = 200
+
+NAME = r"[^\W\d][\w.-]*"
+#: None of its parts looks beyond the next `<`, or all the way to the end more than once.
+TOKEN = re.compile(
+    r"(?P<doctype><!DOCTYPE)"
+    r"|(?P<ignored><!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z))"
+    r"|(?P<cdata><!\[CDATA\[.*?(?:\]\]>|\Z))"
+    rf"|(?P<tag></?{NAME}(?:[^<>\"']++|\"[^\"<]*+\"|'[^'<]*+')*+>)"
+    r"|(?P<text>[^<]+|<)",
+    re.DOTALL,
+)
+#: A name, and what may follow it: a value in quotes, or without.
+ATTRIBUTE = re.compile(r"""([^\s=/"'<>]+)(?:\s*=\s*("[^"]*"|'[^']*'|[^\s"'<>]+))?""")
+#: What XML has no characters for, and what begins no entity of its own.
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+LOOSE = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9A-Fa-f]+);)")
+
+
+class BadXML(InputError):
+    """A file that is not well-formed, which a lenient reader may mend."""
 
 
 def parse_xml(data: bytes, path: Path) -> Element:
@@ -24,32 +46,85 @@ def parse_xml(data: bytes, path: Path) -> Element:
             "files; remove it"
         ) from None
     except (ParseError, ValueError, LookupError) as error:
-        raise InputError(f"{path}: not valid XML: {error}") from None
+        raise BadXML(f"{path}: not valid XML: {error}") from None
     level = [root]
     for _ in range(MAX_DEPTH):
         level = [child for element in level for child in element]
     if level:
-        raise InputError(f"{path}: elements are nested more than {MAX_DEPTH} deep")
+        raise LimitError(f"{path}: elements are nested more than {MAX_DEPTH} deep")
     return root
 
 
-def parse_lenient_xml(data: bytes, path: Path) -> Element:
-    """As `parse_xml`, for what robotics' parsers overlook.
+def parse_lenient_xml(data: bytes, path: Path, note: Callable[[str], None]) -> Element:
+    """As `parse_xml`, for what other programs' parsers overlook; a note tells what was mended."""
+    try:
+        return parse_xml(data, path)
+    except BadXML as error:
+        root = parse_xml(mended(data).encode(), path)
+        fault = str(error).removeprefix(f"{path}: ")
+        note(f"{path.name}: {fault}; it is read as it was meant")
+        return root
 
-    Dashes in comments, space before the declaration, prefixes of names that stand for nothing, and
-    names with two colons.
+
+def mended(data: bytes) -> str:
+    """XML with its texts and attributes put right, as far as that needs no guess.
+
+    Put right are `&` and `<` that begin nothing, characters that XML does not have, attributes
+    without quotes or value, or given twice, dashes in comments, a declaration that is not the first
+    thing, prefixes that stand for nothing, and names with two colons. Elements that are not closed
+    stay so: where a file was cut off nobody knows what it held.
     """
-    data = re.sub(rb"<!--.*?-->", _lines, data.lstrip(b"\xef\xbb\xbf \t\r\n"), flags=re.DOTALL)
-    data = re.sub(rb"(</?[A-Za-z_][\w.-]*)::", rb"\1.", data)
-    used = set(re.findall(rb"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]", data))
-    lacking = used - set(re.findall(rb"xmlns:([\w.-]+)", data)) - {b"xml", b"xmlns"}
-    declared = b"".join(b' xmlns:%b="%b"' % (name, name) for name in sorted(lacking))
-    return parse_xml(re.sub(rb"<([A-Za-z_][\w.-]*)", rb"<\1" + declared, data, count=1), path)
+    text = TOKEN.sub(_sound, NOT_XML.sub("", _decoded(data)))
+    used = set(re.findall(rf"[<\s/]({NAME}):[A-Za-z_]", text))
+    lacking = used - set(re.findall(rf"xmlns:({NAME})", text)) - {"xml", "xmlns"}
+    declared = "".join(f' xmlns:{name}="{name}"' for name in sorted(lacking))
+    return re.sub(rf"<{NAME}(?::{NAME})?", rf"\g<0>{declared}", text, count=1)
 
 
-def _lines(comment: re.Match[bytes]) -> bytes:
-    """As many line ends as a comment has, so that messages count right."""
-    return b"\n" * comment[0].count(b"\n")
+def _decoded(data: bytes) -> str:
+    """Text by its mark or declaration, else UTF-8."""
+    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
+    declared = re.match(rb"[^<]*<\?xml[^>]*encoding\s*=\s*[\"']([\w.-]+)", data)
+    try:
+        return data.decode(declared[1].decode() if declared else "utf-8-sig", errors="replace")
+    except LookupError:
+        return data.decode(errors="replace")
+
+
+def _sound(token: re.Match[str]) -> str:
+    match token.lastgroup:
+        case "tag":
+            return _sound_tag(token[0])
+        case "text":
+            return _escaped(token[0])
+        case "ignored":
+            return "\n" * token[0].count("\n")  # so that messages count lines right
+    return token[0]
+
+
+def _sound_tag(tag: str) -> str:
+    start = "</" if tag.startswith("</") else "<"
+    name, *words = (match for match in ATTRIBUTE.finditer(tag.rstrip("/> \t\r\n"), len(start)))
+    attributes: dict[str, str] = {}
+    for word in words:
+        attributes.setdefault(_plain(word[1]), (word[2] or word[1]).strip("\"'"))
+    listed = "".join(
+        f' {each}="{_escaped(value).replace(chr(34), "&quot;")}"'
+        for each, value in attributes.items()
+        if re.fullmatch(rf"{NAME}(:{NAME})?", each)
+    )
+    return f"{start}{_plain(name[1])}{listed}{'/' if tag.endswith('/>') else ''}>"
+
+
+def _plain(name: str) -> str:
+    """A name with one colon at most."""
+    prefix, colon, rest = name.replace("::", ".").partition(":")
+    return f"{prefix}{colon}{rest.replace(':', '.')}"
+
+
+def _escaped(text: str) -> str:
+    return LOOSE.sub("&amp;", text).replace("<", "&lt;")
 
 
 def numbers(text: str | None, count: int, what: str) -> list[float]:
