@@ -113,7 +113,7 @@ def test_the_unambiguous_path_follows_the_beat(frequencies_mhz, path_m):
 @pytest.mark.parametrize("frequencies_mhz", [[15], [30, 40], [16, 20, 24], [40, 50, 63]])
 def test_every_path_below_it_is_found(frequencies_mhz):
     frequencies = 1e6 * np.array(frequencies_mhz, dtype=float)
-    paths = np.linspace(0.01, 0.999, 500) * unambiguous_path_m(frequencies)
+    paths = np.linspace(0.01, 0.99, 500) * unambiguous_path_m(frequencies)
     phases = 2 * np.pi * frequencies[:, None] * paths / c
     found, _, ambiguous = path_from_phases(phases, np.full(phases.shape, 0.01), frequencies)
     assert np.allclose(found, paths)
