@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from ..operators import Decoder, Drift, RowOperator, SparseRows
-from .noise import variance_by_repetition, variance_by_spectrum
+from ..operators import Decoder, Drift, RowOperator, SparseRows, Throughput
+from .noise import CERTAIN, NoiseLevels, levels_by_spectrum, variance_by_repetition
 from .prior import Prior, fit_scale
 from .shared_errors import without_shared_errors
 
-MIN_ERROR = 1e-5
+MIN_ERROR = 4e-6
 """Least error of readings of patterns that are not orthogonal, over their spread: converters have
-16 bits or so, and such patterns may tell some directions worse than that."""
+16 bits or so, of which a step errs by 2^-16 / sqrt(12) rms, and such patterns may tell some
+directions worse than that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,11 +25,13 @@ class Coefficients:
     """``values`` (K,), which may be complex, and the standard deviation ``noise`` (K,) of each.
 
     That of complex ones is of both parts together. It is infinite where nothing was measured, as
-    far as can be told; the value is then 0.
+    far as can be told; the value is then 0. Where noise is not sure, ``levels`` are what it may be,
+    over ``noise``.
     """
 
     values: NDArray[Any]
     noise: Floats
+    levels: NoiseLevels = CERTAIN
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -40,8 +43,8 @@ class CoefficientDecoder:
     """Decodes readings (M,), and takes off the errors that many coefficients share.
 
     ``prior`` makes what is known of the coefficients; it is not asked where it is not needed.
-    ``redundant`` are the combinations of readings that tell their noise, ``drift`` tells how their
-    offset drifts, where anything does.
+    ``redundant`` are the combinations of readings that tell their noise, as far as ``throughput``
+    is the same for all patterns; ``drift`` tells how their offset drifts, where anything does.
     """
 
     def __init__(
@@ -49,11 +52,13 @@ class CoefficientDecoder:
         decoder: Decoder,
         prior: Callable[[], Prior],
         redundant: SparseRows,
+        throughput: Throughput,
         drift: Drift | None,
     ) -> None:
         self._decoder = decoder
         self._drift = drift
         self._redundant = redundant
+        self._throughput = throughput
         self._alike = isinstance(decoder.operator, RowOperator)  # all rows are
         self._columns = decoder.shared_columns()
         self._make_prior = prior
@@ -71,20 +76,21 @@ class CoefficientDecoder:
         if self._drift is not None:
             signal = signal - self._drift(signal)
         values = self._decoder.decode(signal)
-        known = np.isfinite(variance)
+        known, levels = np.isfinite(variance), CERTAIN
         if not known.any():
-            variance = np.full(variance.shape, self._estimated(signal, values))
+            estimated = self._estimated(signal, values)
+            levels = estimated.relative
+            variance = np.full(variance.shape, estimated.mean**2)
         elif not known.all():
             variance = np.where(known, variance, np.median(variance[known]))
         if self._alike:
             values, left = self._unshared(values, variance)
-            return Coefficients(values, np.sqrt(np.full(left.shape, np.median(left))))
-        least = np.full(variance.shape, (MIN_ERROR * np.std(signal)) ** 2)
-        values, left = self._unshared(values, np.fmax(variance, least))
-        # Noise that is a guess hides nothing.
-        return self._without_hidden(
-            values, left, left if known.any() else self._decoder.own_variance(least)
-        )
+            noise = np.sqrt(np.full(left.shape, np.median(left)))
+        else:
+            least = (MIN_ERROR * float(np.std(signal))) ** 2
+            equal = max(float(np.mean(variance)), least)
+            noise = np.sqrt(equal) * self._decoder.operator.usual_noise
+        return Coefficients(values, noise, levels)
 
     def _unshared(self, values: NDArray[Any], variance: Floats) -> tuple[NDArray[Any], Floats]:
         """Coefficients without the errors that they share, and the variance of the rest."""
@@ -94,33 +100,23 @@ class CoefficientDecoder:
         shared, prior = variance[self._decoder.shared], self._prior.variance(values)
         return without_shared_errors(self._columns, values, own=own, shared=shared, prior=prior)
 
-    def _estimated(self, signal: NDArray[Any], values: NDArray[Any]) -> float:
-        """Variance of each reading, where nothing is known of it."""
+    def _estimated(self, signal: NDArray[Any], values: NDArray[Any]) -> NoiseLevels:
+        """Noise of each reading, where nothing is known of it."""
         told = variance_by_repetition(self._redundant, signal)
         if told is not None:
-            return told
-        variance = self._by_spectrum(values)
+            repeated = NoiseLevels(np.sqrt([told]), np.ones(1))
+            sure = self._throughput.probability_of_noise(signal)
+            return repeated if sure == 1 else repeated.or_less(sure, self._by_spectrum(values))
+        levels = self._by_spectrum(values)
         if self._columns.size:  # what all share looks white, too
-            values, _ = self._unshared(values, np.full(signal.shape, variance))
-            variance = self._by_spectrum(values)
-        return variance
+            values, _ = self._unshared(values, np.full(signal.shape, levels.mean**2))
+            levels = self._by_spectrum(values)
+        return levels
 
-    def _by_spectrum(self, values: NDArray[Any]) -> float:
+    def _by_spectrum(self, values: NDArray[Any]) -> NoiseLevels:
         varying, expected = self._prior.varying, self._prior.expected
         readings = self._decoder.matrix.shape[1]
         of_one = self._decoder.own_variance(np.ones(readings))[varying]
         length = self._decoder.operator.row_length
         scaled = values[varying] / np.sqrt(of_one)
-        return variance_by_spectrum(scaled, expected * length**2 / of_one)
-
-    def _without_hidden(
-        self, values: NDArray[Any], variance: Floats, hiding: Floats
-    ) -> Coefficients:
-        """Coefficients less those that noise hides: ``hiding`` is more than images vary by."""
-        varying, expected = self._prior.varying, self._prior.expected
-        scale = fit_scale(values[varying], expected, hiding[varying])
-        hidden = np.zeros(values.size, dtype=bool)
-        hidden[varying] = hiding[varying] > scale * expected
-        return Coefficients(
-            np.where(hidden, 0, values), np.where(hidden, np.inf, np.sqrt(variance))
-        )
+        return levels_by_spectrum(scaled, expected * length**2 / of_one)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..operators import MeasurementOperator
 from .coefficients import Coefficients
+from .noise import CERTAIN, NoiseLevels
 
 RELATIVE, SPREAD = 0.5, 0.8
 """Median and logarithmic deviation of rms contrast over mean: scenes that tools/drawn_images.py
@@ -36,9 +37,10 @@ NOISELESS = 1e-12
 
 
 class Contrasts(NamedTuple):
-    """Contrasts ``value`` (E, J) of each of E spectra, and their ``probability`` (E, J).
+    """Contrasts ``value`` (L E, J) of each of E spectra, and their ``probability`` (L E, J).
 
-    ``given`` (E,): mean contrast, given each spectrum.
+    Those of each of L levels of noise follow each other. ``given`` (L E,): mean contrast, given
+    each spectrum and level.
     """
 
     value: Floats
@@ -68,8 +70,7 @@ class ContrastByLevel:
         self._level = operator.level
         self._variance = variance
         if operator.level is not None:
-            units = np.eye(1, operator.shape[0], operator.level)
-            self._mean = float(operator.least_energy(units[0]).mean())
+            self._mean = float(operator.mean_level(1.0, np.zeros(operator.image_shape)))
 
     def __call__(self, coefficients: Coefficients) -> float | None:
         """The median v, None where the level is not measured."""
@@ -81,11 +82,16 @@ class ContrastByLevel:
 
 
 def contrasts(
-    measured: NDArray[Any], spreads: Floats, noise: Floats | float, expected: float | None
+    measured: NDArray[Any],
+    spreads: Floats,
+    noise: Floats | float,
+    expected: float | None,
+    levels: NoiseLevels = CERTAIN,
 ) -> Contrasts:
     """Posterior of v, of components (K,), not all 0, with noise of variance ``noise``.
 
-    ``spreads`` (E, K): variances l, of each spectrum; ``expected``: median of v before, if told.
+    ``spreads`` (E, K): variances l, of each spectrum; ``expected``: median of v before, if told;
+    ``levels``: what the standard deviation may be, over that of ``noise``.
     A complex component counts as one number, as if all of the image had one phase.
     """
     power = np.abs(measured) ** 2
@@ -93,24 +99,28 @@ def contrasts(
     seen = usual > 1e-12 * usual.max()
     noise = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())[seen]
     power, spreads, usual = power[seen], spreads[:, seen], usual[seen]
-    equal = float((noise / usual).min())  # half of the strongest component is noise
-    most = max(float((power / usual).max()), equal)
+    times = np.repeat(np.maximum(levels.sigma, NOISELESS) ** 2, len(spreads))
+    equal = (noise / usual).min() * times[:, None]  # half of the strongest component is noise
+    most = np.maximum((power / usual).max(), equal)
     least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
-    low, high = np.log([min(least, LEAST * equal), 10 * most])
-    logs = np.tile(np.linspace(low, high, POINTS), (len(spreads), 1))
-    signal, power = (spreads / noise).T[..., None], power / noise
+    low, high = np.log(np.minimum(least, LEAST * equal)), np.log(10 * most)
+    logs = low + (high - low) * np.linspace(0, 1, POINTS)
+    signal, power = np.tile((spreads / noise).T, levels.sigma.size) / times, power / noise
     for last in np.arange(ROUNDS) == ROUNDS - 1:
-        variance = np.exp(logs) * signal + 1  # (K, E, J), over that of noise
+        variance = np.exp(logs) * signal[..., None] + 1  # (K, L E, J), over that of noise
         misfit = (power @ (1 / variance).reshape(power.size, -1)).reshape(logs.shape)
-        density = -(_sum_of_logs(variance) + misfit) / 2
+        density = -(_sum_of_logs(variance) + misfit / times[:, None]) / 2
         density += _told(logs, expected) if expected is not None else _untold(logs, equal)
         if not last:
             logs = _closer(logs, density)
     weight = np.exp(density - density.max(axis=1, keepdims=True))
     values = np.exp(logs)
     given = (weight * values).sum(axis=1) / weight.sum(axis=1)
-    weight = np.exp(density - density.max()) * (logs[:, 1:2] - logs[:, :1])
-    return Contrasts(values, weight / weight.sum(), given)
+    density = density.reshape(levels.sigma.size, -1)
+    weight = np.exp(density - density.max(axis=1, keepdims=True)).reshape(logs.shape)
+    weight = (weight * (logs[:, 1:2] - logs[:, :1])).reshape(density.shape)
+    weight *= levels.probability[:, None] / weight.sum(axis=1, keepdims=True)
+    return Contrasts(values, weight.reshape(logs.shape), given)
 
 
 def _sum_of_logs(values: Floats) -> Floats:
@@ -133,16 +143,24 @@ def _told(logs: Floats, expected: float) -> Floats:
     return np.asarray(-(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2)
 
 
-def _untold(logs: Floats, equal: float) -> Floats:
+def _untold(logs: Floats, equal: Floats) -> Floats:
     """The same where not even that is."""
     size = logs - np.log(equal)
     return np.asarray(size - 2 * np.logaddexp(0, size))
 
 
-def shrunk(known: Contrasts, spreads: Floats, noise: Floats | float) -> Shrunk:
-    """Posterior of components with ``spreads`` (E, K) and noise of variance ``noise``."""
-    signal = known.value[..., None] * spreads[:, None]
+def shrunk(
+    known: Contrasts, spreads: Floats, noise: Floats | float, levels: NoiseLevels = CERTAIN
+) -> Shrunk:
+    """Posterior of components with ``spreads`` (E, K) and noise of variance ``noise``.
+
+    ``levels``: as for `contrasts`.
+    """
+    noise = np.repeat(levels.sigma**2, len(spreads))[:, None, None] * noise
+    signal = known.value[..., None] * np.tile(spreads, (levels.sigma.size, 1))[:, None]
     gains = signal / (signal + noise)
-    gain = np.einsum("ej,ejk->k", known.probability, gains)
-    square = np.einsum("ej,ejk->k", known.probability, gains**2)
-    return Shrunk(gain, gain * noise, np.maximum(square - gain**2, 0))
+    weighted = known.probability[..., None] * gains
+    gain = weighted.sum(axis=(0, 1))
+    square = np.einsum("ejk,ejk->k", weighted, gains)
+    by_noise = (weighted * noise).sum(axis=(0, 1))
+    return Shrunk(gain, by_noise, np.maximum(square - gain**2, 0))

@@ -23,46 +23,56 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
+from .noise import CERTAIN, NoiseLevels
 from .posterior import Components, Field, Posterior
 
 LEAST_NOISE = 1e-6
 """Least noise over the rms of coefficients: without any the posterior is a limit."""
 MAX_KEPT = 4
-"""Kinds of noise of which the eigendecomposition is kept."""
+"""Sets of coefficients of which the eigendecomposition is kept."""
 
 ALIKE = 1e-6
 """Relative difference of noise that is none."""
 
 
 class GaussianModel:
-    """Images of a field, times v, of which ``rows`` (K, N), spectra of any length, are measured."""
+    """Images of a field, times v, of which ``rows`` (K, N), spectra of any length, are measured.
 
-    def __init__(self, rows: Floats, field: Field) -> None:
+    ``usual`` (K,): relative noise for which the eigendecomposition is made, equal noise if None.
+    """
+
+    def __init__(self, rows: Floats, field: Field, usual: Floats | None = None) -> None:
         self.field = field
         self.rows = rows
+        self.usual = np.ones(len(rows)) if usual is None else usual
         self._kept: OrderedDict[bytes, Components] = OrderedDict()
 
     def given(
-        self, measured: NDArray[Any], noise: Floats, expected: float | None = None
+        self,
+        measured: NDArray[Any],
+        noise: Floats,
+        expected: float | None = None,
+        levels: NoiseLevels = CERTAIN,
     ) -> Posterior:
         """The posterior of coefficients (K,), not all 0, with standard deviations ``noise`` (K,).
 
         Those of which the noise is infinite are not looked at. ``expected``: median contrast v
-        before they are, where something tells.
+        before they are, where something tells; ``levels``: what noise may be, over ``noise``,
+        which is looked at where it is the usual one.
         """
         known = np.isfinite(noise)
-        least = LEAST_NOISE * float(np.sqrt(np.mean(np.abs(measured[known]) ** 2)))
-        noise = np.maximum(noise, least)
-        if np.ptp(noise[known]) > ALIKE * noise[known].max():
+        usual = self.usual[known]
+        least = LEAST_NOISE * float(np.sqrt(np.mean(np.abs(measured[known] / usual) ** 2)))
+        noise = np.maximum(noise, least * self.usual)
+        relative = noise[known] / usual
+        if np.ptp(relative) > ALIKE * relative.max():
             from .factorised import Factorised  # SciPy takes long to import
 
             return Factorised(
                 measured, noise, self.rows, self.gram, self.seen, self.field, expected
             )
-        rms = float(np.sqrt(np.mean(noise[known] ** 2)))
-        # Rounded, so that frames of one kind of noise have the same, to the last bit.
-        components = self._components((noise / rms).astype(np.float32).astype(np.float64))
-        return Posterior(measured[known], noise, rms, components, expected)
+        rms = float(np.sqrt(np.mean(relative**2)))
+        return Posterior(measured[known], noise, rms, self._components(known), expected, levels)
 
     @cached_property
     def gram(self) -> Floats:
@@ -75,11 +85,10 @@ class GaussianModel:
         spectra = self.rows.reshape(-1, *self.field.variance.shape) * self.field.variance
         return self.field.image(spectra).reshape(len(spectra), -1)
 
-    def _components(self, relative: Floats) -> Components:
-        key = relative.tobytes()
+    def _components(self, known: NDArray[np.bool_]) -> Components:
+        key = known.tobytes()
         if key not in self._kept:
-            known = np.isfinite(relative)
-            self._kept[key] = Components(self.field, self.rows[known], relative[known])
+            self._kept[key] = Components(self.field, self.rows[known], self.usual[known])
         self._kept.move_to_end(key)
         if len(self._kept) > MAX_KEPT:
             self._kept.popitem(last=False)

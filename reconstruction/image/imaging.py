@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..operators import (
     PatternPlan,
     SpoiltReadings,
+    Throughput,
     decoder_for,
     drift_of,
     redundant_combinations,
@@ -84,6 +85,7 @@ class UsableReadings:
             self.decoder,
             lambda: Prior(self.decoder.operator),
             redundant_combinations(self._plan, self._usable),
+            Throughput(self._plan, self._usable),
             drift_of(self._plan, self._usable),
         )
 

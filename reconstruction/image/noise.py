@@ -3,13 +3,14 @@
 What is shown twice tells it by itself (`redundant_combinations`). Otherwise it is the white part of
 the coefficients' power, as far as it cannot be the image: coefficients of images vary as the prior
 expects, times factors of their own with an inverse gamma distribution, so that they are of
-Student's t distribution, with many small values among few large ones; noise is Gaussian. The
-standard deviation is the mean over all variances and contrasts, each as probable as the
-coefficients make it, less a share for texture (`TEXTURE`), and 0 where none is the likeliest. A
-white texture cannot be told from noise.
+Student's t distribution, with many small values among few large ones; noise is Gaussian. Of few
+coefficients this tells little: fine detail is as white as noise is. So nothing is decided: each of
+some `LEVELS` of noise has the probability that the coefficients give it, and whoever makes an image
+takes the mean over them (J. A. Hoeting et al., Stat. Sci. 14, 382 (1999)). Beforehand weak noise is
+likelier than strong, as recordings are made to be looked at (`weigh`).
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +26,49 @@ FREEDOM = 3.0
 """Degrees of freedom of the t distribution."""
 FACTORS = 4.0 ** np.arange(-2, 3)
 """Factors of the variance."""
-TEXTURE = 0.2
-"""How much of the white part is texture, edges above all: of a variance that is the share s of
-the power, s^0.2 is noise."""
 CONTRASTS = 4.0 ** np.arange(-7, 1.5, 0.5)
-VARIANCES = np.append(0.0, np.logspace(-5, 0.3, 36))
-"""Of signal and noise, over the power of the coefficients."""
+"""Variances of signal over the mean power of the coefficients."""
+LEVELS = np.array([0.001, 0.01, 0.03, *np.arange(0.1, 1.15, 0.1)])
+"""Standard deviations of noise over the rms of the coefficients."""
+CLASSES = np.array([0.0, 0.25, 0.5, 0.75])
+"""Lower limits of these that are told apart, the others by their mean."""
+UNLIKELY = 0.01
+"""Probability of a class that is not looked at."""
+
+
+class NoiseLevels(NamedTuple):
+    """Standard deviations ``sigma`` (J,) that noise may have, with their ``probability`` (J,)."""
+
+    sigma: Floats
+    probability: Floats
+
+    @property
+    def mean(self) -> float:
+        """The mean standard deviation."""
+        return float(self.sigma @ self.probability)
+
+    @property
+    def relative(self) -> "NoiseLevels":
+        """The same over the mean."""
+        return NoiseLevels(self.sigma / self.mean, self.probability) if self.mean > 0 else CERTAIN
+
+    def or_less(self, probability: float, others: "NoiseLevels") -> "NoiseLevels":
+        """These with a ``probability``, or ``others`` as far as they are not larger."""
+        return NoiseLevels(
+            np.append(self.sigma, np.minimum(others.sigma, self.sigma.max())),
+            np.append(probability * self.probability, (1 - probability) * others.probability),
+        )
+
+    @property
+    def and_one(self) -> "NoiseLevels":
+        """The same with 1 as the first, of no probability of its own where there are others."""
+        if self.sigma.size == 1:
+            return self
+        return NoiseLevels(np.append(1.0, self.sigma), np.append(0.0, self.probability))
+
+
+CERTAIN = NoiseLevels(np.ones(1), np.ones(1))
+"""Noise, over itself, of which nothing is unsure."""
 
 
 def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> float | None:
@@ -43,30 +81,38 @@ def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> fl
     return float(np.median(np.abs(combinations @ signal)) / MEDIAN_OF_NORMAL) ** 2
 
 
-def variance_by_spectrum(measured: NDArray[Any], expected: Floats) -> float:
-    """Variance of the noise of coefficients (K,) that images vary by ``expected`` (K,) in."""
+def levels_by_spectrum(measured: NDArray[Any], expected: Floats) -> NoiseLevels:
+    """Noise of coefficients (K,) that images vary by ``expected`` (K,) in."""
     power = np.abs(measured) ** 2
-    mean = float(power.mean()) if power.size else 0.0
-    if mean == 0:
-        return 0.0
-    likelihood = _log_likelihood(power / mean, expected / expected.mean())
-    weight = np.exp(likelihood - likelihood.max()).sum(axis=0)
-    if weight.argmax() == 0:
-        return 0.0
-    share = float(np.sqrt(VARIANCES) @ weight / weight.sum()) ** 2
-    return mean * share * min(share, 1.0) ** TEXTURE
+    rms = float(np.sqrt(power.mean())) if power.size else 0.0
+    if rms == 0:
+        return NoiseLevels(np.zeros(1), np.ones(1))
+    likelihood = _log_likelihood(power / rms**2, expected / expected.mean())
+    weight = np.exp(likelihood - likelihood.max()).sum(axis=0) * weigh(LEVELS)
+    of_class = np.searchsorted(CLASSES, LEVELS, side="right") - 1
+    probability = np.bincount(of_class, weight) / weight.sum()
+    sigma = np.bincount(of_class, weight * LEVELS) / np.maximum(np.bincount(of_class, weight), 1e-300)
+    likely = probability > UNLIKELY
+    return NoiseLevels(rms * sigma[likely], probability[likely] / probability[likely].sum())
+
+
+def weigh(levels: Floats) -> Floats:
+    """Probability of each level beforehand, up to a factor: density s^-1/4 of ln s, from 0.01 on."""
+    edges = np.sqrt(levels[1:] * levels[:-1])
+    edges = np.concatenate([levels[:1], edges, levels[-1:]])
+    return np.diff(np.log(edges)) * np.maximum(levels, 0.01) ** -0.25
 
 
 def _log_likelihood(power: Floats, expected: Floats) -> Floats:
-    """Of each of `CONTRASTS` with each of `VARIANCES`."""
+    """Of each of `CONTRASTS` with each of `LEVELS`."""
     from scipy.special import gammaincc  # slow to import
 
     weights = np.diff(gammaincc(FREEDOM / 2, FREEDOM / 2 / _edges()))
     scales = np.unique(np.outer(CONTRASTS, FACTORS).round(12))
-    variance = scales[:, None, None] * expected + np.maximum(VARIANCES, 1e-9)[:, None]
+    variance = scales[:, None, None] * expected + LEVELS[:, None] ** 2
     density = np.exp(-power / (2 * variance)) / np.sqrt(variance)
-    places = np.searchsorted(scales, np.outer(CONTRASTS, FACTORS).round(12))
-    mixed = np.einsum("f,cfvk->cvk", weights, density[places])
+    index = np.searchsorted(scales, np.outer(CONTRASTS, FACTORS).round(12))
+    mixed = np.einsum("f,cfvk->cvk", weights, density[index])
     return np.asarray(np.log(np.maximum(mixed, 1e-300)).sum(axis=-1))
 
 

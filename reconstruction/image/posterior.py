@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from .contrast import contrasts, shrunk
+from .noise import NoiseLevels
 
 POWERS = (1.0, 0.5, 1.5, 2.0)
 """Of the spread of components: exponents of 2, the prior's own, and 1, 3 and 4 of frequency."""
@@ -44,7 +45,8 @@ class Posterior:
     Mean and variance are averages over contrasts and, for what is measured, exponents: the rest is
     as the prior's own exponent has it. ``contrast`` v is the mean one of that exponent, for which
     are `own_mean`, `covariance` and ``noise_energy``: what noise adds to own_mean^T C^-1 own_mean,
-    on average. ``noise`` (K,) is that of the coefficients, nowhere too small to divide by.
+    on average. ``noise`` (K,) is that of the coefficients, nowhere too small to divide by. Where
+    it may have several ``levels``, mean and variance are those over all of them.
     """
 
     def __init__(
@@ -54,11 +56,13 @@ class Posterior:
         rms: float,
         components: "Components",
         expected: float | None,
+        levels: NoiseLevels,
     ) -> None:
         turned = components.turn @ measured
         spread = components.spread
-        known = contrasts(turned, components.spreads, rms**2, expected)
-        each = shrunk(known, components.spreads, rms**2)
+        levels = levels.and_one  # of which is `contrast`
+        known = contrasts(turned, components.spreads, rms**2, expected, levels)
+        each = shrunk(known, components.spreads, rms**2, levels)
         self.noise = noise
         self.contrast = float(known.given[0])
         shrinking = each.gain * components.inverse

@@ -20,6 +20,7 @@ from .polarities import POLARITIES
 from .redundancy import Drift, drift_of, redundant_combinations
 from .sparse import SparseRows
 from .spoilt import SpoiltReadings
+from .throughput import Throughput
 from .transposed import transposed
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "SeenAtoms",
     "SparseRows",
     "SpoiltReadings",
+    "Throughput",
     "basis_of",
     "checked_shape",
     "decoder_for",

@@ -131,7 +131,7 @@ def _dense_decoder(plan: PatternPlan, usable: Mask) -> Decoder:
     """Any patterns: readings that know no background, made orthonormal."""
     difference = _without_background(plan, usable)
     matrix, rows = _orthonormal(difference, difference @ _shown(plan))
-    operator = MatrixOperator(rows, plan.shape)
+    operator = MatrixOperator(rows, plan.shape, np.linalg.norm(matrix, axis=1))
     index = np.unique(plan.index[usable]) if len(rows) else plan.index[:0]
     return Decoder(matrix, operator, index, np.zeros(plan.exposures, dtype=bool))
 
@@ -170,17 +170,19 @@ def _without_background(plan: PatternPlan, usable: Mask) -> Floats:
 def _orthonormal(decoder: Floats, rows: Floats) -> tuple[Floats, Floats]:
     """Combine decoder (K, M) and rows (K, N) so that the rows are orthonormal.
 
-    Only the first row sees a constant image; where it is not mostly constant itself it tells the
-    level badly, and is left out.
+    The first row alone sees a constant image; where it is not mostly constant itself it tells the
+    level badly, and is left out. The others are turned so that white noise of the readings makes
+    errors that are independent of each other.
     """
     left, strength, right = np.linalg.svd(rows, full_matrices=False)
     kept = strength > RANK * strength.max(initial=0.0)
     rows, decoder = right[kept], (left[:, kept] / strength[kept]).T @ decoder
     constant = rows.sum(axis=1) / np.sqrt(rows.shape[1])
     share = float(constant @ constant)
-    if share < RANK:
-        return decoder, rows
-    mirror = constant + np.copysign(np.sqrt(share), constant[0]) * np.eye(len(constant))[0]
-    turn = np.eye(len(constant)) - 2 * np.outer(mirror, mirror) / (mirror @ mirror)
-    first = 0 if share > LEVEL_SHARE else 1
-    return (turn @ decoder)[first:], (turn @ rows)[first:]
+    first = int(share >= RANK)
+    level, others = np.split(np.linalg.qr(constant[:, None], mode="complete").Q.T, [first])
+    if share <= LEVEL_SHARE:
+        level = level[:0]
+    turn = np.linalg.svd(others @ decoder, full_matrices=False)[0].T @ others
+    turn = np.concatenate([level, turn])
+    return turn @ decoder, turn @ rows

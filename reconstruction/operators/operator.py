@@ -16,6 +16,7 @@ class MeasurementOperator:
     ``image_shape`` (H, W); ``level`` is the row that alone sees a constant image, or None.
     `forward` and `back_project` act on stacks of (H, W). SciPy's solvers take it as it is:
     `scipy.sparse.linalg.aslinearoperator` asks for shape, type, `matvec` and `rmatvec`.
+    ``usual_noise`` (K,): relative standard deviations that equal noise of all readings makes.
     """
 
     dtype = np.dtype(np.float64)
@@ -23,9 +24,11 @@ class MeasurementOperator:
     image_shape: tuple[int, int]
     row_length: float
     level: int | None
+    usual_noise: Floats
 
     def __init__(self, rows: int, image_shape: tuple[int, int]) -> None:
         self.image_shape = image_shape
+        self.usual_noise = np.ones(rows)
         self.shape = rows, image_shape[0] * image_shape[1]
 
     def forward(self, images: NDArray[Any]) -> NDArray[Any]:
@@ -41,6 +44,15 @@ class MeasurementOperator:
     def least_energy(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         """Of all images that fit coefficients (..., K) the one of least energy: (..., H, W)."""
         return self.back_project(coefficients) / self.row_length**2
+
+    def mean_level(self, coefficient: Any, image: NDArray[Any]) -> Any:
+        """What an ``image`` (H, W) lacks in every pixel for the ``coefficient`` of the level."""
+        row = self._level_row
+        return (coefficient - (row * image).sum()) / row.sum()
+
+    @cached_property
+    def _level_row(self) -> Floats:
+        return self.back_project(np.eye(1, self.shape[0], self.level)[0])
 
     @property
     def varying(self) -> NDArray[np.bool_]:
@@ -176,9 +188,13 @@ class MatrixOperator(MeasurementOperator):
 
     row_length = 1.0
 
-    def __init__(self, matrix: Floats, image_shape: tuple[int, int]) -> None:
+    def __init__(
+        self, matrix: Floats, image_shape: tuple[int, int], usual_noise: Floats | None = None
+    ) -> None:
         super().__init__(len(matrix), image_shape)
         self.matrix = matrix
+        if usual_noise is not None:
+            self.usual_noise = usual_noise
         self.level = 0 if len(matrix) and abs(matrix[0].sum()) > 1e-6 else None
 
     def _project(self, flat: NDArray[Any]) -> NDArray[Any]:

@@ -2,7 +2,7 @@
 
 A pattern and its complement together are the fully lit display, whichever pattern it is (see
 `redundancy`). A sum far from those before and after it has a spoilt reading in it; which of the two
-it is cannot be told.
+it is cannot be told. Where sums differ by pattern (see `throughput`) they tell of none.
 """
 
 import numpy as np
@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from ..arrays import Mask
 from .plan import PatternPlan
 from .redundancy import FEWEST, Weights, equal_sums, matrix_of
+from .throughput import BEYOND_DOUBT, Throughput, course
 
-NEIGHBOURS = 9
-"""Sums of whose median a slow drift is."""
 FAR = 10.0
 """Standard deviations of all sums, by their median, beyond which one is spoilt,"""
 HARMFUL = 0.2
@@ -30,11 +29,14 @@ class SpoiltReadings:
         groups = [sorted(group, key=min) for group in equal_sums(plan, usable)]
         self._groups = [_Group(group, usable.size) for group in groups if len(group) >= FEWEST]
         self._usable = usable
+        self._throughput = Throughput(plan, usable)
 
     def __call__(self, signal: NDArray[np.float64]) -> Mask:
         """Which of the readings (M,) are spoilt, (M,)."""
         found = np.zeros(signal.shape, dtype=bool)
         if not self._groups or np.iscomplexobj(signal):
+            return found
+        if self._throughput.score(signal) > BEYOND_DOUBT:
             return found
         usable = signal[self._usable]
         least = HARMFUL * _deviation(usable - np.median(usable))
@@ -52,7 +54,7 @@ class _Group:
 
     def spoilt(self, signal: NDArray[np.float64], least: float) -> Mask:
         off = self._sums @ signal
-        off = off - _course(off)
+        off = off - course(off)
         limit = max(FAR * _deviation(off), least)
         far = np.abs(off) > limit
         found = np.zeros(signal.shape, dtype=bool)
@@ -60,13 +62,6 @@ class _Group:
             for number in np.flatnonzero(far):
                 found[self._of[number]] = True
         return found
-
-
-def _course(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Median of each sum and its neighbours."""
-    padded = np.pad(sums, NEIGHBOURS // 2, mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
-    return np.asarray(np.median(windows, axis=-1))
 
 
 def _deviation(values: NDArray[np.float64]) -> float:

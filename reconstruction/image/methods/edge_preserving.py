@@ -84,7 +84,8 @@ class EdgePreservingSolver:
             low = model.rows.reshape(-1, *all_of_them)[:, :height, :width]
             vertical, horizontal = self._slopes.atoms
             field = Field(vertical, horizontal, variance)
-            self._model = GaussianModel(low.reshape(len(model.rows), height * width), field)
+            low = low.reshape(len(model.rows), height * width)
+            self._model = GaussianModel(low, field, model.usual)
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image whose edges agree with itself."""

@@ -72,6 +72,7 @@ class LeastSquaresSolver:
         self.model = GaussianModel(
             prior.atoms.of((lowest[0], lowest[1])),
             Field(tall[:, :height], wide[:, :width], variance[:height, :width]),
+            operator.usual_noise[operator.varying],
         )
         kept = variance[:height, :width]
         self.precision: Floats = np.divide(1, kept, out=np.zeros_like(kept), where=kept > 0)
@@ -79,10 +80,6 @@ class LeastSquaresSolver:
         higher[:height, :width] = 0
         self._higher: Floats = Field(tall, wide, higher).pixel_variance
         self.expected_contrast = ContrastByLevel(operator, float(variance.mean()))
-        self._level_image: Floats | None = None
-        if operator.level is not None:
-            units = np.eye(1, operator.shape[0], operator.level)
-            self._level_image = operator.least_energy(units[0])
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The most probable image."""
@@ -100,7 +97,8 @@ class LeastSquaresSolver:
         measured, noise = self.varying(coefficients)
         if not measured.any():
             return None
-        return self.model.given(measured, noise, self.expected_contrast(coefficients))
+        expected = self.expected_contrast(coefficients)
+        return self.model.given(measured, noise, expected, coefficients.levels)
 
     def variance(self, posterior: Posterior) -> Floats:
         """Variance of each pixel (H, W)."""
@@ -116,14 +114,12 @@ class LeastSquaresSolver:
     ) -> Estimate:
         """The image of a spectrum, and of the level, with the ``variance`` (H, W) of the former."""
         image = self.model.field.image(spectrum)
-        level = self.operator.level
-        if self._level_image is None or level is None or not coefficients.measured[level]:
-            return Estimate(image, None if variance is None else np.sqrt(variance))
-        image = image + coefficients.values[level] * self._level_image
-        if variance is None:
-            return Estimate(image)
-        error = coefficients.noise[level] * self._level_image
-        return Estimate(image, np.sqrt(variance + error**2))
+        level, mean_level = self.operator.level, self.operator.mean_level
+        error = 0.0
+        if level is not None and coefficients.measured[level]:
+            error = mean_level(coefficients.noise[level], np.zeros_like(image))
+            image = image + mean_level(coefficients.values[level], image)
+        return Estimate(image, None if variance is None else np.sqrt(variance + error**2))
 
 
 def _sides(seen: Floats, rows: int) -> tuple[int, int]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..atoms import StrongestAtoms
 from ..coefficients import Coefficients
@@ -47,7 +48,11 @@ class PursuitSolver:
         self._linear = LEAST_SQUARES.compile(operator)
         self.varying = operator.varying
         self.atoms = StrongestAtoms(operator, dictionary, ATOMS)
-        self.gram = self.atoms.columns.T @ self.atoms.columns
+        usual = operator.usual_noise[self.varying]
+        self._trust: Floats = usual.min(initial=np.inf) / usual  # rows that tell little count less
+        self._columns: Floats = self._trust[:, None] * self.atoms.columns
+        self._expected: Floats = self._trust**2 * self.atoms.expected
+        self.gram = self._columns.T @ self._columns
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """Image (H, W) from coefficients (K,).
@@ -60,22 +65,23 @@ class PursuitSolver:
         measured = coefficients.values[seen] / length
         if not measured.any():
             return Estimate(self.operator.least_energy(coefficients.values))
-        columns, gram, expected = self.atoms.columns, self.gram, self.atoms.expected
+        rows = coefficients.measured[self.varying]
+        columns, gram, expected = self._columns, self.gram, self._expected
         if measured.size < len(columns):
-            rows = coefficients.measured[self.varying]
             columns, expected = columns[rows], expected[rows]
             gram = columns.T @ columns
-        variance, ridge = fit_variance(measured, expected)
+        weighed = self._trust[rows] * measured
+        variance, ridge = fit_variance(weighed, expected)
         values = batch_omp(
             gram,
-            columns.T @ measured,
-            float(np.vdot(measured, measured).real),
+            columns.T @ weighed,
+            float(np.vdot(weighed, weighed).real),
             ridge=ridge,
             tolerance=measured.size * variance * ridge,
             max_atoms=min(MAX_CHOSEN, measured.size),
         )
         left = coefficients.values.copy()
-        left[seen] = (measured - columns @ values) * length
+        left[seen] = (weighed - columns @ values) / self._trust[rows] * length
         rest = self._linear(Coefficients(left, coefficients.noise))
         return Estimate(self.atoms.image(values) + rest.image)
 

@@ -1,8 +1,10 @@
 """Total variation: of all images that agree with the readings the one with the least edges.
 
-Minimises sum |grad x| subject to |R x - m| <= s sqrt(K), s the noise of the K coefficients, by the
+Minimises sum |grad x| subject to |(R x - m) / s| <= sqrt(K), s the noise of the K coefficients, by the
 primal-dual iterations of A. Chambolle, T. Pock, J. Math. Imaging Vis. 40, 120 (2011), Algorithm 1.
-R has orthonormal rows, so the nearest image that agrees is found in one step. The iterations end
+R has orthonormal rows, so the nearest image that agrees is found from its coefficients alone, in
+one step where their noise is equal: by Newton's iterations for the multiplier of the constraint, as
+in trust regions (J. J. More, D. C. Sorensen, SIAM J. Sci. Stat. Comput. 4, 553 (1983)). Those end
 where both residuals of the optimality conditions are small (T. Goldstein et al., arXiv:1305.0546).
 """
 
@@ -26,6 +28,9 @@ LOOKED = 20
 """Iterations after which residuals are looked at."""
 STEP = 0.3
 """Primal step over the deviation of the image, which iterations are fast with."""
+LEAST_NOISE = 1e-9
+"""Least noise over the norm of coefficients."""
+NEWTON_STEPS, TOLERANCE = 10, 1e-6
 NORM = np.sqrt(8)
 """Norm of the gradient operator, at most."""
 
@@ -62,16 +67,26 @@ class Near:
     def __init__(self, operator: MeasurementOperator, coefficients: Coefficients) -> None:
         self._operator, self._values = operator, coefficients.values
         self._known = coefficients.measured
-        self._level = self._known & ~operator.varying
         self._noisy = self._known & operator.varying
-        self._radius = float(np.linalg.norm(coefficients.noise[self._noisy]))
+        least = LEAST_NOISE * float(np.linalg.norm(coefficients.values[self._noisy]))
+        self._variance = np.maximum(coefficients.noise[self._noisy], least) ** 2
 
     def nearest(self, image: NDArray[Any]) -> NDArray[Any]:
         """The nearest of them to an image (H, W)."""
         misfit = np.where(self._known, self._operator.forward(image) - self._values, 0)
-        length = float(np.linalg.norm(misfit[self._noisy]))
-        share = max(0.0, 1 - self._radius / length) if length > 0 else 0.0
-        return image - self._operator.least_energy(np.where(self._level, misfit, share * misfit))
+        misfit[self._noisy] -= self._allowed(misfit[self._noisy])
+        return image - self._operator.least_energy(misfit)
+
+    def _allowed(self, misfit: NDArray[Any]) -> NDArray[Any]:
+        """The nearest misfit (K,) that is noise: v / (v + t) of it, v the variance, some t."""
+        scaled, multiplier = np.abs(misfit) ** 2 * self._variance, 0.0
+        for _ in range(NEWTON_STEPS):
+            weight = 1 / (self._variance + multiplier)
+            size, slope = scaled @ weight**2, scaled @ weight**3
+            if size <= (1 + TOLERANCE) * misfit.size:
+                break
+            multiplier += size / slope * (np.sqrt(size / misfit.size) - 1)
+        return np.asarray(misfit * self._variance / (self._variance + multiplier))
 
 
 def _least_edges(image: NDArray[Any], near: Near) -> NDArray[Any]:
