@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..operators import Decoder, Drift, RowOperator, SparseRows, Throughput
 from .noise import CERTAIN, NoiseLevels, levels_by_spectrum, variance_by_repetition
-from .prior import Prior, fit_scale
+from .prior import Prior
 from .shared_errors import without_shared_errors
 
 MIN_ERROR = 4e-6

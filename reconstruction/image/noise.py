@@ -91,7 +91,9 @@ def levels_by_spectrum(measured: NDArray[Any], expected: Floats) -> NoiseLevels:
     weight = np.exp(likelihood - likelihood.max()).sum(axis=0) * weigh(LEVELS)
     of_class = np.searchsorted(CLASSES, LEVELS, side="right") - 1
     probability = np.bincount(of_class, weight) / weight.sum()
-    sigma = np.bincount(of_class, weight * LEVELS) / np.maximum(np.bincount(of_class, weight), 1e-300)
+    sigma = np.bincount(of_class, weight * LEVELS) / np.maximum(
+        np.bincount(of_class, weight), 1e-300
+    )
     likely = probability > UNLIKELY
     return NoiseLevels(rms * sigma[likely], probability[likely] / probability[likely].sum())
 

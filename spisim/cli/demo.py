@@ -9,9 +9,11 @@ from reconstruction.timing import timed
 
 from .console import print_json, progress_bar, say, warn
 from .options import Bar, Json, Overwrite, Seed, Spp
-from .tables import print_errors
+from .tables import print_errors, print_spots
 
 EXAMPLE = "spisim demo -o out/demo"
+#: Of the light, for the instrument that the page is about.
+SHARE = 0.8
 
 #: Beside those of a reconstruction: what their marks tell.
 FILES = {
@@ -32,7 +34,11 @@ def command(
     json: Json = False,
     progress: Bar = None,
 ) -> None:
-    """Simulate the paper's instrument in a foggy warehouse, reconstruct, compare with truth."""
+    """Simulate two instruments in a foggy warehouse, reconstruct, compare with truth.
+
+    The preset `fog`, which measures through it, and beside it the paper's single frequency, whose
+    ranges rest on a prior over the weather and say so.
+    """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture, write_outputs
     from reconstruction.files import Output, require_outputs
     from reconstruction.outputs import outputs_in
@@ -49,14 +55,25 @@ def command(
     require_outputs([*own.values(), *outputs_in(output)], overwrite=overwrite)
     seconds: dict[str, float] = {}
     with timed(seconds, "load"):
-        scene, instrument = load_scene("warehouse"), load_instrument("paper")
+        scene = load_scene("warehouse")
+        instrument, paper = load_instrument("fog"), load_instrument("paper")
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
-        simulation = simulate(scene, instrument, spp=spp, seed=seed, progress=advance)
+        simulation = simulate(
+            scene, instrument, spp=spp, seed=seed, progress=lambda done: advance(SHARE * done)
+        )
+        other = simulate(
+            scene,
+            paper,
+            spp=max(1, round(spp * (1 - SHARE) / SHARE)),
+            seed=seed,
+            progress=lambda done: advance(SHARE + (1 - SHARE) * done),
+        ).capture
     with timed(seconds, "scene view"):
         view = fine_view(scene, instrument)
     capture, light = simulation.capture, simulation.transport
-    result = reconstruct(capture)
+    result = reconstruct(capture, ranging="fog")
     metrics = evaluate(result, capture)
+    beside = evaluate(reconstruct(other, ranging="fog", depth=()), other)
 
     write_capture(capture, own["capture.h5"].path)
     write_truth(own["truth.exr"].path, simulation.truths[0], {"transport": light.image})
@@ -70,6 +87,7 @@ def command(
         transport=light,
         view=view,
         timings=seconds,
+        beside={"paper": beside},
         title=scene.name,
     )
     warnings = simulation_warnings(instrument, light) + capture_warnings(capture)
@@ -78,8 +96,9 @@ def command(
     if json:
         timings = {**seconds, **result.timings_s}
         report = {"folder": output, "files": written, "warnings": warnings}
-        print_json(report | {"metrics": metrics, "seconds": timings})
+        print_json(report | {"metrics": metrics, "paper": beside, "seconds": timings})
     else:
         print_errors(metrics)
+        print_spots(beside, "paper")
         say(f"\nWrote {', '.join(written)} to {output}.")
         say(f"Look at it: {(output / 'report.html').resolve().as_uri()}")

@@ -1,14 +1,19 @@
 """Tables of results for people."""
 
+from __future__ import annotations
+
 import os
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from rich.measure import Measurement
 from rich.padding import Padding
 from rich.table import Table
 
 from .console import results
+
+if TYPE_CHECKING:
+    from spisim.report.comparison import Comparison
 
 #: Characters that a column of words may be squeezed to.
 LEAST_WORDS = 8
@@ -20,13 +25,24 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
     """Print image, range and depth errors, as `reconstruction.evaluate` returns them."""
     from spisim.report.comparison import compared_methods, compared_spots, written
 
-    for compared in (*compared_methods(metrics), *compared_spots(metrics)):
+    _print_all([*compared_methods(metrics), *compared_spots(metrics)])
+    error = written(metrics["truth"]["image_error"], 100, "{:.1f} %")
+    results.print(f"standard error of the true image, RMS: {error}\n", style="dim")
+
+
+def print_spots(metrics: Mapping[str, Any], of: str) -> None:
+    """Print range errors alone, of an instrument that is named."""
+    from spisim.report.comparison import compared_spots
+
+    _print_all(compared_spots(metrics, of))
+
+
+def _print_all(comparisons: Iterable[Comparison]) -> None:
+    for compared in comparisons:
         table = plain_table(compared.name, *compared.columns)
         for row in compared.rows:
             table.add_row(*row)
         print_table(table)
-    error = written(metrics["truth"]["image_error"], 100, "{:.1f} %")
-    results.print(f"standard error of the true image, RMS: {error}\n", style="dim")
 
 
 def plain_table(first: str, *columns: str, least: int = 11) -> Table:

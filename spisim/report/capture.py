@@ -15,7 +15,7 @@ from reconstruction.depth import REACH_M
 from reconstruction.evaluation import method_title
 
 from .buildup import build_up
-from .comparison import compared_methods
+from .comparison import compared_methods, compared_spots
 from .facts import Metrics, cards_of, facts_of, media_of, quality_of
 from .inline import plot_in_page
 from .page import duration, write_page
@@ -54,6 +54,7 @@ def write_report(
     transport: SpotHistograms | None = None,
     view: NDArray[np.floating] | None = None,
     timings: Mapping[str, float] | None = None,
+    beside: Mapping[str, Metrics] | None = None,
     title: str = "Capture",
 ) -> None:
     """Write a self-contained page. What is not known (truth, spots, view) is left out.
@@ -65,6 +66,7 @@ def write_report(
     transport: light of the spots over path length.
     view: (h, w) transport image of the scene with more pixels (`spisim.transport.fine_view`).
     timings: seconds per step before the reconstruction.
+    beside: metrics of other instruments in the same scene, by name; their ranges are compared.
     title: what the page calls the capture.
 
     Raises OSError where the file cannot be written.
@@ -123,6 +125,9 @@ def write_report(
         growth=build_up(capture, result, None if truth is None else truth.image, image_scale),
         space=Space.of(capture, result),
         compared=[] if metrics is None else compared_methods(metrics),
+        beside=[
+            table for name, other in (beside or {}).items() for table in compared_spots(other, name)
+        ],
         seconds={
             step.replace("_", " "): duration(float(f"{taken_s:.3g}"))
             for step, taken_s in (dict(timings or {}) | dict(result.timings_s)).items()

@@ -72,11 +72,15 @@ def compared_methods(metrics: Mapping[str, Any]) -> list[Comparison]:
     ]
 
 
-def compared_spots(metrics: Mapping[str, Any]) -> list[Comparison]:
-    """Spots in rows, of each method of ranging."""
-    columns = ("true, m", "measured, m", "error, cm", "sigma, cm")
+def compared_spots(metrics: Mapping[str, Any], of: str = "") -> list[Comparison]:
+    """Spots in rows, of each method of ranging; ``of`` which instrument, if that is to be said."""
+    columns = ("true, m", "measured, m", "error, cm", "sigma, cm", "status")
     return [
-        Comparison(method_title("spots", method), columns, list(map(_spot, count(), spots)))
+        Comparison(
+            ", ".join(filter(None, (of, method_title("spots", method)))),
+            columns,
+            list(map(_spot, count(), spots)),
+        )
         for method, spots in metrics["spots"].items()
     ]
 
@@ -86,4 +90,4 @@ def _spot(place: int, spot: Mapping[str, Any]) -> tuple[str, ...]:
     known = spot["status"] in RANGED
     measured = written(spot["range_m"]) if known else no_range(spot["status"], alternatives)
     errors = (written(spot[key], 100, "{:.1f}") for key in ("error_m", "sigma_m"))
-    return f"spot {place}", written(spot["true_m"]), measured, *errors
+    return f"spot {place}", written(spot["true_m"]), measured, *errors, spot["status"]

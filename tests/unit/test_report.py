@@ -361,4 +361,6 @@ def test_the_table_of_spots_tells_ranges_that_one_may_have() -> None:
     ]
     spot = {"true_m": 2.3, "status": "ambiguous", "alternatives": alternatives} | nothing
     (table,) = compared_spots({"spots": {"cw": [spot]}})
-    assert table.rows == [("spot 0", "2.300", "ambiguous: 2.31 m (70 %), 2.94 m (30 %)", "–", "–")]
+    assert table.rows == [
+        ("spot 0", "2.300", "ambiguous: 2.31 m (70 %), 2.94 m (30 %)", "–", "–", "ambiguous")
+    ]
