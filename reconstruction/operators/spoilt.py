@@ -23,13 +23,16 @@ MEDIAN_OF_NORMAL = 0.6745
 
 
 class SpoiltReadings:
-    """Finds them among ``usable`` (M,) readings of a plan, wherever enough is shown twice."""
+    """Finds them among ``usable`` (M,) readings of a plan, wherever enough is shown twice.
 
-    def __init__(self, plan: PatternPlan, usable: Mask) -> None:
+    ``throughput`` tells whether that says anything of these patterns.
+    """
+
+    def __init__(self, plan: PatternPlan, usable: Mask, throughput: Throughput) -> None:
         groups = [sorted(group, key=min) for group in equal_sums(plan, usable)]
         self._groups = [_Group(group, usable.size) for group in groups if len(group) >= FEWEST]
         self._usable = usable
-        self._throughput = Throughput(plan, usable)
+        self._throughput = throughput
 
     def __call__(self, signal: NDArray[np.float64]) -> Mask:
         """Which of the readings (M,) are spoilt, (M,)."""
