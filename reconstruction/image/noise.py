@@ -98,13 +98,16 @@ def levels_by_spectrum(
     if contrast is not None:
         usual = contrast * expected.mean() / rms**2 / (FACTORS @ _weights())
         likelihood -= (np.log(CONTRASTS / usual) / (2 * SPREAD))[:, None] ** 2 / 2
-    weight = np.exp(likelihood - likelihood.max()).sum(axis=0) * weigh(LEVELS)
+    evidence = np.exp(likelihood - likelihood.max()).sum(axis=0)
+    weight = evidence * weigh(LEVELS)
     of_class = np.searchsorted(CLASSES, LEVELS, side="right") - 1
     probability = np.bincount(of_class, weight) / weight.sum()
     sigma = np.bincount(of_class, weight * LEVELS) / np.maximum(
         np.bincount(of_class, weight), 1e-300
     )
     likely = probability > UNLIKELY
+    if likely.sum() == 1 and evidence.argmax() == 0:
+        return NoiseLevels(np.zeros(1), np.ones(1))
     return NoiseLevels(rms * sigma[likely], probability[likely] / probability[likely].sum())
 
 

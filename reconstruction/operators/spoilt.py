@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..arrays import Mask
 from .plan import PatternPlan
 from .redundancy import FEWEST, Weights, equal_sums, matrix_of
-from .throughput import BEYOND_DOUBT, Throughput, course
+from .throughput import BEYOND_DOUBT, Throughput
 
 FAR = 10.0
 """Standard deviations of all sums, by their median, beyond which one is spoilt,"""
@@ -19,6 +19,8 @@ HARMFUL = 0.2
 """and the share of the readings' own spread below which that does no harm."""
 FEW = 0.2
 """Where a larger share of the sums is far off, they are no few spoilt ones."""
+NEIGHBOURS = 9
+"""Sums of whose median a slow drift is."""
 MEDIAN_OF_NORMAL = 0.6745
 
 
@@ -57,7 +59,7 @@ class _Group:
 
     def spoilt(self, signal: NDArray[np.float64], least: float) -> Mask:
         off = self._sums @ signal
-        off = off - course(off)
+        off = off - _course(off)
         limit = max(FAR * _deviation(off), least)
         far = np.abs(off) > limit
         found = np.zeros(signal.shape, dtype=bool)
@@ -65,6 +67,13 @@ class _Group:
             for number in np.flatnonzero(far):
                 found[self._of[number]] = True
         return found
+
+
+def _course(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Median of each sum and its neighbours."""
+    padded = np.pad(sums, NEIGHBOURS // 2, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
+    return np.asarray(np.median(windows, axis=-1))
 
 
 def _deviation(values: NDArray[np.float64]) -> float:

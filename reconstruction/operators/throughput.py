@@ -14,8 +14,6 @@ from ..arrays import Mask
 from .plan import PatternPlan
 from .redundancy import complements, matrix_of
 
-NEIGHBOURS = 9
-"""Sums of whose median a slow drift is."""
 FEWEST = 9
 """Pairs that are compared, at least."""
 ERROR = 1.8
@@ -48,8 +46,8 @@ class Throughput:
         if pairs < FEWEST or np.iscomplexobj(signal):
             return 0.0
         sums, differences = self._sums @ signal, np.abs(self._differences @ signal)
-        ranks = _ranks(sums - course(sums)), _ranks(differences)
-        correlation = float(np.corrcoef(*ranks)[0, 1]) * np.sqrt(pairs - 1)
+        sharp = sums[1:-1] - (sums[2:] + sums[:-2]) / 2  # without a slow drift
+        correlation = _correlation(_ranks(sharp), _ranks(differences[1:-1])) * np.sqrt(pairs - 3)
         scatter = float(np.median(np.abs(np.diff(sums)))) / np.sqrt(2)
         lacking = 1 - float(np.median(differences)) / scatter if scatter > 0 else 0.0
         return max(correlation, lacking * np.sqrt(pairs) / ERROR)
@@ -67,12 +65,12 @@ class Throughput:
         return float(odds / (1 + odds))
 
 
-def course(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Median of each sum and its neighbours."""
-    padded = np.pad(sums, NEIGHBOURS // 2, mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
-    return np.asarray(np.median(windows, axis=-1))
-
-
 def _ranks(values: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.argsort(np.argsort(values, kind="stable"), kind="stable")
+
+
+def _correlation(first: NDArray[np.intp], second: NDArray[np.intp]) -> float:
+    """Of two permutations of the same numbers from 0."""
+    last = first.size - 1
+    variance = last * (last + 2) / 12
+    return float(np.mean((first - last / 2) * (second - last / 2)) / variance)
