@@ -95,22 +95,13 @@ def _noise_warnings(capture: Capture, frames: Sequence[int]) -> list[str]:
 
 
 def _coefficient_snr(imaging: Imaging, frame: Frames) -> float | None:
-    """Rms of the coefficients other than the level, without their noise, over that noise.
-
-    At least what may be noise by chance, one standard error; None where the noise is not known, or
-    nothing is usable.
-    """
+    """Of the coefficients other than the level; None where it is not known, or nothing usable."""
     buckets = frame.buckets
     readings = imaging.of(buckets.usable[0])
     varying = readings.decoder.operator.varying
     if not np.isfinite(buckets.variance).any() or not varying.any():
         return None
-    found = readings.decode(buckets.signal[0], buckets.variance[0])
-    told = varying & found.measured & (found.noise > 0)
-    if not told.any() and (varying & found.measured).any():
-        return None  # without any noise
-    power = np.mean(np.abs(found.values[told]) ** 2 / found.noise[told] ** 2) if told.any() else 1
-    return float(np.sqrt(max(power - 1, np.sqrt(2 / np.count_nonzero(varying)))))
+    return readings.decode(buckets.signal[0], buckets.variance[0]).signal_over_noise(varying)
 
 
 def _image_warnings(capture: Capture, frame: int) -> list[str]:

@@ -159,7 +159,9 @@ class Reconstructor:
             coefficients = readings.decode(signal, variance)
         for shared in (coefficients.values, coefficients.noise):
             shared.setflags(write=False)  # by methods, one after the other
-        images, deviations, notes = {}, {}, _note_of_readings(frame.first, spoilt)
+        varying = readings.decoder.operator.varying
+        notes = _note_of_readings(frame.first, spoilt, varying, coefficients)
+        images, deviations = {}, {}
         for name in self._images:
             with timed(timings, f"image {name}"):
                 estimate = self._image(name, readings, coefficients)
@@ -351,12 +353,22 @@ def _ranging_carries(name: str) -> bool:
     return bool(getattr(RANGING_METHODS[name], "carries", False))
 
 
-def _note_of_readings(frame: int, spoilt: NDArray[np.bool_]) -> dict[str, str]:
-    """What to say of the readings (M,) of a frame that were left out."""
-    if not spoilt.any():
-        return {}
-    why = "what is shown twice differs there (lost, or disturbed?)"
-    return {f"frame {frame}": f"without {spoilt.sum()} of its {spoilt.size} readings: {why}"}
+def _note_of_readings(
+    frame: int, spoilt: NDArray[np.bool_], varying: NDArray[np.bool_], found: Coefficients
+) -> dict[str, str]:
+    """What to say of the readings (M,) of a frame, and of what they tell in ``varying`` (K,)."""
+    notes = []
+    if spoilt.any():
+        why = "what is shown twice differs there (lost, or disturbed?)"
+        notes.append(f"without {spoilt.sum()} of its {spoilt.size} readings: {why}")
+    ratio = found.signal_over_noise(varying)
+    if not found.values[varying].any():
+        notes.append("without an image: readings of all its patterns are alike")
+    elif ratio is not None and ratio < 1:
+        notes.append(
+            f"hardly above its noise: signal over noise is about {ratio:.2g} per coefficient"
+        )
+    return {f"frame {frame}": "; ".join(notes)} if notes else {}
 
 
 def _image_names(names: Names, readings: UsableReadings) -> list[str]:

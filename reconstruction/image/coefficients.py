@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..operators import Decoder, Drift, RowOperator, SparseRows, Throughput
 from .noise import CERTAIN, NoiseLevels, levels_by_spectrum, variance_by_repetition
+<<<<<<< HEAD
 from .prior import Prior
+=======
+from .prior import Prior, usual_contrast
+>>>>>>> image
 from .shared_errors import without_shared_errors
 
 MIN_ERROR = 4e-6
@@ -37,6 +41,17 @@ class Coefficients:
     def measured(self) -> NDArray[np.bool_]:
         """Where there is a measurement (K,)."""
         return np.isfinite(self.noise)
+
+    def signal_over_noise(self, rows: NDArray[np.bool_]) -> float | None:
+        """Rms of those of some ``rows`` (K,), without their noise, over that noise.
+
+        At least what may be noise by chance, one standard error; None where there is no noise.
+        """
+        known = rows & self.measured & (self.noise > 0)
+        if not known.any():
+            return None
+        power = float(np.mean(np.abs(self.values[known]) ** 2 / self.noise[known] ** 2))
+        return float(np.sqrt(max(power - 1, np.sqrt(2 / np.count_nonzero(rows)))))
 
 
 class CoefficientDecoder:
@@ -119,4 +134,12 @@ class CoefficientDecoder:
         of_one = self._decoder.own_variance(np.ones(readings))[varying]
         length = self._decoder.operator.row_length
         scaled = values[varying] / np.sqrt(of_one)
-        return levels_by_spectrum(scaled, expected * length**2 / of_one)
+        return levels_by_spectrum(scaled, expected * length**2 / of_one, self._contrast(values))
+
+    def _contrast(self, values: NDArray[Any]) -> float | None:
+        """The usual contrast of images of this level, None where it is not measured."""
+        operator = self._decoder.operator
+        if operator.level is None:
+            return None
+        mean = operator.mean_level(values[operator.level], np.zeros(operator.image_shape))
+        return usual_contrast(abs(mean) ** 2, float((self._prior.deviation**2).mean())) or None

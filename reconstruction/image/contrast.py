@@ -6,8 +6,8 @@ where noise is the stronger part: its likelihood is nearly flat, and where it is
 data make it. The exponent of the spectrum, by which the l_k differ from one scene to the next, is
 treated alike. Before the coefficients are looked at,
 
-* the rms contrast of an image over its mean is `RELATIVE`, give or take the factor e^`SPREAD`,
-  where the mean is measured;
+* the rms contrast of an image over its mean is the usual one (`prior`), give or take the factor
+  e^`SPREAD`, where the mean is measured;
 * otherwise the share of a component that is noise is as likely any number between 0 and 1
   (W. E. Strawderman, Ann. Math. Statist. 42, 385 (1971); M. J. Daniels, Can. J. Statist. 27, 567
   (1999)): wherever the data tell anything, this hardly matters.
@@ -22,10 +22,8 @@ from ..arrays import Floats
 from ..operators import MeasurementOperator
 from .coefficients import Coefficients
 from .noise import CERTAIN, NoiseLevels
+from .prior import SPREAD, usual_contrast
 
-RELATIVE, SPREAD = 0.5, 0.8
-"""Median and logarithmic deviation of rms contrast over mean: scenes that tools/drawn_images.py
-draws to learn from, in clear air and in fog."""
 POINTS, ROUNDS = 12, 3
 """Contrasts in each round, of which the next looks closer at the likely ones."""
 UNLIKELY = 8.0
@@ -78,7 +76,7 @@ class ContrastByLevel:
             return None
         value, error = coefficients.values[self._level], coefficients.noise[self._level]
         square = float(abs(value) ** 2 + error**2) * self._mean**2
-        return RELATIVE**2 * square / self._variance or None
+        return usual_contrast(square, self._variance) or None
 
 
 def contrasts(

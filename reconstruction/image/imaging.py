@@ -76,7 +76,11 @@ class UsableReadings:
     @cached_property
     def spoilt(self) -> SpoiltReadings:
         """Which of the usable readings cannot be right."""
-        return SpoiltReadings(self._plan, self._usable)
+        return SpoiltReadings(self._plan, self._usable, self._throughput)
+
+    @cached_property
+    def _throughput(self) -> Throughput:
+        return Throughput(self._plan, self._usable)
 
     @cached_property
     def decode(self) -> CoefficientDecoder:
@@ -85,7 +89,7 @@ class UsableReadings:
             self.decoder,
             lambda: Prior(self.decoder.operator),
             redundant_combinations(self._plan, self._usable),
-            Throughput(self._plan, self._usable),
+            self._throughput,
             drift_of(self._plan, self._usable),
         )
 

@@ -10,6 +10,7 @@ takes the mean over them (J. A. Hoeting et al., Stat. Sci. 14, 382 (1999)). Befo
 likelier than strong, as recordings are made to be looked at (`weigh`).
 """
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..operators import SparseRows
+from .prior import SPREAD
 
 FEWEST = 8
 """Combinations that tell the noise by themselves."""
@@ -81,25 +83,36 @@ def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> fl
     return float(np.median(np.abs(combinations @ signal)) / MEDIAN_OF_NORMAL) ** 2
 
 
-def levels_by_spectrum(measured: NDArray[Any], expected: Floats) -> NoiseLevels:
-    """Noise of coefficients (K,) that images vary by ``expected`` (K,) in."""
+def levels_by_spectrum(
+    measured: NDArray[Any], expected: Floats, contrast: float | None = None
+) -> NoiseLevels:
+    """Noise of coefficients (K,) that images of contrast 1 vary by ``expected`` (K,) in.
+
+    ``contrast``: its median beforehand, if told.
+    """
     power = np.abs(measured) ** 2
     rms = float(np.sqrt(power.mean())) if power.size else 0.0
     if rms == 0:
         return NoiseLevels(np.zeros(1), np.ones(1))
     likelihood = _log_likelihood(power / rms**2, expected / expected.mean())
-    weight = np.exp(likelihood - likelihood.max()).sum(axis=0) * weigh(LEVELS)
+    if contrast is not None:
+        usual = contrast * expected.mean() / rms**2 / (FACTORS @ _weights())
+        likelihood -= (np.log(CONTRASTS / usual) / (2 * SPREAD))[:, None] ** 2 / 2
+    evidence = np.exp(likelihood - likelihood.max()).sum(axis=0)
+    weight = evidence * weigh(LEVELS)
     of_class = np.searchsorted(CLASSES, LEVELS, side="right") - 1
     probability = np.bincount(of_class, weight) / weight.sum()
     sigma = np.bincount(of_class, weight * LEVELS) / np.maximum(
         np.bincount(of_class, weight), 1e-300
     )
     likely = probability > UNLIKELY
+    if likely.sum() == 1 and evidence.argmax() == 0:
+        return NoiseLevels(np.zeros(1), np.ones(1))
     return NoiseLevels(rms * sigma[likely], probability[likely] / probability[likely].sum())
 
 
 def weigh(levels: Floats) -> Floats:
-    """Probability of each level beforehand, up to a factor: density s^-1/4 of ln s, from 0.01 on."""
+    """Prior of each level s, up to a factor: of ln s the density is s^-1/4 from 0.01 on."""
     edges = np.sqrt(levels[1:] * levels[:-1])
     edges = np.concatenate([levels[:1], edges, levels[-1:]])
     return np.diff(np.log(edges)) * np.maximum(levels, 0.01) ** -0.25
@@ -107,18 +120,18 @@ def weigh(levels: Floats) -> Floats:
 
 def _log_likelihood(power: Floats, expected: Floats) -> Floats:
     """Of each of `CONTRASTS` with each of `LEVELS`."""
-    from scipy.special import gammaincc  # slow to import
-
-    weights = np.diff(gammaincc(FREEDOM / 2, FREEDOM / 2 / _edges()))
     scales = np.unique(np.outer(CONTRASTS, FACTORS).round(12))
     variance = scales[:, None, None] * expected + LEVELS[:, None] ** 2
     density = np.exp(-power / (2 * variance)) / np.sqrt(variance)
     index = np.searchsorted(scales, np.outer(CONTRASTS, FACTORS).round(12))
-    mixed = np.einsum("f,cfvk->cvk", weights, density[index])
+    mixed = np.einsum("f,cfvk->cvk", _weights(), density[index])
     return np.asarray(np.log(np.maximum(mixed, 1e-300)).sum(axis=-1))
 
 
-def _edges() -> Floats:
-    """Between the factors, from 0 to infinity."""
-    between = np.sqrt(FACTORS[1:] * FACTORS[:-1])
-    return np.concatenate([[1e-300], between, [np.inf]])
+@cache
+def _weights() -> Floats:
+    """Probability of each of `FACTORS`, of edges between them from 0 to infinity."""
+    from scipy.special import gammaincc  # slow to import
+
+    edges = np.concatenate([[1e-300], np.sqrt(FACTORS[1:] * FACTORS[:-1]), [np.inf]])
+    return np.asarray(np.diff(gammaincc(FREEDOM / 2, FREEDOM / 2 / edges)))

@@ -11,6 +11,9 @@ from ..arrays import Floats
 from ..operators import MeasurementOperator
 from .dictionaries.dct import DICTIONARY
 
+RELATIVE, SPREAD = 0.5, 0.8
+"""Median and logarithmic deviation of rms contrast over mean: scenes that tools/drawn_images.py
+draws to learn from, in clear air and in fog."""
 WHITE = np.logspace(-6, 3, 46)
 """White parts that are tried, relative to the mean variance."""
 
@@ -51,6 +54,12 @@ class Prior:
             scale, white = self._fit(measured)
             variance[self.varying] = scale * (self.expected + white)
         return variance
+
+
+def usual_contrast(square: float, variance: float) -> float:
+    """Median v of images of which the ``square`` of the mean is known, if their pixels vary by v
+    times ``variance``."""
+    return RELATIVE**2 * square / variance
 
 
 class VarianceFit:

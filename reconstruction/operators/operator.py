@@ -52,7 +52,7 @@ class MeasurementOperator:
 
     @cached_property
     def _level_row(self) -> Floats:
-        return self.back_project(np.eye(1, self.shape[0], self.level)[0])
+        return self.back_project((~self.varying).astype(np.float64))
 
     @property
     def varying(self) -> NDArray[np.bool_]:

@@ -101,12 +101,25 @@ class Drift:
 
 def equal_sums(plan: PatternPlan, usable: Mask) -> list[list[Weights]]:
     """Groups of sums of usable readings which are the same but for noise, and drift."""
+    shown = _shown(plan, usable)
+    equal: list[list[Weights]] = [[{reading: 1.0} for reading in each] for each in shown.values()]
+    return [*equal, [plus | minus for plus, minus in complements(plan, usable)]]
+
+
+def complements(plan: PatternPlan, usable: Mask) -> list[tuple[Weights, Weights]]:
+    """Means of the usable readings of each pattern that is shown with its complement, and of that
+    complement."""
+    shown = _shown(plan, usable)
+    pairs = [(plus, shown.get((k, -1))) for (k, sign), plus in shown.items() if sign == 1]
+    return [(_mean(plus), _mean(minus)) for plus, minus in pairs if minus]
+
+
+def _shown(plan: PatternPlan, usable: Mask) -> dict[tuple[int, int], list[int]]:
+    """Usable readings by index and polarity."""
     shown: dict[tuple[int, int], list[int]] = defaultdict(list)
     for reading in np.flatnonzero(usable).tolist():
         shown[int(plan.index[reading]), int(plan.polarity[reading])].append(reading)
-    equal: list[list[Weights]] = [[{reading: 1.0} for reading in each] for each in shown.values()]
-    pairs = [(plus, shown.get((k, -1))) for (k, sign), plus in shown.items() if sign == 1]
-    return [*equal, [_mean(plus) | _mean(minus) for plus, minus in pairs if minus]]
+    return shown
 
 
 def matrix_of(rows: list[Weights], readings: int) -> SparseRows:

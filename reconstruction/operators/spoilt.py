@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..arrays import Mask
 from .plan import PatternPlan
 from .redundancy import FEWEST, Weights, equal_sums, matrix_of
-from .throughput import BEYOND_DOUBT, Throughput, course
+from .throughput import BEYOND_DOUBT, Throughput
 
 FAR = 10.0
 """Standard deviations of all sums, by their median, beyond which one is spoilt,"""
@@ -19,17 +19,22 @@ HARMFUL = 0.2
 """and the share of the readings' own spread below which that does no harm."""
 FEW = 0.2
 """Where a larger share of the sums is far off, they are no few spoilt ones."""
+NEIGHBOURS = 9
+"""Sums of whose median a slow drift is."""
 MEDIAN_OF_NORMAL = 0.6745
 
 
 class SpoiltReadings:
-    """Finds them among ``usable`` (M,) readings of a plan, wherever enough is shown twice."""
+    """Finds them among ``usable`` (M,) readings of a plan, wherever enough is shown twice.
 
-    def __init__(self, plan: PatternPlan, usable: Mask) -> None:
+    ``throughput`` tells whether that says anything of these patterns.
+    """
+
+    def __init__(self, plan: PatternPlan, usable: Mask, throughput: Throughput) -> None:
         groups = [sorted(group, key=min) for group in equal_sums(plan, usable)]
         self._groups = [_Group(group, usable.size) for group in groups if len(group) >= FEWEST]
         self._usable = usable
-        self._throughput = Throughput(plan, usable)
+        self._throughput = throughput
 
     def __call__(self, signal: NDArray[np.float64]) -> Mask:
         """Which of the readings (M,) are spoilt, (M,)."""
@@ -54,7 +59,7 @@ class _Group:
 
     def spoilt(self, signal: NDArray[np.float64], least: float) -> Mask:
         off = self._sums @ signal
-        off = off - course(off)
+        off = off - _course(off)
         limit = max(FAR * _deviation(off), least)
         far = np.abs(off) > limit
         found = np.zeros(signal.shape, dtype=bool)
@@ -62,6 +67,13 @@ class _Group:
             for number in np.flatnonzero(far):
                 found[self._of[number]] = True
         return found
+
+
+def _course(sums: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Median of each sum and its neighbours."""
+    padded = np.pad(sums, NEIGHBOURS // 2, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
+    return np.asarray(np.median(windows, axis=-1))
 
 
 def _deviation(values: NDArray[np.float64]) -> float:

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from ..arrays import Mask
 from .plan import PatternPlan
-from .redundancy import Weights, matrix_of
+from .redundancy import complements, matrix_of
 
-NEIGHBOURS = 9
-"""Sums of whose median a slow drift is."""
 FEWEST = 9
 """Pairs that are compared, at least."""
+ERROR = 1.8
+"""Standard error of a ratio of two medians of n magnitudes, times sqrt(n): 1.17 of each, and some
+more of sums that follow each other."""
 USUAL = 1.0
 """Score that noise alone often has,"""
 BEYOND_DOUBT = 3.5
@@ -28,37 +29,34 @@ class Throughput:
     """Of patterns that are shown with their complements, by ``usable`` (M,) readings of a plan."""
 
     def __init__(self, plan: PatternPlan, usable: Mask) -> None:
-        sums: list[Weights] = []
-        differences: list[Weights] = []
-        for k in plan.distinct:
-            plus, minus = (
-                dict.fromkeys(np.flatnonzero(shown).tolist(), 1 / max(np.count_nonzero(shown), 1))
-                for shown in (usable & (plan.index == k) & (plan.polarity == p) for p in (1, -1))
-            )
-            if plus and minus:
-                sums.append(plus | minus)
-                differences.append(plus | {reading: -value for reading, value in minus.items()})
-        self._sums, self._differences = (
-            matrix_of(each, plan.exposures) for each in (sums, differences)
+        pairs = complements(plan, usable)
+        less = [{reading: -value for reading, value in minus.items()} for _, minus in pairs]
+        self._sums = matrix_of([plus | minus for plus, minus in pairs], plan.exposures)
+        self._differences = matrix_of(
+            [plus | minus for (plus, _), minus in zip(pairs, less, strict=True)], plan.exposures
         )
 
     def score(self, signal: NDArray[np.float64]) -> float:
-        """Spearman's correlation of sums with the size of differences, in standard errors.
+        """How far sums are from those of noise alone, in standard errors; 0 of too few pairs.
 
-        0 where too few pairs are shown.
+        The larger of Spearman's correlation of sums with the size of differences, and of what the
+        median of the latter lacks to that of noise.
         """
         pairs = self._sums.shape[0]
         if pairs < FEWEST or np.iscomplexobj(signal):
             return 0.0
-        sums = self._sums @ signal
-        ranks = _ranks(sums - course(sums)), _ranks(np.abs(self._differences @ signal))
-        return float(np.corrcoef(*ranks)[0, 1]) * np.sqrt(pairs - 1)
+        sums, differences = self._sums @ signal, np.abs(self._differences @ signal)
+        sharp = sums[1:-1] - (sums[2:] + sums[:-2]) / 2  # without a slow drift
+        correlation = _correlation(_ranks(sharp), _ranks(differences[1:-1])) * np.sqrt(pairs - 3)
+        scatter = float(np.median(np.abs(np.diff(sums)))) / np.sqrt(2)
+        lacking = 1 - float(np.median(differences)) / scatter if scatter > 0 else 0.0
+        return max(correlation, lacking * np.sqrt(pairs) / ERROR)
 
     def probability_of_noise(self, signal: NDArray[np.float64]) -> float:
         """How likely sums scatter by noise alone, where that is as likely as not beforehand.
 
-        The score is normal, of variance 1 by noise and of 1 + n/4 for n pairs of which throughputs
-        correlate with differences by some 0.5. Up to `USUAL` it is taken for noise.
+        The score is about normal, of variance 1 by noise and of 1 + n/4 for n pairs of which
+        throughputs correlate with differences by some 0.5. Up to `USUAL` it is taken for noise.
         """
         score, spread = self.score(signal), self._sums.shape[0] / 4
         if score <= USUAL:
@@ -67,12 +65,12 @@ class Throughput:
         return float(odds / (1 + odds))
 
 
-def course(sums: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Median of each sum and its neighbours."""
-    padded = np.pad(sums, NEIGHBOURS // 2, mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
-    return np.asarray(np.median(windows, axis=-1))
-
-
 def _ranks(values: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.argsort(np.argsort(values, kind="stable"), kind="stable")
+
+
+def _correlation(first: NDArray[np.intp], second: NDArray[np.intp]) -> float:
+    """Of two permutations of the same numbers from 0."""
+    last = first.size - 1
+    variance = last * (last + 2) / 12
+    return float(np.mean((first - last / 2) * (second - last / 2)) / variance)

@@ -5,13 +5,9 @@ import pytest
 
 from images import natural_image
 from reconstruction.image import Coefficients
-from reconstruction.image.contrast import (
-    RELATIVE,
-    SPREAD,
-    ContrastByLevel,
-    contrasts,
-    shrunk,
-)
+from reconstruction.image.contrast import ContrastByLevel, contrasts, shrunk
+from reconstruction.image.noise import NoiseLevels
+from reconstruction.image.prior import RELATIVE, SPREAD
 from reconstruction.operators import decoder_for, make_plan
 
 
@@ -114,3 +110,23 @@ def test_without_a_level_nothing_is_expected():
     assert operator.level is None
     coefficients = Coefficients(np.ones(operator.shape[0]), np.ones(operator.shape[0]))
     assert ContrastByLevel(operator, 1.0)(coefficients) is None
+
+
+def test_levels_of_noise_are_averaged_over():
+    """Means and mean squares over the levels are those of each level by itself."""
+    _, measured = drawn(3, 20, 1.0, 2.0)
+    levels = NoiseLevels(np.array([0.5, 1.0, 2.0]), np.array([0.2, 0.5, 0.3]))
+    known = contrasts(measured, spectra(20), 1.0, 2.0, levels)
+    found = shrunk(known, spectra(20), 1.0, levels)
+    each = [
+        shrunk(contrasts(measured, spectra(20), variance, 2.0), spectra(20), variance)
+        for variance in levels.sigma**2
+    ]
+    gain, square = (
+        levels.probability @ np.array([part(one) for one in each])
+        for part in (lambda one: one.gain, lambda one: one.gain**2 + one.between)
+    )
+    np.testing.assert_allclose(found.gain, gain, rtol=1e-9)
+    np.testing.assert_allclose(found.between, square - gain**2, rtol=1e-6, atol=1e-12)
+    by_noise = levels.probability @ np.array([one.by_noise for one in each])
+    np.testing.assert_allclose(found.by_noise, by_noise, rtol=1e-9)

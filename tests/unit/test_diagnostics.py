@@ -228,3 +228,26 @@ def test_a_range_that_a_better_method_does_not_tell_is_perhaps_biased(capture: C
     doubts = range_doubts({"cw": plain, "fog": other}, capture.spots)
     assert list(doubts) == ["cw"]
     assert doubts["cw"].endswith("at spot 2 (5.30 m by fog)")
+
+
+def test_an_image_that_is_hardly_above_noise_says_so_noise_told_or_not(capture: Capture) -> None:
+    for unknown in (False, True):
+        for snr, told in ((10.0, False), (0.2, True)):
+            noisy = noisy_capture(capture, snr)
+            if unknown:
+                buckets = replace(noisy.buckets, electrons_per_count=np.nan)
+                noisy = replace(noisy, buckets=buckets)
+            notes = reconstruct(noisy, image="least-squares").notes
+            assert ("frame 0" in notes) == told
+            assert not told or notes["frame 0"].startswith("hardly above its noise")
+
+
+def test_a_constant_image_says_so(capture: Capture) -> None:
+    noisy = noisy_capture(capture, 10.0)
+    counts = np.full(noisy.buckets.counts.shape, 7.0)
+    flat = replace(noisy, buckets=replace(noisy.buckets, counts=counts))
+    result = reconstruct(flat, image="edge-preserving")
+    assert np.ptp(result.image) == 0
+    assert result.warnings == [
+        "frame '0' is without an image: readings of all its patterns are alike"
+    ]

@@ -6,12 +6,16 @@ import pytest
 from images import natural_image
 from reconstruction import Reconstructor
 from reconstruction.capture.importers import capture_from_readings
-from reconstruction.operators import SpoiltReadings, expose, make_plan
+from reconstruction.operators import PatternPlan, SpoiltReadings, Throughput, expose, make_plan
 
 PLAN = make_plan((32, 32), 120, polarity="differential")
-EVERY = np.ones(PLAN.exposures, dtype=bool)
 TRUE = natural_image(32, 1)
 LIGHT = expose(PLAN, TRUE) + 50 + np.linspace(0, 20, PLAN.exposures)
+
+
+def spoilt_readings(plan: PatternPlan) -> SpoiltReadings:
+    usable = np.ones(plan.exposures, dtype=bool)
+    return SpoiltReadings(plan, usable, Throughput(plan, usable))
 
 
 def with_complements(readings: list[int]) -> list[int]:
@@ -23,12 +27,12 @@ def test_lost_and_disturbed_readings_are_found_with_their_complements(noise: flo
     readings = LIGHT + noise * np.random.default_rng(0).standard_normal(LIGHT.shape)
     readings[[7, 60, 61, 200]] = 0
     readings[122] += 10 * np.ptp(LIGHT)
-    found = SpoiltReadings(PLAN, EVERY)(readings)
+    found = spoilt_readings(PLAN)(readings)
     assert np.flatnonzero(found).tolist() == with_complements([7, 60, 122, 200])
 
 
 def test_noise_hardly_ever_looks_spoilt() -> None:
-    spoilt = SpoiltReadings(PLAN, EVERY)
+    spoilt = spoilt_readings(PLAN)
     rng = np.random.default_rng(1)
     noise = 5 * np.std(LIGHT) * rng.standard_normal((500, LIGHT.size))
     assert not any(spoilt(LIGHT + each).any() for each in noise)
@@ -39,15 +43,15 @@ def test_noise_hardly_ever_looks_spoilt() -> None:
 def test_few_photons_are_no_disturbance() -> None:
     counts = np.random.default_rng(2).poisson(0.08, LIGHT.size).astype(float)
     assert counts.any()
-    assert not SpoiltReadings(PLAN, EVERY)(counts).any()
+    assert not spoilt_readings(PLAN)(counts).any()
 
 
 def test_where_much_is_far_off_or_nothing_shown_twice_nothing_is_told() -> None:
     readings = LIGHT.copy()
     readings[::6] = 0
-    assert not SpoiltReadings(PLAN, EVERY)(readings).any()
+    assert not spoilt_readings(PLAN)(readings).any()
     single = make_plan((32, 32), 120, polarity="single-ended")
-    spoilt = SpoiltReadings(single, np.ones(single.exposures, dtype=bool))
+    spoilt = spoilt_readings(single)
     assert not spoilt(np.where(np.arange(single.exposures) == 5, 0, 100.0)).any()
 
 

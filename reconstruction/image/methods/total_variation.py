@@ -1,7 +1,8 @@
 """Total variation: of all images that agree with the readings the one with the least edges.
 
-Minimises sum |grad x| subject to |(R x - m) / s| <= sqrt(K), s the noise of the K coefficients, by the
-primal-dual iterations of A. Chambolle, T. Pock, J. Math. Imaging Vis. 40, 120 (2011), Algorithm 1.
+Minimises sum |grad x| subject to |(R x - m) / s| <= sqrt(K), s the noise of the K coefficients, by
+the primal-dual iterations of A. Chambolle, T. Pock, J. Math. Imaging Vis. 40, 120 (2011), Algorithm
+1.
 R has orthonormal rows, so the nearest image that agrees is found from its coefficients alone, in
 one step where their noise is equal: by Newton's iterations for the multiplier of the constraint, as
 in trust regions (J. J. More, D. C. Sorensen, SIAM J. Sci. Stat. Comput. 4, 553 (1983)). Those end
