@@ -9,7 +9,7 @@ import trimesh
 
 from reconstruction.errors import InputError
 from scenefiles import Load, with_objects
-from spisim.scene import SceneWarning
+from spisim.scene import SceneWarning, soundness
 
 
 def without_warning(load: Load, text: str) -> None:
@@ -125,3 +125,20 @@ def test_daylight_that_the_earth_does_not_have_is_told(load: Load, ambient: str,
 @pytest.mark.parametrize("ambient", ["sun_klx: 130, sky_klx: 20", "sun_direction: [0, 0, 1]"])
 def test_daylight_as_it_is_is_fine(load: Load, ambient: str) -> None:
     without_warning(load, f"{with_objects()}ambient: {{{ambient}}}\n")
+
+
+@pytest.mark.usefixtures("odd_meshes")
+def test_copies_are_checked_once_and_named_each(
+    load: Load, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They differ by a rotation and a move, which make nothing sound or unsound."""
+    checked: list[int] = []
+    fault = soundness.fault
+    monkeypatch.setattr(soundness, "fault", lambda mesh: checked.append(1) or fault(mesh))
+    poses = ", ".join(
+        f"{{translate_m: [{3 * i}, 5, 0], rotate_deg: [0, 0, {i}]}}" for i in range(9)
+    )
+    text = with_objects(f"name: fin, mesh: fin.ply, material: brick, instances: [{poses}]")
+    with pytest.warns(SceneWarning, match=r"'fin-1' .*'fin-9' \(edges shared"):
+        load(text)
+    assert len(checked) == 2  # the wall, and one of the nine

@@ -18,7 +18,7 @@ from spisim.cli import app
 from spisim.report.scene_view import Look, picture, survey
 from spisim.report.scene_view.cameras import MAX_CUT_M, Section, cut_m, heading
 from spisim.scene import Material, SceneObject, look_at
-from spisim.scene.layout import clearance_m
+from spisim.scene.layout import OFFERED, Layout
 from spisim.transport import RayCaster, ground_truth
 from worlds import plane, scene, surface
 
@@ -95,7 +95,8 @@ def test_clearance_is_the_distance_to_the_nearest_of_all_triangles() -> None:
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles), process=False)
     nearest = trimesh.triangles.closest_point(triangles, np.zeros((500, 3)))
     distance = np.linalg.norm(nearest, axis=1).min()
-    assert clearance_m(scene(surface("soup", mesh, 0.5))) == pytest.approx(distance)
+    soup = scene(surface("soup", mesh, 0.5))
+    assert Layout(soup, OFFERED).clearance_m == pytest.approx(distance)
 
 
 def test_a_section_shows_points_where_its_rays_meet_them() -> None:
