@@ -12,10 +12,12 @@ from .arrays import Floats
 from .capture import Frames, Recording, Setup
 from .depth import (
     DEPTH_METHODS,
+    MIN_FREE,
     Context,
     Corridor,
     DepthEstimate,
     View,
+    check_min_free,
     depth_method,
     lacks,
     pixel_rays,
@@ -65,15 +67,24 @@ class Reconstructor:
     ``image``, ``ranging`` and ``depth`` name methods (see `Names`); by default those are taken that
     fit the recording. The zero-filled image is always among the images: all others are compared
     with it. A name ``method:dictionary`` is an image method with another dictionary than
-    its own. Everything that the frames share is computed here; the work per frame does not depend
-    on how many there are. Raises InputError for unknown names, methods that the recording does not
-    suit, and plans that do not tell the background.
+    its own. ``min_free``: an obstacle is where the probability that the corridor ahead is free
+    falls below this. Everything that the frames share is computed here; the work per frame does
+    not depend on how many there are. Raises InputError for unknown names, methods that the
+    recording does not suit, plans that do not tell the background, and ``min_free`` that is no
+    probability above 0 and below 1.
     """
 
     def __init__(
-        self, setup: Setup, *, image: Names = None, ranging: Names = None, depth: Names = None
+        self,
+        setup: Setup,
+        *,
+        image: Names = None,
+        ranging: Names = None,
+        depth: Names = None,
+        min_free: float = MIN_FREE,
     ) -> None:
-        self.setup = setup
+        check_min_free(min_free)
+        self.setup, self._min_free = setup, min_free
         self._imaging = Imaging(*setup.plans)
         everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
         self._images = _image_names(image, everything)
@@ -173,7 +184,8 @@ class Reconstructor:
             depths=_single({name: each.depth_m for name, each in maps.items()}),
             depth_deviations=_single({name: each.deviation for name, each in maps.items()}),
             nothings=_single({name: each.nothing for name, each in maps.items()}),
-            obstacles_m=self._obstacles_m(maps),
+            free_probabilities=self._free(maps.items()),
+            min_free=self._min_free,
             range_over_depth=self._stretch,
             timings_s=timings,
             unit=frame.buckets.unit,
@@ -215,15 +227,13 @@ class Reconstructor:
             image = image - image.min()
         return Estimate(image, deviation, estimate.note)
 
-    def _obstacles_m(self, maps: Mapping[str, DepthEstimate]) -> dict[str, float]:
-        """Nearest obstacle ahead by each method, left out where no depth is known at all."""
-        found = {}
-        for name, each in maps.items():
-            if each.obstacle_m is not None:
-                found[name] = each.obstacle_m
-            elif self._corridor is not None and np.isfinite(each.depth_m).any():
-                found[name] = self._corridor.nearest_m(each.depth_m)
-        return found
+    def _free(self, maps: Iterable[tuple[str, DepthEstimate]]) -> dict[str, Floats]:
+        """Of the corridor ahead by each method, left out where no depth is known at all."""
+        stated = {
+            name: each.free if self._corridor is None else self._corridor.stated(each)
+            for name, each in maps
+        }
+        return {name: free for name, free in stated.items() if free is not None}
 
     @property
     def _shape(self) -> tuple[int, int]:
@@ -237,6 +247,7 @@ def reconstruct(
     image: Names = None,
     ranging: Names = None,
     depth: Names = None,
+    min_free: float = MIN_FREE,
 ) -> Result:
     """Reconstruct one frame of a recording; see `Reconstructor`.
 
@@ -244,7 +255,9 @@ def reconstruct(
     InputError if there is no such frame or nothing usable in it.
     """
     recording.batch(frame, frame + 1)  # told before any other
-    reconstructor = Reconstructor(recording.setup, image=image, ranging=ranging, depth=depth)
+    reconstructor = Reconstructor(
+        recording.setup, image=image, ranging=ranging, depth=depth, min_free=min_free
+    )
     for earlier in range(frame - lead(frame, image, ranging), frame):
         reconstructor(recording.batch(earlier, earlier + 1))
     return reconstructor(recording.batch(frame, frame + 1))

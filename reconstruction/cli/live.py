@@ -15,7 +15,7 @@ from ..live.links import Source, is_link, source_at
 from ..live.sinks import Detached, sink_to
 from ..reconstructor import USUAL_IMAGES
 from ..text import printable
-from .reconstruct import OVERWRITE, STATIONS, names
+from .reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, names
 
 EXAMPLE = "python -m reconstruction live tcp-listen://:5800 --to latest --to flight.h5"
 SINKS = (
@@ -56,6 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             metavar="METHOD[,METHOD]",
             help=f"methods, the default one first: {', '.join(methods)}",
         )
+    parser.add_argument("--min-free", **MIN_FREE_OPTION)
     parser.add_argument("--quiet", action="store_true", help="tell nothing each second")
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
 
@@ -85,6 +86,7 @@ def run(options: argparse.Namespace) -> None:
         image=names(options.image) or USUAL_IMAGES[0],
         ranging=names(options.ranging),
         depth=names(options.depth),
+        min_free=options.min_free,
     )
     if any(name in (options.image or "") for name in PURSUING):
         load_pursuit()

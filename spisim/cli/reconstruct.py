@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from .options import CaptureArgument, FrameOption, Json, Methods, Overwrite, number_option
+from .options import CaptureArgument, FrameOption, Json, Methods, MinFree, Overwrite, number_option
 from .outputs import output as named
 
 EXAMPLE = "spisim reconstruct foggy.h5 -o foggy"
@@ -20,6 +20,7 @@ def command(
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
+    min_free: MinFree = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -39,7 +40,7 @@ def command(
     options += ["--overwrite"] if overwrite else []
     for station, names in {"image": image, "ranging": ranging, "depth": depth}.items():
         options += [] if names is None else [f"--{station}", names]
-    for name, value in {"patterns": patterns, "order": order}.items():
+    for name, value in {"patterns": patterns, "order": order, "min-free": min_free}.items():
         options += [] if value is None else [f"--{name}", str(value)]
     if status := main(["reconstruct", str(capture), *options]):
         raise typer.Exit(status)

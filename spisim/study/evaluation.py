@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 import reconstruction
 from reconstruction import Capture, InputError, Reconstructor, read_capture
@@ -61,7 +62,7 @@ def evaluation_of(capture: Capture, methods: Methods = ()) -> Evaluation:
     """
     if capture.truth is None:
         raise InputError("the capture holds no truth to compare with")
-    names: dict[str, list[str]] = {}
+    names: dict[str, Any] = {}
     for station, name in methods:
         names.setdefault(_OPTIONS[station], ["usual"]).append(name)
     reconstructor = Reconstructor(capture.setup, **names)

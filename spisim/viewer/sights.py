@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from reconstruction import Capture, Reconstructor, Result, read_capture
 from reconstruction.capture import Frames, FrameTruth, Setup
@@ -72,7 +73,7 @@ class _Eyes:
     """Sees captures, and remembers what their scenes have in common."""
 
     def __init__(self, methods: Mapping[str, Names]) -> None:
-        self._methods = dict(methods)
+        self._methods: dict[str, Any] = dict(methods)
         self._stock = Stock()
 
     def of(self, capture: Capture, title: str, folder: Path, begun_ns: int) -> Iterator[Sight]:
