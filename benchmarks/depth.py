@@ -166,11 +166,14 @@ def rows(cells: Cells) -> Iterator[tuple[Cell, list[Judged]]]:
 
 
 def by_group(cells: Cells) -> dict[tuple[str, str], list[Judged]]:
-    """By group and air, clear or fog."""
+    """By group, and of all of them, and air, clear or fog."""
     grouped: dict[tuple[str, str], list[Judged]] = defaultdict(list)
     for (group, weather, _), judged in rows(cells):
         grouped[group, "clear" if weather == "clear" else "fog"] += judged
-    return grouped
+    everything: dict[tuple[str, str], list[Judged]] = defaultdict(list)
+    for (_, air), judged in grouped.items():
+        everything["all", air] += judged
+    return grouped | everything
 
 
 def errors(cells: Cells) -> Iterator[Table]:

@@ -31,9 +31,9 @@ def rates(judged: Sequence[Judged], way: Way, min_free: float) -> tuple[float, f
 
 
 def false_at(judged: Sequence[Judged], way: Way) -> float:
-    """Least fraction of false alarms at which no more than MISSED are missed; nan if at none."""
+    """Least fraction of false alarms at which no more than MISSED are missed; 1 if at none."""
     points = [rates(judged, way, min_free) for min_free in SWEPT]
-    return min((false for missed, false in points if missed <= MISSED), default=np.nan)
+    return min((false for missed, false in points if missed <= MISSED), default=1.0)
 
 
 def roc(groups: Groups, way: Way) -> Table:
@@ -104,5 +104,5 @@ def corridor_checks(groups: Groups, way: Way) -> Iterator[Check]:
             where = f"{group}, {air}"
             yield Check(f"reliability of a free corridor, {where}", off(judged, way), RELIABLE)
             if air == "clear":
-                false = float(np.nan_to_num(false_at(judged, way), nan=1.0))
-                yield Check(f"false obstacles at {MISSED:g} missed, {where}", false, FALSE)
+                name = f"false obstacles at {MISSED:g} missed, {where}"
+                yield Check(name, false_at(judged, way), FALSE)

@@ -102,7 +102,7 @@ def judge(case: Case) -> Judged:
     figures, stated = {}, {}
     for way, solve, view in COMPILED[case.preset](capture):
         found = solve(view) or DepthEstimate(np.full(true_m.shape, np.nan))
-        free = corridor.stated(found)
+        free = None if way[0] == FROZEN else corridor.stated(found)  # its obstacle is the map's
         figures[way] = depth_metrics(
             found.depth_m,
             true_m,

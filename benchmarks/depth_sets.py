@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -60,12 +61,12 @@ def captures(
     folder.mkdir(parents=True, exist_ok=True)
     for group in GROUPS:
         place = folder / group.replace(" ", "-")
-        scenes = scenes_of(group, worlds, place.with_name(f"{place.name}-scenes"))
+        every = scenes_of(group, worlds, place.with_name(f"{place.name}-scenes"))
+        scenes = list(islice(every, 1 if quick else None))
         if not scenes:
             continue
         plan = place.with_suffix(".yaml")
-        scenes, wanted = (scenes[:1], 1) if quick else (scenes, wanted)
-        plan.write_text(dump_yaml(plan_of(group, scenes, wanted)))
+        plan.write_text(dump_yaml(plan_of(group, scenes, 1 if quick else wanted)))
         subprocess.run([sys.executable, "-m", "spisim", "dataset", str(plan), "-o", str(place)],
                        check=True)  # fmt: skip
         for sample in spisim.dataset.open(place):
@@ -100,14 +101,14 @@ def plan_of(group: str, scenes: list[dict[str, str]], wanted: int) -> dict[str, 
     }
 
 
-def scenes_of(group: str, worlds: Path | None, folder: Path) -> list[dict[str, str]]:
+def scenes_of(group: str, worlds: Path | None, folder: Path) -> Iterator[dict[str, str]]:
     """Sources of a group's scenes, those that there are; worlds are imported into ``folder``."""
-    if group == SHIPPED:
-        return [{"scene": name} for name in list_scenes()]
-    if group == WORLDS:
-        files = [] if worlds is None else imported(worlds, folder)
-        return [{"scene": str(file.resolve())} for file in files]
-    return [{"family": name} for name in DRAWN[group] if name in FAMILIES]
+    if group in DRAWN:
+        yield from ({"family": name} for name in DRAWN[group] if name in FAMILIES)
+    elif group == SHIPPED:
+        yield from ({"scene": name} for name in list_scenes())
+    elif worlds is not None:
+        yield from ({"scene": str(file.resolve())} for file in imported(worlds, folder))
 
 
 def weather_of(parameters: Mapping[str, Any]) -> str:
