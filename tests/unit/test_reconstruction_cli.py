@@ -403,6 +403,21 @@ def test_a_damaged_result_is_told(result_file):
     assert all(message.startswith(f"{result_file}: ") for message in messages)
 
 
+def test_the_probability_of_obstacles_is_an_option(path, tmp_path, capsys):
+    arguments = [str(path), "-o", str(tmp_path / "out"), "--depth", "anchored", "--json"]
+    reported = []
+    for min_free in ("0.95", "0.3"):
+        assert main([*arguments, "--min-free", min_free]) == 0
+        reported.append(json.loads(capsys.readouterr().out.splitlines()[-1]))
+        assert read_result(tmp_path / "out/result.h5").min_free == float(min_free)
+    near, far = reported
+    assert near["obstacles_m"]["anchored"] < far["obstacles_m"]["anchored"]
+    assert near["free_probabilities"] == far["free_probabilities"]
+    assert len(near["free_distance_m"]) == len(near["free_probabilities"]["anchored"])
+    assert main([*arguments, "--min-free", "1.5"]) == 2
+    assert "min_free = 1.5: a probability above 0 and below 1" in capsys.readouterr().err
+
+
 def far_from(obstacle_m):
     return np.where(obstacle_m > DISTANCES_M, 0.9, 0.1)
 
