@@ -1,13 +1,16 @@
-"""How good depth maps are, by method: unseen seeds, families nothing learned from, shipped scenes.
+"""How good depth maps are, by method: unseen seeds, families and shipped scenes, others' worlds.
 
     python benchmarks/depth.py [--quick] [--json] [--markdown] [--folder out/depth]
+                               [--worlds CHECKOUTS] [--captures 200]
 
 200 traced captures and more of each group and weather, half of each preset, which are made on the
-first run into the folder and kept there: interrupted, it goes on where it was. Every depth method
-gets the ranges of plain `cw` and of `fog`. References, on plain ranges: interpolation by inverse
-distance, and the anchored map with constants that stay what they are here, whatever is fitted
-later. Intervals are 95 %, by bootstrap over scenes. `--markdown` pastes the tables into
-docs/depth.md.
+first run into the folder and kept there: interrupted, it goes on where it was. Worlds of others
+are those of benchmarks/depth_worlds.py; CHECKOUTS has a folder for each of the repositories, by its
+name, and without it that group is left out. Unseen families are those that nothing learned from.
+Every depth method gets the ranges of plain `cw` and of `fog`. References, on plain ranges:
+interpolation by inverse distance, and the anchored map with constants that stay what they are here,
+whatever is fitted later. Intervals are 95 %, by bootstrap over scenes. `--markdown` pastes
+the tables into docs/depth.md.
 """
 
 import os
@@ -21,8 +24,9 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from depth_corridor import corridor_checks, reliability, roc
 from depth_judging import FROZEN, Judged, Way, judge, seconds
-from depth_sets import GROUPS, PRESETS, WEATHERS, captures
+from depth_sets import CAPTURES, GROUPS, PRESETS, WEATHERS, captures
 from options import benchmark_options, finish
 
 from reconstruction.arrays import Floats
@@ -73,17 +77,27 @@ Cells = dict[Cell, list[Judged]]
 
 def main() -> int:
     """Every method on every capture."""
-    options = benchmark_options(__doc__, "one scene of each group", PAGE, folder=FOLDER)
+    further = {
+        "--worlds": {"type": Path, "metavar": "CHECKOUTS", "help": "of worlds of others"},
+        "--captures": {"type": int, "default": CAPTURES, "help": "of each group and weather"},
+    }
+    options = benchmark_options(
+        __doc__, "one scene of each group", PAGE, folder=FOLDER, others=further
+    )
     folder = options.folder / "quick" if options.quick else options.folder
-    cases = list(captures(folder, quick=options.quick))
+    cases = list(
+        captures(folder, worlds=options.worlds, wanted=options.captures, quick=options.quick)
+    )
     cells: Cells = defaultdict(list)
     with ProcessPoolExecutor(WORKERS) as pool:
         for each in pool.map(judge, cases, chunksize=8):
             cells[each.case.group, each.case.weather, each.case.preset].append(each)
     took = {preset: next(case for case in cases if case.preset == preset) for preset in PRESETS}
     times = {preset: 1e3 * seconds(case, CANDIDATE, TIMED) for preset, case in took.items()}
-    tables = [*errors(cells), ratios(cells), others(cells)]
-    promised = [*checks(cells), *frame_times(times)]
+    grouped = by_group(cells)
+    tables = [*errors(cells), ratios(cells), others(cells), roc(grouped, CANDIDATE)]
+    tables.append(reliability(grouped, CANDIDATE))
+    promised = [*checks(cells), *corridor_checks(grouped, CANDIDATE), *frame_times(times)]
     return finish(options, PAGE, "depth", surroundings(PACKAGES), tables, promised)
 
 
@@ -149,6 +163,17 @@ def rows(cells: Cells) -> Iterator[tuple[Cell, list[Judged]]]:
             for preset in PRESETS:
                 if (group, weather, preset) in cells:
                     yield (group, weather, preset), cells[group, weather, preset]
+
+
+def by_group(cells: Cells) -> dict[tuple[str, str], list[Judged]]:
+    """By group, and of all of them, and air, clear or fog."""
+    grouped: dict[tuple[str, str], list[Judged]] = defaultdict(list)
+    for (group, weather, _), judged in rows(cells):
+        grouped[group, "clear" if weather == "clear" else "fog"] += judged
+    everything: dict[tuple[str, str], list[Judged]] = defaultdict(list)
+    for (_, air), judged in grouped.items():
+        everything["all", air] += judged
+    return grouped | everything
 
 
 def errors(cells: Cells) -> Iterator[Table]:

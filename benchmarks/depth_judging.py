@@ -8,9 +8,12 @@ import numpy as np
 from depth_sets import Case
 
 from reconstruction import Capture, Reconstructor, Setup, read_capture
+from reconstruction.arrays import Floats
 from reconstruction.depth import (
     DEPTH_METHODS,
+    DISTANCES_M,
     Context,
+    Corridor,
     DepthEstimate,
     DepthMethod,
     DepthSolver,
@@ -49,6 +52,10 @@ class Judged:
 
     case: Case
     figures: Mapping[Way, Mapping[str, float | None]]
+    free: Mapping[Way, Floats]
+    """Probability that the corridor is free up to each of `DISTANCES_M`."""
+    obstacle_m: float
+    """The true nearest one, nan without any."""
 
 
 class Compiled:
@@ -91,18 +98,21 @@ def judge(case: Case) -> Judged:
     rays = pixel_rays(capture.setup.optics, true_m.shape)
     if case.preset not in COMPILED:
         COMPILED[case.preset] = Compiled(capture.setup)
-    told = {}
+    corridor = Corridor(rays)
+    figures, stated = {}, {}
     for way, solve, view in COMPILED[case.preset](capture):
         found = solve(view) or DepthEstimate(np.full(true_m.shape, np.nan))
-        told[way] = depth_metrics(
+        free = None if way[0] == FROZEN else corridor.stated(found)  # its obstacle is the map's
+        figures[way] = depth_metrics(
             found.depth_m,
             true_m,
             deviation=found.deviation,
             nothing=found.nothing,
             rays=rays,
-            obstacle_m=found.obstacle_m,
+            free=free,
         )
-    return Judged(case, told)
+        stated[way] = np.zeros(DISTANCES_M.size) if free is None else free
+    return Judged(case, figures, stated, corridor.nearest_m(true_m))
 
 
 def seconds(case: Case, way: Way, frames: int) -> float:

@@ -5,8 +5,11 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
+
+from depth_worlds import imported
 
 import spisim.dataset
 from spisim.config import dump_yaml
@@ -22,16 +25,18 @@ JUDGED_BY = (
     *("bridge", "field", "shipyard"),
 )
 """Families that nothing was ever fitted to or trained on."""
-GROUPS = ("unseen seeds", "unseen families", "shipped scenes")
+DRAWN = {"unseen seeds": LEARNED_FROM, "unseen families": JUDGED_BY}
+SHIPPED, WORLDS = "shipped scenes", "worlds of others"
+GROUPS = (*DRAWN, SHIPPED, WORLDS)
 PRESETS = ("paper", "fog")
 KINDS = ("moderate-radiation", "heavy-radiation", "moderate-advection", "heavy-advection")
 FOGS_M = {"fog 150–500 m": (150.0, 500.0), "fog 50–150 m": (50.0, 150.0)}
 WEATHERS = ("clear", *FOGS_M)
 SEED = 20261123
 CAPTURES = 200
-"""Of each group and weather, at least, by all presets together."""
-POSES = 2
-"""Of each drawn scene."""
+"""Of each group and weather, at least, by all presets together, unless fewer are asked for."""
+POSES, POSES_OF_FILES = 2, 6
+"""Of each drawn scene, and of each scene file."""
 
 
 @dataclass(frozen=True)
@@ -45,13 +50,23 @@ class Case:
     scene: str
 
 
-def captures(folder: Path, *, quick: bool) -> Iterator[Case]:
-    """All captures; those that `folder` lacks are made first."""
+def captures(
+    folder: Path, *, worlds: Path | None, wanted: int = CAPTURES, quick: bool
+) -> Iterator[Case]:
+    """All captures; those that `folder` lacks are made first.
+
+    ``wanted`` is the number of each group and weather. Worlds of others are those of which the
+    folder ``worlds`` has a checkout; without it that group is left out.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
     for group in GROUPS:
         place = folder / group.replace(" ", "-")
+        every = scenes_of(group, worlds, place.with_name(f"{place.name}-scenes"))
+        scenes = list(islice(every, 1 if quick else None))
+        if not scenes:
+            continue
         plan = place.with_suffix(".yaml")
-        folder.mkdir(parents=True, exist_ok=True)
-        plan.write_text(dump_yaml(plan_of(group, quick=quick)))
+        plan.write_text(dump_yaml(plan_of(group, scenes, 1 if quick else wanted)))
         subprocess.run([sys.executable, "-m", "spisim", "dataset", str(plan), "-o", str(place)],
                        check=True)  # fmt: skip
         for sample in spisim.dataset.open(place):
@@ -59,12 +74,12 @@ def captures(folder: Path, *, quick: bool) -> Iterator[Case]:
             yield Case(sample.path, group, weather_of(told), told["instrument"], sample.scene_name)
 
 
-def plan_of(group: str, *, quick: bool) -> dict[str, Any]:
+def plan_of(group: str, scenes: list[dict[str, str]], wanted: int) -> dict[str, Any]:
     """Plan of a group: every scene or family, weather and preset, as often as it takes."""
-    scenes = scenes_of(group)[: 1 if quick else None]
     cells = len(WEATHERS) * len(PRESETS)
-    each = CAPTURES / len(scenes) / len(PRESETS)
-    rounds = 1 if quick else POSES * math.ceil(each / POSES)
+    rounds = math.ceil(wanted / len(scenes) / len(PRESETS))
+    if rounds > 1:
+        rounds = POSES * math.ceil(rounds / POSES)
     fogs = [
         {"scene.fog": {"kind": {"choice": list(KINDS)}, "visibility_m": {"log_uniform": list(m)}}}
         for m in FOGS_M.values()
@@ -75,7 +90,7 @@ def plan_of(group: str, *, quick: bool) -> dict[str, Any]:
         "seed": SEED,
         "scenes": scenes,
         "every_scene": True,
-        "poses": rounds if group == "shipped scenes" else min(POSES, rounds),
+        "poses": POSES if group in DRAWN else POSES_OF_FILES,
         "instrument": {"grid": list(PRESETS)},
         "vary": {
             "scene.rain": None,
@@ -86,12 +101,14 @@ def plan_of(group: str, *, quick: bool) -> dict[str, Any]:
     }
 
 
-def scenes_of(group: str) -> list[dict[str, str]]:
-    """Sources of a group's scenes, those that there are."""
-    if group == "shipped scenes":
-        return [{"scene": name} for name in list_scenes()]
-    families = LEARNED_FROM if group == "unseen seeds" else JUDGED_BY
-    return [{"family": name} for name in families if name in FAMILIES]
+def scenes_of(group: str, worlds: Path | None, folder: Path) -> Iterator[dict[str, str]]:
+    """Sources of a group's scenes, those that there are; worlds are imported into ``folder``."""
+    if group in DRAWN:
+        yield from ({"family": name} for name in DRAWN[group] if name in FAMILIES)
+    elif group == SHIPPED:
+        yield from ({"scene": name} for name in list_scenes())
+    elif worlds is not None:
+        yield from ({"scene": str(file.resolve())} for file in imported(worlds, folder))
 
 
 def weather_of(parameters: Mapping[str, Any]) -> str:

@@ -45,6 +45,7 @@ READERS = {**FORMATS, ".xml": read_mitsuba}
 COMPARED = (".glb", ".gltf", ".obj", ".stl", ".ply", ".off", ".dae")
 #: Bounds of equal files differ by so much of the scene's size at most.
 TOLERANCE = 1e-3
+SUITE = {"action": "append", "default": [], "help": "NAME=FOLDER of other people's; repeatable"}
 OPENED, SECONDS, SEARCH_SECONDS = 0.95, 60.0, 5.0
 #: What an independent reader does not know: trimesh instances, the walk frames and includes.
 BEYOND_TRIMESH = b"EXT_mesh_gpu_instancing"
@@ -316,7 +317,7 @@ def main() -> int:
         __doc__,
         f"a world of {QUICK_MODELS} models",
         PAGE,
-        repeatable={"--suite": "NAME=FOLDER of other people's files; repeatable"},
+        others={"--suite": SUITE},
     )
     given = (text.partition("=") for text in options.suite)
     suites = [read_suite(name, Path(folder)) for name, _, folder in given]

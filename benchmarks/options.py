@@ -14,13 +14,13 @@ def benchmark_options(
     page: Path,
     *,
     folder: Path | None = None,
-    repeatable: Mapping[str, str] | None = None,
+    others: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> argparse.Namespace:
     """Options of a benchmark: `quick`, `json`, `markdown`, and `folder` if there is a usual one.
 
     The first line of `doc` says what it measures, `quick` what is left out, `page` where its tables
-    go; in the folder stays what is worth keeping for another run. `repeatable` are further options
-    by their help, whose values come as lists.
+    go; in the folder stays what is worth keeping for another run. `others` are further options, as
+    `add_argument` of a parser takes them.
     """
     parser = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help=quick)
@@ -28,8 +28,8 @@ def benchmark_options(
     parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{page.name}")
     if folder is not None:
         parser.add_argument("--folder", type=Path, default=folder, help="where captures are kept")
-    for name, told in (repeatable or {}).items():
-        parser.add_argument(name, action="append", default=[], help=told)
+    for name, details in (others or {}).items():
+        parser.add_argument(name, **details)
     return parser.parse_args()
 
 

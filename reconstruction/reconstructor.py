@@ -14,10 +14,12 @@ from .arrays import Floats
 from .capture import Frames, Recording, Setup, datasets
 from .depth import (
     DEPTH_METHODS,
+    MIN_FREE,
     Context,
     Corridor,
     DepthEstimate,
     View,
+    check_min_free,
     depth_method,
     lacks,
     pixel_of,
@@ -74,11 +76,12 @@ class Reconstructor:
     with it. A name ``method:dictionary`` is an image method with another dictionary than
     its own. ``weather`` is what the user states of it: "clear", "fog", "unknown" or a visibility in
     metres, in place of what the recording states; ranging in fog takes it as its prior, and in
-    clear air the plain ranges come first. Everything that the frames share is computed here; the
-    work per frame does not depend on how many there are.
+    clear air the plain ranges come first. ``min_free``: an obstacle is where the probability that
+    the corridor ahead is free falls below this. Everything that the frames share is computed here;
+    the work per frame does not depend on how many there are.
 
-    Raises InputError for unknown names, methods that the recording does not suit, and plans that do
-    not tell the background.
+    Raises InputError for unknown names, methods that the recording does not suit, plans that do
+    not tell the background, and ``min_free`` that is no probability above 0 and below 1.
     """
 
     def __init__(
@@ -89,10 +92,12 @@ class Reconstructor:
         ranging: Names = None,
         depth: Names = None,
         weather: str | float | None = None,
+        min_free: float = MIN_FREE,
     ) -> None:
+        check_min_free(min_free)
         if weather is not None:
             setup = with_weather(setup, Weather.parsed(weather))
-        self.setup = setup
+        self.setup, self._min_free = setup, min_free
         self._imaging = Imaging(*setup.plans)
         everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
         self._images = _image_names(image, everything)
@@ -197,7 +202,8 @@ class Reconstructor:
             depths=_single({name: each.depth_m for name, each in maps.items()}),
             depth_deviations=_single({name: each.deviation for name, each in maps.items()}),
             nothings=_single({name: each.nothing for name, each in maps.items()}),
-            obstacles_m=self._obstacles_m(maps),
+            free_probabilities=self._free(maps.items()),
+            min_free=self._min_free,
             range_over_depth=self._stretch,
             timings_s=timings,
             unit=frame.buckets.unit,
@@ -239,15 +245,13 @@ class Reconstructor:
             image = image - image.min()
         return Estimate(image, deviation, estimate.note)
 
-    def _obstacles_m(self, maps: Mapping[str, DepthEstimate]) -> dict[str, float]:
-        """Nearest obstacle ahead by each method, left out where no depth is known at all."""
-        found = {}
-        for name, each in maps.items():
-            if each.obstacle_m is not None:
-                found[name] = each.obstacle_m
-            elif self._corridor is not None and np.isfinite(each.depth_m).any():
-                found[name] = self._corridor.nearest_m(each.depth_m)
-        return found
+    def _free(self, maps: Iterable[tuple[str, DepthEstimate]]) -> dict[str, Floats]:
+        """Of the corridor ahead by each method, left out where no depth is known at all."""
+        stated = {
+            name: each.free if self._corridor is None else self._corridor.stated(each)
+            for name, each in maps
+        }
+        return {name: free for name, free in stated.items() if free is not None}
 
     def _brightness(
         self,
@@ -284,6 +288,7 @@ def reconstruct(
     ranging: Names = None,
     depth: Names = None,
     weather: str | float | None = None,
+    min_free: float = MIN_FREE,
 ) -> Result:
     """Reconstruct one frame of a recording; see `Reconstructor`.
 
@@ -292,7 +297,12 @@ def reconstruct(
     """
     recording.batch(frame, frame + 1)  # told before any other
     reconstructor = Reconstructor(
-        recording.setup, image=image, ranging=ranging, depth=depth, weather=weather
+        recording.setup,
+        image=image,
+        ranging=ranging,
+        depth=depth,
+        weather=weather,
+        min_free=min_free,
     )
     for earlier in range(frame - lead(frame, image, ranging), frame):
         reconstructor(recording.batch(earlier, earlier + 1))

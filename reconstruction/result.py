@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Floats
 from .capture import Unit
+from .depth import MIN_FREE, nearest_obstacle_m
 from .notebook import picture, shown
 from .plotting import draw_map, panels
 from .ranging import RANGED, Ranges
@@ -29,9 +31,10 @@ class Result:
     ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
     method finds any. By those methods that can tell, ``depth_deviations`` is the standard deviation
     of ln depth, nan where there is no depth, and ``nothings`` the probability that there is nothing
-    within reach (see `DepthEstimate`); ``obstacles_m`` by all of them is the depth of the nearest
-    obstacle ahead (see `Corridor`), nan without one. ``range_over_depth`` (H, W): length of
-    each pixel's ray per unit of depth, None where the optics are unknown.
+    within reach (see `DepthEstimate`). ``free_probabilities``, by all of them, is the probability
+    that the corridor ahead is free up to each of `reconstruction.depth.DISTANCES_M` (K,); an
+    obstacle is where it falls below ``min_free``. ``range_over_depth`` (H, W): length of each
+    pixel's ray per unit of depth, None where the optics are unknown.
     ``timings_s``: seconds per stage; ``notes``: what the user must know of some images, ranges and
     depths, by stage, as "depth anchored" or "ranging cw". ``recording``: the digest of the
     readings, ``frame`` their number in the capture and ``patterns`` the number of distinct ones
@@ -50,7 +53,8 @@ class Result:
     patterns: int
     depth_deviations: Mapping[str, Image] = field(default_factory=dict)
     nothings: Mapping[str, Image] = field(default_factory=dict)
-    obstacles_m: Mapping[str, float] = field(default_factory=dict)
+    free_probabilities: Mapping[str, Floats] = field(default_factory=dict)
+    min_free: float = MIN_FREE
     notes: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -121,8 +125,21 @@ class Result:
         return self.nothings.get(next(iter(self.depths), ""))
 
     @property
+    def free_probability(self) -> Floats | None:
+        """Of the corridor up to each of `DISTANCES_M` (K,), None without depths."""
+        return self.free_probabilities.get(next(iter(self.depths), ""))
+
+    @property
+    def obstacles_m(self) -> dict[str, float]:
+        """By method, the distance at which the corridor is free with ``min_free``; else nan."""
+        return {
+            name: nearest_obstacle_m(free, self.min_free)
+            for name, free in self.free_probabilities.items()
+        }
+
+    @property
     def obstacle_m(self) -> float | None:
-        """Depth of the nearest obstacle ahead, nan without one; None without depths."""
+        """That by the default method; None without depths."""
         return self.obstacles_m.get(next(iter(self.depths), ""))
 
     @property

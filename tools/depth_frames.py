@@ -21,10 +21,10 @@ from threadpoolctl import threadpool_limits
 
 from reconstruction import Reconstructor
 from reconstruction.arrays import Floats
-from reconstruction.capture import Capture
+from reconstruction.capture import Capture, Optics
 from reconstruction.depth.method import REACH_M, View
 from reconstruction.depth.observer import Observer
-from reconstruction.depth.shown import Shown
+from reconstruction.depth.shown import Anchors, Shown
 from reconstruction.errors import InputError
 from spisim.atmosphere import fog as made_fog
 from spisim.config import dump_yaml, load_yaml
@@ -150,6 +150,21 @@ def to_arrays(shown: Shown) -> dict[str, Any]:
         "slopes": np.array([optics.tan_half_width, optics.tan_half_height]),
         "anchors": np.array(anchors),
     }
+
+
+def from_arrays(told: dict[str, Any]) -> Shown:
+    """What `to_arrays` told."""
+    names = ("noise", "share", "reach_m", "extinction_per_m", "backscatter_per_m_sr")
+    return Shown(
+        image=told["image"].astype(np.float64),
+        optics=Optics(*told["slopes"].tolist()),
+        directions=told["directions"],
+        plain=Anchors(*told["anchors"][:2]),
+        fitted=Anchors(*told["anchors"][2:]),
+        lost=told["lost"],
+        log_reflectance=told["log_reflectance"],
+        **{name: float(told[name]) for name in names},
+    )
 
 
 def instrument_of(drawn: Mapping[str, Any]) -> Instrument:

@@ -28,8 +28,7 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits, pixel_shuffle, pixel_unshuffle
 from torch.utils.data import DataLoader, IterableDataset
 
-from depth_frames import PLAN
-from reconstruction.capture import Optics
+from depth_frames import PLAN, from_arrays
 from reconstruction.depth.network import (
     DEEP_BLOCKS,
     LOG_SIGMA,
@@ -161,21 +160,6 @@ class Batches(IterableDataset[list[Tensor]]):
         rng = np.random.default_rng(SEED)
         while True:
             yield self._frames.batch(rng)
-
-
-def from_arrays(told: dict[str, Any]) -> Shown:
-    """What `depth_frames.to_arrays` told."""
-    names = ("noise", "share", "reach_m", "extinction_per_m", "backscatter_per_m_sr")
-    return Shown(
-        image=told["image"].astype(np.float64),
-        optics=Optics(*told["slopes"].tolist()),
-        directions=told["directions"],
-        plain=Anchors(*told["anchors"][:2]),
-        fitted=Anchors(*told["anchors"][2:]),
-        lost=told["lost"],
-        log_reflectance=told["log_reflectance"],
-        **{name: float(told[name]) for name in names},
-    )
 
 
 def varied(shown: Shown, depth_m: Any, rng: np.random.Generator) -> tuple[Inputs, Any]:

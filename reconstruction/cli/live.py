@@ -16,7 +16,7 @@ from ..live.sinks import Detached, sink_to
 from ..ranging import RANGED
 from ..reconstructor import USUAL_IMAGES
 from ..text import printable
-from .reconstruct import OVERWRITE, STATIONS, WEATHER, names
+from .reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, WEATHER, names
 
 EXAMPLE = "python -m reconstruction live tcp-listen://:5800 --to latest --to flight.h5"
 SINKS = (
@@ -58,6 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             help=f"methods, the default one first: {', '.join(methods)}",
         )
     parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
+    parser.add_argument("--min-free", **MIN_FREE_OPTION)
     parser.add_argument("--quiet", action="store_true", help="tell nothing each second")
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
 
@@ -88,6 +89,7 @@ def run(options: argparse.Namespace) -> None:
         ranging=names(options.ranging),
         depth=names(options.depth),
         weather=options.weather,
+        min_free=options.min_free,
     )
     if any(name in (options.image or "") for name in PURSUING):
         load_pursuit()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..capture import Capture, check_frames, first_patterns, open_capture
-from ..depth import DEPTH_METHODS, REACH_M
+from ..depth import DEPTH_METHODS, DISTANCES_M, MIN_FREE, REACH_M, check_min_free
 from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
 from ..evaluation import method_title, no_range
@@ -34,6 +34,12 @@ STATIONS: dict[str, Iterable[str]] = {
     "ranging": RANGING_METHODS,
     "depth": DEPTH_METHODS,
 }
+MIN_FREE_OPTION: dict[str, Any] = {
+    "metavar": "P",
+    "type": float,
+    "default": MIN_FREE,
+    "help": f"an obstacle is where the corridor is free with a probability below P ({MIN_FREE:g})",
+}
 DETAILS = {"image": f"; of pursuits, pursuit:NAME has the dictionary {' or '.join(DICTIONARIES)}"}
 
 
@@ -54,6 +60,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             + DETAILS.get(station, ""),
         )
     parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
+    parser.add_argument("--min-free", **MIN_FREE_OPTION)
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
@@ -61,6 +68,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a capture."""
     require_outputs(outputs_in(options.output), [options.capture], overwrite=options.overwrite)
+    check_min_free(options.min_free)
     if options.order is not None and options.patterns is None:
         raise InputError("--order goes with --patterns")
     methods = {name: names(getattr(options, name)) for name in STATIONS}
@@ -71,7 +79,9 @@ def run(options: argparse.Namespace) -> None:
     with naming(options.capture):
         if options.patterns is not None:
             capture = first_patterns(recording, options.patterns, options.order)
-        result = reconstruct(capture, before, **methods, weather=options.weather)
+        result = reconstruct(
+            capture, before, **methods, weather=options.weather, min_free=options.min_free
+        )
     # However many of its patterns are used, it is a result of this recording.
     digest = recording.frame(before).digest(recording.setup)
     result = replace(result, frame=options.frame, recording=digest)
@@ -109,6 +119,11 @@ def _report(result: Result, capture: Capture) -> dict[str, Any]:
         "depth_coverage": _coverage(result),
         "obstacles_m": {
             name: None if np.isnan(each) else each for name, each in result.obstacles_m.items()
+        },
+        "min_free": result.min_free,
+        "free_distance_m": DISTANCES_M.round(4).tolist(),
+        "free_probabilities": {
+            name: free.round(4).tolist() for name, free in result.free_probabilities.items()
         },
         "timings_s": dict(result.timings_s),
     }
@@ -150,19 +165,18 @@ def _told(
     for name, why in unsuited.items():
         yield f"depth, {method_title('depths', name)}: not of this recording ({why})"
     for name, share in _coverage(result).items():
-        ahead = _ahead(result.obstacles_m.get(name))
+        ahead = _ahead(result.obstacles_m.get(name), result.min_free)
         yield f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels{ahead}"
     yield ", ".join(f"{stage} {1e3 * s:.1f} ms" for stage, s in result.timings_s.items())
     for path in files.values():
         yield f"wrote {path}"
 
 
-def _ahead(obstacle_m: float | None) -> str:
+def _ahead(obstacle_m: float | None, min_free: float) -> str:
     if obstacle_m is None:
         return ""
-    if np.isnan(obstacle_m):
-        return f", no obstacle ahead within {REACH_M:g} m"
-    return f", nearest obstacle ahead {obstacle_m:.2f} m"
+    free_m = REACH_M if np.isnan(obstacle_m) else obstacle_m
+    return f", free ahead up to {free_m:.2f} m with a probability of {min_free:g}"
 
 
 def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:

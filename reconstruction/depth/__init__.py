@@ -2,12 +2,14 @@
 
 from .method import REACH_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
 from .methods import DEPTH_METHODS, depth_method, lacks, unlike
-from .obstacle import Corridor
+from .obstacle import DISTANCES_M, MIN_FREE, Corridor, check_min_free, nearest_obstacle_m
 from .pointcloud import point_cloud_ply
 from .rays import pixel_of, pixel_rays, range_over_depth
 
 __all__ = [
     "DEPTH_METHODS",
+    "DISTANCES_M",
+    "MIN_FREE",
     "REACH_M",
     "Context",
     "Corridor",
@@ -15,8 +17,10 @@ __all__ = [
     "DepthMethod",
     "DepthSolver",
     "View",
+    "check_min_free",
     "depth_method",
     "lacks",
+    "nearest_obstacle_m",
     "pixel_of",
     "pixel_rays",
     "point_cloud_ply",

@@ -42,17 +42,17 @@ class DepthEstimate:
 
     ``depth_m``: along the optical axis, nan where there is none. ``deviation``: standard deviation
     of ln depth, at least where there is a depth, and ``nothing``: probability in each pixel that
-    there is nothing within REACH_M; both None where the method cannot tell. ``obstacle_m``: depth
-    of the nearest obstacle ahead, nan without one, None where it is to be read off the map (see
-    `Corridor`). ``note``: what the user must know of it, such as that another method took
-    over.
+    there is nothing within REACH_M; both None where the method cannot tell. ``free`` (K,):
+    probability that the corridor ahead is free up to each of `DISTANCES_M`, None where it is to be
+    read off the map (see `Corridor.free`). ``note``: what the user must know of it, such as that
+    another method took over.
     """
 
     depth_m: NDArray[Any]
     deviation: Floats | None = None
     nothing: Floats | None = None
     note: str | None = None
-    obstacle_m: float | None = None
+    free: Floats | None = None
 
 
 DepthSolver = Callable[[View], DepthEstimate | None]

@@ -1,14 +1,65 @@
-"""How far ahead the nearest obstacle is."""
+"""How far ahead the corridor of flight is free: the probability at every distance, and obstacles.
+
+The errors of a depth map's pixels are far from independent: an object is too near or too far as a
+whole. An ensemble of maps takes them as fully correlated: each member is off by the same number of
+sigmas in every pixel, and has nothing where that is likelier than its own level. The nearest
+obstacles of the members, each uncertain by ``sigma``, make up the distribution of the true one; a
+fraction of all maps, ``outlier``, tells nothing of the corridor. Where errors are independent, the
+ensemble is too wide; `CorridorPrior.scale` makes up for that on average.
+"""
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 
 from ..arrays import Floats
-from .method import REACH_M
+from ..errors import InputError
+from .method import REACH_M, DepthEstimate
 
 CORRIDOR_M = 0.6
 """Width and height of the corridor along the optical axis in which a drone flies."""
 OBSTACLE_M2 = 0.01
 """Cross-section of what counts as an obstacle: that of a hand's breadth squared."""
+DISTANCES_M = np.geomspace(0.2, REACH_M, 54)
+"""Distances up to which the probability that the corridor is free is stated; steps of 10.5 %."""
+DISTANCES_M.setflags(write=False)
+MIN_FREE = 0.65
+"""The nearest obstacle is where that probability falls below this, unless the user says else."""
+NEAREST_M = 0.4
+"""Of maps that tell nothing, the obstacle is anywhere from here to REACH_M, uniform in ln d."""
+ERRORS = np.array([NormalDist().inv_cdf((n + 0.5) / 11) for n in range(11)])
+"""Of the members of the ensemble, in sigmas."""
+LEVELS = (np.arange(6) + 0.5) / 6
+"""Probabilities of nothing from which on members have nothing in a pixel."""
+HALEY = 1.702
+"""A logistic distribution of this slope is normal within 0.01 (D. C. Haley, 1952)."""
+FITTED = Path(__file__).with_name("corridor_priors.json")
+
+
+@dataclass(frozen=True)
+class CorridorPrior:
+    """What an ensemble takes for granted of a map's errors, fitted by `tools/corridor_priors.py`.
+
+    ``bias``: of ln depth of obstacles, true less estimated. ``scale``: factor of the map's sigma.
+    ``sigma``: of ln depth of an obstacle, beyond that. ``outlier``: fraction of the maps that tell
+    nothing of the corridor. ``map_sigma``: of ln depth, of maps that tell none.
+    """
+
+    bias: float
+    scale: float
+    sigma: float
+    outlier: float
+    map_sigma: float
+
+
+@cache
+def corridor_prior(name: str) -> CorridorPrior:
+    """The constants that are fitted to maps ``learned``, or to ``others``."""
+    return CorridorPrior(**json.loads(FITTED.read_text())[name]["prior"])
 
 
 class Corridor:
@@ -23,18 +74,86 @@ class Corridor:
         across, down = (np.ptp(rays[..., k]) / max(n - 1, 1) for k, n in enumerate((width, height)))
         self._pixel = (across or down) * (down or across)  # at 1 m
 
-    def nearest_m(self, depth_m: Floats, chance: Floats | None = None) -> float:
-        """Depth within reach of the nearest obstacle, nan without one.
+    def nearest_m(self, depth_m: Floats) -> float:
+        """Depth within reach of the nearest obstacle of a map without errors, nan without one.
 
         It is there from the depth on up to which the pixels (H, W) in the corridor make up
-        OBSTACLE_M2 together, each as large as it is at its depth, times the ``chance`` (H, W) that
-        something is there: single pixels that are wrong count for little, and so do wires.
+        OBSTACLE_M2 together, each as large as it is at its depth: wires count for little.
         """
-        inside = (depth_m <= REACH_M) & (self._slope * depth_m <= CORRIDOR_M / 2)
-        found_m = depth_m[inside]
-        order = np.argsort(found_m)
-        area = self._pixel * found_m[order] ** 2
-        if chance is not None:
-            area *= chance[inside][order]
-        enough = np.searchsorted(np.cumsum(area), OBSTACLE_M2)
-        return float(found_m[order[enough]]) if enough < order.size else float("nan")
+        return float(self._nearest_m(depth_m, self._slope, np.ones((1, depth_m.size), bool))[0])
+
+    def stated(self, estimate: DepthEstimate) -> Floats | None:
+        """What an estimate states of the corridor, else what its map does; None without depths."""
+        if estimate.free is not None or not np.isfinite(estimate.depth_m).any():
+            return estimate.free
+        prior = corridor_prior("others")
+        return self.free(estimate.depth_m, prior, estimate.deviation, estimate.nothing)
+
+    def free(
+        self,
+        depth_m: Floats,
+        prior: CorridorPrior,
+        deviation: Floats | None = None,
+        nothing: Floats | None = None,
+    ) -> Floats:
+        """Probability that the corridor is free up to each of `DISTANCES_M`, never rising.
+
+        Of a map (H, W), nan where it tells no depth; ``deviation`` (H, W) is its standard deviation
+        of ln depth, ``nothing`` (H, W) the probability that there is nothing within reach.
+        """
+        if deviation is None:
+            deviation = np.full(depth_m.shape, prior.map_sigma)
+        return free_of(self.ensemble_m(depth_m, prior.scale * deviation, nothing), prior)
+
+    def ensemble_m(self, depth_m: Floats, sigma: Floats, nothing: Floats | None = None) -> Floats:
+        """Nearest obstacles (N,) of maps that are off by `ERRORS` times ``sigma`` of ln depth.
+
+        They have nothing in the pixels where that is likelier than `LEVELS`; nan without obstacle.
+        """
+        inside = self._slope * depth_m * np.exp(ERRORS[0] * sigma) <= CORRIDOR_M / 2
+        depth_m, sigma, slope = depth_m[inside], sigma[inside], self._slope[inside]
+        there = np.ones((1, slope.size), bool)
+        if nothing is not None:
+            there = nothing[inside] < LEVELS[:, None]
+        maps = (depth_m * np.exp(error * sigma) for error in ERRORS)
+        return np.concatenate([self._nearest_m(each, slope, there) for each in maps])
+
+    def _nearest_m(self, depth_m: Floats, slope: Floats, there: Floats) -> Floats:
+        """Of maps of the same pixels, each of those that are ``there`` (maps, pixels)."""
+        inside = (depth_m <= REACH_M) & (slope * depth_m <= CORRIDOR_M / 2)
+        ordered = np.argsort(depth_m[inside])
+        sorted_m = np.append(depth_m[inside][ordered], np.nan)
+        area = self._pixel * sorted_m[:-1] ** 2 * there[:, inside.ravel()][:, ordered]
+        return sorted_m[(np.cumsum(area, axis=1) < OBSTACLE_M2).sum(axis=1)]
+
+
+def free_of(ensemble_m: Floats, prior: CorridorPrior) -> Floats:
+    """Probability (..., K) that nothing is nearer than `DISTANCES_M`; ensembles are (..., N)."""
+    log_m = np.nan_to_num(np.log(ensemble_m), nan=np.inf) + prior.bias
+    away = (log_m[..., None, :] - np.log(DISTANCES_M)[:, None]) / prior.sigma
+    behind = (0.5 + 0.5 * np.tanh(HALEY / 2 * away)).mean(axis=-1)
+    anywhere = np.clip(np.log(REACH_M / DISTANCES_M) / np.log(REACH_M / NEAREST_M), 0, 1)
+    return np.asarray((1 - prior.outlier) * behind + prior.outlier * anywhere)
+
+
+def nearest_obstacle_m(free: Floats, min_free: float = MIN_FREE) -> float:
+    """Distance from which on ``free`` (see `Corridor.free`) is below ``min_free``, else nan.
+
+    Interpolated in ln d; DISTANCES_M[0] where even that far is not free. Raises InputError unless
+    0 < min_free < 1.
+    """
+    check_min_free(min_free)
+    below = free < min_free
+    if not below.any():
+        return float("nan")
+    first = int(np.argmax(below))
+    if first == 0:
+        return float(DISTANCES_M[0])
+    logs, (high, low) = np.log(DISTANCES_M[first - 1 : first + 1]), free[first - 1 : first + 1]
+    return float(np.exp(logs[0] + (logs[1] - logs[0]) * (high - min_free) / (high - low)))
+
+
+def check_min_free(min_free: float) -> None:
+    """Raises InputError unless it is a probability that obstacles can be told by."""
+    if not 0 < min_free < 1:
+        raise InputError(f"min_free = {min_free:g}: a probability above 0 and below 1 is needed")

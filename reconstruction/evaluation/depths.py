@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Floats, Mask
-from ..depth import REACH_M, Corridor
+from ..depth import DISTANCES_M, MIN_FREE, REACH_M, Corridor, nearest_obstacle_m
 from .numbers import number
 
 Figures = dict[str, float | None]
@@ -20,14 +20,15 @@ def depth_metrics(
     deviation: ArrayLike | None = None,
     nothing: ArrayLike | None = None,
     rays: Floats | None = None,
-    obstacle_m: float | None = None,
+    free: Floats | None = None,
+    min_free: float = MIN_FREE,
 ) -> Figures:
     """Metrics of depths (..., H, W), nan where there is none, against true ones.
 
     What is farther than REACH_M counts as nothing. ``deviation`` is the standard deviation of ln
     depth, ``nothing`` the probability of nothing within reach; `obstacle_metrics`, of one map, need
-    the ``rays`` (H, W, 3) of its pixels, z = 1, and the depth ``obstacle_m`` of the nearest
-    obstacle ahead where it is told beside the map. What cannot be told is None.
+    the ``rays`` (H, W, 3) of its pixels, z = 1, and where it is stated the probability ``free``
+    (K,) that the corridor is free up to each of `DISTANCES_M`. What cannot be told is None.
 
     Over the pixels that have a depth and where something is hit, ``mae_m``, ``rmse_m``,
     ``median_relative``, ``within_25_percent``, and as D. Eigen, C. Puhrsch, R. Fergus (NIPS 2014)
@@ -42,7 +43,7 @@ def depth_metrics(
     found = _errors(values, true_values, ~empty, deviation)
     found |= nothing_metrics(values, empty, nothing)
     found |= free_metrics(values, true_values, nothing)
-    return found | obstacle_metrics(values, true_values, rays, obstacle_m)
+    return found | obstacle_metrics(values, true_values, rays, free, min_free)
 
 
 def _errors(depth_m: Floats, true_m: Floats, hit: Mask, deviation: ArrayLike | None) -> Figures:
@@ -109,22 +110,33 @@ def free_metrics(depth_m: Floats, true_m: Floats, nothing: ArrayLike | None) -> 
 
 
 def obstacle_metrics(
-    depth_m: Floats, true_m: Floats, rays: Floats | None, obstacle_m: float | None = None
+    depth_m: Floats,
+    true_m: Floats,
+    rays: Floats | None,
+    free: Floats | None = None,
+    min_free: float = MIN_FREE,
 ) -> Figures:
-    """Nearest obstacle in the corridor ahead, as told or else of the map; see `Corridor`.
+    """Nearest obstacle in the corridor ahead: where ``free`` is below ``min_free``, or the map's.
 
-    ``obstacle_error``: relative, above 0 is too far. ``obstacle_missed``: 1 where it is told to be
+    ``obstacle_error``: relative, above 0 is too far. ``obstacle_missed``: 1 where it is reported
     more than 25 % too far or not at all, else 0; None without one. ``obstacle_false``: 1 where one
-    is told that is more than 25 % too near or not there, else 0. All are None without ``rays``.
+    is reported that is more than 25 % too near or not there, else 0. ``free_brier``: mean squared
+    difference, over `DISTANCES_M`, of the probability that the corridor is free up to there and 0
+    or 1; ``free_bias``: mean difference, above 0 where too much is called free. All are None
+    without ``rays``, the latter two without ``free`` (K,).
     """
     if rays is None:
-        return dict.fromkeys(("obstacle_error", "obstacle_missed", "obstacle_false"))
+        names = ("obstacle_error", "obstacle_missed", "obstacle_false", "free_brier", "free_bias")
+        return dict.fromkeys(names)
     corridor = Corridor(rays)
-    found = corridor.nearest_m(depth_m) if obstacle_m is None else obstacle_m
     true = corridor.nearest_m(true_m)
-    error = found / true - 1
+    estimate = corridor.nearest_m(depth_m) if free is None else nearest_obstacle_m(free, min_free)
+    error = estimate / true - 1
+    off = None if free is None else free - ~(true <= DISTANCES_M)
     return {
         "obstacle_error": number(error),
         "obstacle_missed": None if np.isnan(true) else float(not error <= CLOSE - 1),
-        "obstacle_false": 0.0 if np.isnan(found) else float(not error >= 1 - CLOSE),
+        "obstacle_false": 0.0 if np.isnan(estimate) else float(not error >= 1 - CLOSE),
+        "free_brier": None if off is None else number(np.mean(off**2)),
+        "free_bias": None if off is None else number(np.mean(off)),
     }

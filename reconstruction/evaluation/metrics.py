@@ -52,7 +52,8 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
                 deviation=result.depth_deviations.get(name),
                 nothing=result.nothings.get(name),
                 rays=rays,
-                obstacle_m=result.obstacles_m.get(name),
+                free=result.free_probabilities.get(name),
+                min_free=result.min_free,
             )
             for name, depth_m in result.depths.items()
         },

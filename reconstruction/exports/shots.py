@@ -60,8 +60,7 @@ def shots_of(
             next_ns = stamp_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             continue
         with open_capture(path) as capture, naming(path):
-            chosen: dict[str, Any] = dict(methods or {})
-            reconstruct = Reconstructor(capture.setup, **chosen)
+            reconstruct = Reconstructor(capture.setup, **dict[str, Any](methods or {}))
             begun_ns = max(_created_ns(capture), next_ns)
             period_ns = round(1e9 * _period_s(capture))
             for number in range(capture.frames):

@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 from ..arrays import Floats
 from ..operators import Decoder, Drift, RowOperator, SparseRows, Throughput
 from .noise import CERTAIN, NoiseLevels, levels_by_spectrum, variance_by_repetition
-<<<<<<< HEAD
-from .prior import Prior
-=======
 from .prior import Prior, usual_contrast
->>>>>>> image
 from .shared_errors import without_shared_errors
 
 MIN_ERROR = 4e-6

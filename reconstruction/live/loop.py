@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..depth import DEPTH_METHODS, lacks
+from ..depth import DEPTH_METHODS, MIN_FREE, lacks
 from ..errors import InputError
 from ..reconstructor import USUAL_IMAGES, Names, Reconstructor
 from .counts import Latencies
@@ -21,7 +21,7 @@ class Loop:
     """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
 
     Methods are named as for a `Reconstructor`; of the usual images there is the first alone, of the
-    usual depths those of `SWIFT_DEPTHS`.
+    usual depths those of `SWIFT_DEPTHS`; ``min_free`` is that of a `Reconstructor`, too.
     Raises InputError for methods that the first setup does not suit, and where the reception has
     failed.
     """
@@ -34,13 +34,19 @@ class Loop:
         ranging: Names = None,
         depth: Names = None,
         weather: str | None = None,
+        min_free: float = MIN_FREE,
         results: Sequence[Callable[[Outcome], None]] = (),
         states: Sequence[Callable[[State], None]] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.latencies = Latencies()
         self._reception = reception
-        self._methods: dict[str, Any] = {"image": image, "ranging": ranging, "weather": weather}
+        self._methods: dict[str, Any] = {
+            "image": image,
+            "ranging": ranging,
+            "weather": weather,
+            "min_free": min_free,
+        }
         self._depth = depth
         self._results = results
         self._states = states

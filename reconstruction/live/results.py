@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
+from ..depth import DISTANCES_M
 from ..ranging import Ranges, Status
 from ..result import Result
 from .counts import Counts
@@ -65,6 +66,8 @@ def result_entries(outcome: Outcome) -> dict[str, Any]:
         "depth_m": result.depth_m,
         "depth_deviation": result.depth_deviation,
         "nothing": result.nothing,
+        "free_probability": result.free_probability,
+        "free_distance_m": None if result.free_probability is None else DISTANCES_M,
         "obstacle_m": result.obstacle_m,
         "latency_s": outcome.latency_s,
     }

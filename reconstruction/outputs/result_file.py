@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..capture import Unit, hdf5
+from ..depth import DISTANCES_M
 from ..errors import InputError
 from ..ranging import Alternative, Ranges, Status
 from ..result import Result
@@ -17,7 +18,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 4),
+    version=(3, 5),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -63,11 +64,7 @@ def read_result(path: str | Path) -> Result:
             patterns=file.integer("patterns"),
             depth_deviations=_maps(file, "depth_deviations", names["depths"], "1", shape),
             nothings=_maps(file, "nothings", names["depths"], "1", shape),
-            obstacles_m={
-                name: file.number(f"obstacles_m/{name}", "m")
-                for name in names["depths"]
-                if f"obstacles_m/{name}" in file
-            },
+            **_corridor(file, names["depths"]),
             notes={stage: file.text(f"notes/{stage}") for stage in file.names_in("notes")},
         )
 
@@ -99,6 +96,23 @@ def _map(file: hdf5.Contents, name: str, units: str, shape: tuple[int, ...]) -> 
     if len(found) != 2 or found != shape:
         raise InputError(f"dataset {name} has shape {found}, the image {shape}")
     return file.numbers(name, units)
+
+
+def _corridor(file: hdf5.Contents, methods: Iterable[str]) -> dict[str, Any]:
+    """Probabilities that the corridor is free; files that state none, or elsewhere, have none."""
+    if "free_distance_m" not in file:
+        return {}
+    distances_m = file.numbers("free_distance_m", "m")
+    if distances_m.shape != DISTANCES_M.shape or not np.allclose(distances_m, DISTANCES_M):
+        return {}
+    names = {method: f"free_probabilities/{method}" for method in methods}
+    free = {method: file.numbers(name, "1") for method, name in names.items() if name in file}
+    for method, values in free.items():
+        if values.shape != DISTANCES_M.shape:
+            raise InputError(
+                f"dataset {names[method]} has shape {values.shape}, expected {DISTANCES_M.shape}"
+            )
+    return {"min_free": file.number("min_free", "1"), "free_probabilities": free}
 
 
 def _ranges(file: hdf5.Contents, group: str) -> Ranges:
@@ -146,12 +160,20 @@ def _write(file: h5py.File, result: Result) -> None:
         _write_ranges(file, f"rangings/{name}", ranges)
     if result.range_over_depth is not None:
         hdf5.put(file, "range_over_depth", result.range_over_depth, "1")
-    for name, distance_m in result.obstacles_m.items():
-        hdf5.put(file, f"obstacles_m/{name}", distance_m, "m")
+    _write_corridor(file, result)
     for stage, seconds in result.timings_s.items():
         hdf5.put(file, f"timings_s/{stage}", seconds, "s")
     for stage, note in result.notes.items():
         hdf5.put(file, f"notes/{stage}", note, "1")
+
+
+def _write_corridor(file: h5py.File, result: Result) -> None:
+    hdf5.put(file, "min_free", result.min_free, "1")
+    hdf5.put(file, "free_distance_m", DISTANCES_M, "m")
+    for name, free in result.free_probabilities.items():
+        hdf5.put(file, f"free_probabilities/{name}", free, "1")
+    for name, distance_m in result.obstacles_m.items():
+        hdf5.put(file, f"obstacles_m/{name}", distance_m, "m")
 
 
 def _write_ranges(file: h5py.File, group: str, ranges: Ranges) -> None:

@@ -8,7 +8,7 @@ import typer
 from reconstruction.errors import naming
 
 from .console import print_json, warn
-from .options import CaptureArgument, FrameOption, Json, Methods
+from .options import CaptureArgument, FrameOption, Json, Methods, MinFree
 from .tables import print_errors
 
 EXAMPLE = "spisim evaluate out/demo/capture.h5 out/demo"
@@ -23,6 +23,7 @@ def command(
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
+    min_free: MinFree = None,
     json: Json = False,
 ) -> None:
     """Compare image, ranges and depth map with the truth of a simulated capture.
@@ -30,8 +31,11 @@ def command(
     Without the folder of a result, a frame of the capture is reconstructed first, by the methods
     named as for `reconstruct`.
     """
+    from dataclasses import replace
+
     from reconstruction import evaluate, read_capture, read_result, reconstruct
     from reconstruction.cli.reconstruct import names
+    from reconstruction.depth import check_min_free
     from reconstruction.diagnostics import NOT_TRACED
 
     recording = read_capture(capture)
@@ -44,6 +48,9 @@ def command(
     else:
         file = folder / "result.h5"
         result = read_result(file)
+    if min_free is not None:
+        check_min_free(min_free)
+        result = replace(result, min_free=min_free)
     with naming(capture if file is None else f"{file} for {capture}"):
         metrics = evaluate(result, recording)
     if recording.provenance.is_surrogate:

@@ -71,6 +71,12 @@ StatedWeather = Annotated[
     ),
 ]
 FrameOption = Annotated[int, number_option(0, 2**31, "Frame of the capture.")]
+MinFree = Annotated[
+    float | None,
+    typer.Option(
+        metavar="P", help="An obstacle is where the corridor is free with a probability below P."
+    ),
+]
 Methods = Annotated[
     str | None, typer.Option(metavar="METHOD[,METHOD]", help="Methods by name; usual, all.")
 ]

@@ -10,6 +10,7 @@ from .options import (
     FrameOption,
     Json,
     Methods,
+    MinFree,
     Overwrite,
     StatedWeather,
     number_option,
@@ -29,6 +30,7 @@ def command(
     ranging: Methods = None,
     depth: Methods = None,
     weather: StatedWeather = None,
+    min_free: MinFree = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -48,7 +50,8 @@ def command(
     options += ["--overwrite"] if overwrite else []
     for station, names in {"image": image, "ranging": ranging, "depth": depth}.items():
         options += [] if names is None else [f"--{station}", names]
-    for name, value in {"patterns": patterns, "order": order, "weather": weather}.items():
+    changes = {"patterns": patterns, "order": order, "weather": weather, "min-free": min_free}
+    for name, value in changes.items():
         options += [] if value is None else [f"--{name}", str(value)]
     if status := main(["reconstruct", str(capture), *options]):
         raise typer.Exit(status)

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from reconstruction import Capture, Result, capture_warnings
 from reconstruction.arrays import Floats
-from reconstruction.capture import Spots
+from reconstruction.capture import FrameTruth, Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
-from reconstruction.depth import REACH_M
+from reconstruction.depth import REACH_M, Corridor, pixel_rays
 from reconstruction.evaluation import method_title
 
 from .buildup import build_up
 from .comparison import compared_methods, compared_spots
+from .corridor_plot import corridor_figure
 from .facts import Metrics, cards_of, facts_of, media_of, quality_of
 from .inline import plot_in_page
 from .page import duration, write_page
@@ -115,6 +116,7 @@ def write_report(
         depth_scale=depth_scale(*(depths.values() if true_m is None else [true_m])),
         deviation_scale=deviation_scale(*deviations.values()),
         nothing_scale=probability_scale(),
+        ahead=_ahead(capture, result, truth),
         errors=errors,
         error_scale=error_scale(*errors.values()),
         rangings={method_title("spots", name): ranges for name, ranges in result.rangings.items()},
@@ -138,6 +140,18 @@ def write_report(
 def _within_reach(depth_m: NDArray[np.floating]) -> NDArray[np.floating]:
     """Depths, nan beyond REACH_M."""
     return np.where(depth_m <= REACH_M, depth_m, np.nan)
+
+
+def _ahead(capture: Capture, result: Result, truth: FrameTruth | None) -> Markup | None:
+    """Of the corridor, how likely it is free."""
+    free = {method_title("depths", name): v for name, v in result.free_probabilities.items()}
+    true_m = None
+    if truth is not None and capture.setup.optics is not None:
+        rays = pixel_rays(capture.setup.optics, truth.depth_m.shape)
+        true_m = Corridor(rays).nearest_m(truth.depth_m.astype(np.float64))
+    return plot_in_page(
+        "ahead", lambda width_in: corridor_figure(free, result.min_free, true_m, width_in)
+    )
 
 
 def _path_lengths(spots: Spots, range_m: Floats) -> Floats:

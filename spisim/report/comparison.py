@@ -38,6 +38,7 @@ FIGURES: Mapping[str, Mapping[str, tuple[str, float, str]]] = {
         "within_2_sigma": ("within 2 sigma (95 % is honest)", 100, "{:.1f} %"),
         "nothing_brier": ("Brier score of nothing within reach", 1, "{:.3f}"),
         "invented": ("depth where there is nothing", 100, "{:.1f} %"),
+        "free_brier": ("Brier score of the free corridor", 1, "{:.3f}"),
         "obstacle_error": ("nearest obstacle ahead, error", 100, "{:+.1f} %"),
         "obstacle_missed": ("nearest obstacle missed", 1, "{:.2g}"),
         "obstacle_false": ("false obstacle", 1, "{:.2g}"),

@@ -13,11 +13,13 @@ from reconstruction import Capture, Reconstructor, write_capture
 from reconstruction.capture import Optics, Setup
 from reconstruction.cli import main
 from reconstruction.depth import (
+    DISTANCES_M,
     Context,
     Corridor,
     DepthEstimate,
     View,
     depth_method,
+    nearest_obstacle_m,
     pixel_rays,
 )
 from reconstruction.depth.methods import learned
@@ -382,12 +384,13 @@ def test_measured_depths_join_by_inverse_variance():
     np.testing.assert_allclose(found.nothing, [[0.1, learned.LIKELY, 0.1]])
 
 
-def test_obstacles_are_nearer_than_the_map_has_them_by_half_a_deviation(capture):
+def test_the_corridor_is_judged_by_all_depths_and_their_deviations(capture):
     found, plain = solved(capture)
-    assert plain.obstacle_m is None
-    corridor = Corridor(pixel_rays(capture.setup.optics, found.depth_m.shape))
-    near_m = found.depth_m * np.exp(-learned.CAUTION * found.deviation)
-    assert found.obstacle_m == pytest.approx(corridor.nearest_m(near_m), rel=0.05)
+    assert plain.free is None
+    assert found.free.shape == DISTANCES_M.shape
     result = Reconstructor(capture.setup, image="edge-preserving")(capture.frame(0))
-    assert result.obstacle_m == pytest.approx(found.obstacle_m, rel=1e-6)
-    assert result.obstacle_m < corridor.nearest_m(result.depth_m)
+    np.testing.assert_allclose(result.free_probability, found.free, rtol=1e-6)
+    assert result.obstacle_m == pytest.approx(nearest_obstacle_m(found.free))
+    corridor = Corridor(pixel_rays(capture.setup.optics, found.depth_m.shape))
+    map_m = corridor.nearest_m(np.exp(np.log(found.depth_m)))
+    assert nearest_obstacle_m(found.free, 0.5) == pytest.approx(map_m, rel=0.3)

@@ -5,7 +5,7 @@ import pytest
 
 from reconstruction.capture import Optics
 from reconstruction.depth import REACH_M, pixel_rays
-from reconstruction.depth.obstacle import CORRIDOR_M, OBSTACLE_M2, Corridor
+from reconstruction.depth.obstacle import CORRIDOR_M, DISTANCES_M, OBSTACLE_M2, Corridor
 from reconstruction.evaluation import depth_metrics
 
 SHAPE = (64, 64)
@@ -143,15 +143,21 @@ def test_a_map_of_one_row_has_its_obstacles():
     assert Corridor(rays).nearest_m(np.full((1, 64), 5.0)) == 5.0
 
 
-def test_what_may_not_be_there_counts_by_its_chance():
-    box = with_box(4.0, 12, behind=WALL)
-    sure, unsure = np.ones(SHAPE), np.full(SHAPE, 1.0)
-    unsure[box == 4] = 1e-3
-    assert Corridor(RAYS).nearest_m(box, sure) == Corridor(RAYS).nearest_m(box) == 4
-    assert Corridor(RAYS).nearest_m(box, unsure) == WALL[0, 0]
+def test_an_obstacle_is_where_the_stated_probability_says():
+    box, free = with_box(4.0, 12), np.where(DISTANCES_M < 3.9, 0.95, 0.1)
+    seen = of(with_box(5.2, 12), box, free=free)
+    assert seen["obstacle_error"] == pytest.approx(-0.05, abs=0.1)
+    assert (seen["obstacle_missed"], seen["obstacle_false"]) == (0, 0)
+    assert of(box, box, free=free, min_free=0.99)["obstacle_false"] == 1
+    assert of(box, box, free=np.ones_like(free))["obstacle_missed"] == 1
 
 
-def test_an_obstacle_told_beside_the_map_is_the_one_that_counts():
-    found = of(with_box(5.2, 12), with_box(4.0, 12), obstacle_m=3.9)
-    assert found["obstacle_error"] == pytest.approx(-0.025)
-    assert of(SKY, with_box(4.0, 12), obstacle_m=np.nan)["obstacle_missed"] == 1
+def test_probabilities_of_a_free_corridor_are_scored():
+    box, truly = with_box(4.0, 12), (DISTANCES_M < 4.0).astype(float)
+    right = of(box, box, free=truly)
+    assert (right["free_brier"], right["free_bias"]) == (0, 0)
+    none = of(box, box, free=np.ones_like(truly))
+    assert none["free_brier"] == none["free_bias"] == pytest.approx(1 - truly.mean())
+    unsure = of(box, box, free=np.full_like(truly, 0.5))
+    assert unsure["free_brier"] == 0.25
+    assert of(box, box)["free_brier"] is None

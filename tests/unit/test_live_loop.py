@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from reconstruction import InputError, Reconstructor, make_plan
+from reconstruction.depth import DISTANCES_M
 from reconstruction.live import Loop, Reception, Sender
+from reconstruction.live.results import result_entries
 from reconstruction.live.sinks import Detached
 from reconstruction.live.sinks.sink import Sink
 from reconstruction.operators import expose
@@ -62,6 +64,16 @@ def test_methods_are_those_that_are_named(recording):
     assert list(results[0].result.depths) == ["nearest"]
     with pytest.raises(InputError, match="did you mean 'nearest'"):
         looped(messages(recording), depth="neerest")
+
+
+def test_obstacles_are_at_the_probability_that_is_asked_for(recording):
+    (near, *_), (far, *_) = (looped(messages(recording), min_free=p)[1] for p in (0.95, 0.3))
+    sent = result_entries(near)
+    np.testing.assert_array_equal(sent["free_distance_m"], DISTANCES_M)
+    np.testing.assert_array_equal(sent["free_probability"], far.result.free_probability)
+    assert sent["obstacle_m"] < far.result.obstacle_m
+    with pytest.raises(InputError, match="min_free = 2"):
+        looped(messages(recording), min_free=2)
 
 
 def test_a_new_setup_is_compiled_and_a_bad_one_is_a_trouble(recording, capture):

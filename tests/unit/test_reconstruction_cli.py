@@ -30,6 +30,7 @@ from reconstruction import (
 from reconstruction.capture import Buckets, Optics, Provenance
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.cli import main
+from reconstruction.depth import DISTANCES_M
 from reconstruction.files import mark
 from reconstruction.operators import expose
 from reconstruction.outputs import pictures
@@ -402,6 +403,25 @@ def test_a_damaged_result_is_told(result_file):
     assert all(message.startswith(f"{result_file}: ") for message in messages)
 
 
+def test_the_probability_of_obstacles_is_an_option(path, tmp_path, capsys):
+    arguments = [str(path), "-o", str(tmp_path / "out"), "--depth", "anchored", "--json"]
+    reported = []
+    for min_free in ("0.95", "0.3"):
+        assert main([*arguments, "--min-free", min_free]) == 0
+        reported.append(json.loads(capsys.readouterr().out.splitlines()[-1]))
+        assert read_result(tmp_path / "out/result.h5").min_free == float(min_free)
+    near, far = reported
+    assert near["obstacles_m"]["anchored"] < far["obstacles_m"]["anchored"]
+    assert near["free_probabilities"] == far["free_probabilities"]
+    assert len(near["free_distance_m"]) == len(near["free_probabilities"]["anchored"])
+    assert main([*arguments, "--min-free", "1.5"]) == 2
+    assert "min_free = 1.5: a probability above 0 and below 1" in capsys.readouterr().err
+
+
+def far_from(obstacle_m):
+    return np.where(obstacle_m > DISTANCES_M, 0.9, 0.1)
+
+
 def test_what_is_known_of_depths_is_shown_and_comes_back(capture, tmp_path):
     deviation = np.full(SHAPE, 0.2, np.float32)
     deviation[0] = np.nan
@@ -410,14 +430,17 @@ def test_what_is_known_of_depths_is_shown_and_comes_back(capture, tmp_path):
         reconstruct(capture),
         depth_deviations={"nearest": deviation},
         nothings={"anchored": nothing, "nearest": nothing},
-        obstacles_m={"anchored": 2.5, "nearest": np.nan},
+        free_probabilities={"anchored": far_from(2.5), "nearest": np.ones(DISTANCES_M.size)},
+        min_free=0.8,
         notes={"depth anchored": "a guess"},
     )
     files = write_outputs(result, capture, tmp_path)
     assert {"depth-deviation_nearest.png", "nothing.png", "nothing_nearest.png"} <= files.keys()
     copy = read_result(tmp_path / "result.h5")
     assert copy.nothings.keys() == {"anchored", "nearest"}
-    assert copy.obstacle_m == 2.5
+    assert copy.min_free == 0.8
+    assert copy.obstacle_m == pytest.approx(2.5, rel=0.1)
+    np.testing.assert_array_equal(copy.free_probability, far_from(2.5))
     assert np.isnan(copy.obstacles_m["nearest"])
     assert copy.notes == result.notes
     assert copy.warnings == ["depth 'anchored' is a guess"]

@@ -113,7 +113,7 @@ def test_a_full_report_has_all_parts_and_needs_no_other_file(
     ]  # fmt: skip
     assert page.addresses
     assert all(address.startswith(("data:image/png;base64,", "#")) for address in page.addresses)
-    assert text.count("<svg") == 2  # for wide and for narrow windows
+    assert text.count("<svg") == 4  # corridor and light, for wide and for narrow windows
     assert "://" not in text
     assert re.search(r"url\((?!#)", text) is None
     assert "a &lt;b&gt; &amp; c" in text

@@ -19,7 +19,7 @@ from ...errors import InputError
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
 from ..observer import Observer
-from ..obstacle import Corridor
+from ..obstacle import Corridor, corridor_prior
 from ..rays import pixel_rays
 from ..shown import inputs_of, of_share
 from .anchored import METHOD as ANCHORED
@@ -28,8 +28,6 @@ from .dense import METHOD as DENSE
 WEIGHTS = Path(__file__).parents[1] / "learned.npz"
 LIKELY = 0.2
 """Probability of nothing from which on a pixel has no depth: one invented costs four lost ones."""
-CAUTION = 0.5
-"""Deviations by which obstacles are taken to be nearer: one missed costs two that are not there."""
 
 
 class Learned:
@@ -99,14 +97,13 @@ class LearnedSolver:
         return self._decided(found if measured is None else joined(found, measured))
 
     def _decided(self, found: DepthEstimate) -> DepthEstimate:
-        """No depth where nothing is likely, and the obstacle that all depths together tell."""
-        assert found.deviation is not None
+        """No depth where nothing is likely; the corridor is judged by all depths together."""
         assert found.nothing is not None
-        near_m = found.depth_m * np.exp(-CAUTION * found.deviation)
+        prior = corridor_prior("learned")
         return replace(
             found,
             depth_m=np.where(found.nothing > LIKELY, np.nan, found.depth_m),
-            obstacle_m=self._corridor.nearest_m(near_m, 1 - found.nothing),
+            free=self._corridor.free(found.depth_m, prior, found.deviation, found.nothing),
         )
 
 

@@ -1,0 +1,108 @@
+"""What benchmarks/depth.py says of the corridor ahead: missed and false obstacles, reliability."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from depth_judging import Judged, Way
+
+from reconstruction.arrays import Floats
+from reconstruction.depth import DISTANCES_M, MIN_FREE, nearest_obstacle_m
+from spisim.paper.checks import Check, Table
+
+Groups = Mapping[tuple[str, str], Sequence[Judged]]
+"""By group of scenes, and clear or fog."""
+CLOSE = 1.25
+SHOWN = (0.3, 0.5, 0.6, MIN_FREE, 0.8, 0.9, 0.95)
+SWEPT = np.unique(np.append(np.linspace(0.02, 0.98, 97), SHOWN))
+FROM_M = 0.5
+"""What is nearer is free in all captures."""
+BINS = 10
+FALSE, MISSED, RELIABLE = 0.20, 0.05, 0.05
+"""False alarms at so many missed, in clear air; mean difference of probability and frequency."""
+
+
+def rates(judged: Sequence[Judged], way: Way, min_free: float) -> tuple[float, float]:
+    """Fractions of the obstacles that are missed, and of the captures with a false alarm."""
+    true_m = np.array([each.obstacle_m for each in judged])
+    reported = np.array([nearest_obstacle_m(each.free[way], min_free) for each in judged])
+    ratio, there = reported / true_m, np.isfinite(true_m)
+    missed = np.mean(~(ratio[there] <= CLOSE)) if there.any() else np.nan
+    return float(missed), float(np.mean(np.isfinite(reported) & ~(ratio >= 2 - CLOSE)))
+
+
+def false_at(judged: Sequence[Judged], way: Way) -> float:
+    """Least fraction of false alarms at which no more than MISSED are missed; 1 if at none."""
+    points = [rates(judged, way, min_free) for min_free in SWEPT]
+    return min((false for missed, false in points if missed <= MISSED), default=1.0)
+
+
+def roc(groups: Groups, way: Way) -> Table:
+    """Missed and false by the probability at which an obstacle is reported."""
+    body = [
+        (
+            group,
+            air,
+            str(len(judged)),
+            *("{:.3f} / {:.3f}".format(*rates(judged, way, min_free)) for min_free in SHOWN),
+            f"{false_at(judged, way):.3f}",
+        )
+        for (group, air), judged in groups.items()
+    ]
+    columns = ("group", "air", "captures", *(f"{each:g}" for each in SHOWN))
+    return Table(
+        f"Obstacles of `{way[0]}` on the ranges of `{way[1]}`, by the probability of a free "
+        "corridor below which one is reported: fraction missed / captures with a false alarm; and "
+        f"false alarms at {MISSED:g} missed.",
+        (*columns, f"false at {MISSED:g} missed"),
+        body,
+    )
+
+
+def binned(judged: Sequence[Judged], way: Way) -> Floats:
+    """By tenths of the probability that the corridor is free: its mean, what is free, how many."""
+    far = DISTANCES_M >= FROM_M
+    stated = np.array([each.free[way] for each in judged])[:, far].ravel()
+    true_m = np.array([each.obstacle_m for each in judged])
+    free = (~(true_m[:, None] <= DISTANCES_M))[:, far].ravel()
+    tenth = np.minimum(stated * BINS, BINS - 1).astype(int)
+    count = np.bincount(tenth, minlength=BINS)
+    with np.errstate(invalid="ignore"):
+        sums = (np.bincount(tenth, each, BINS) / count for each in (stated, free))
+        return np.array([*sums, count / count.sum()])
+
+
+def off(judged: Sequence[Judged], way: Way) -> float:
+    """Mean difference of probability and frequency over tenths, as often as they are stated."""
+    stated, free, fraction = binned(judged, way)
+    return float(np.nansum(np.abs(stated - free) * fraction))
+
+
+def reliability(groups: Groups, way: Way) -> Table:
+    """What is free by what is stated to be."""
+    body = []
+    for (group, air), judged in groups.items():
+        stated, free, _ = binned(judged, way)
+        cells = (
+            "–" if np.isnan(pair[0]) else "{:.2f}: {:.2f}".format(*pair)
+            for pair in zip(stated, free, strict=True)
+        )
+        body.append((group, air, *cells, f"{off(judged, way):.3f}"))
+    tenths = (f"{n / BINS:g}–{(n + 1) / BINS:g}" for n in range(BINS))
+    return Table(
+        f"Reliability of `{way[0]}`: mean probability that the corridor is free up to a distance, "
+        f"and how often it is, over captures and distances from {FROM_M:g} to "
+        f"{DISTANCES_M[-1]:g} m, by tenths; and the mean difference, as often as they are stated.",
+        ("group", "air", *tenths, "mean difference"),
+        body,
+    )
+
+
+def corridor_checks(groups: Groups, way: Way) -> Iterator[Check]:
+    """What is promised of families that nothing learned from."""
+    for (group, air), judged in groups.items():
+        if group == "unseen families":
+            where = f"{group}, {air}"
+            yield Check(f"reliability of a free corridor, {where}", off(judged, way), RELIABLE)
+            if air == "clear":
+                name = f"false obstacles at {MISSED:g} missed, {where}"
+                yield Check(name, false_at(judged, way), FALSE)
