@@ -49,7 +49,7 @@ class Judged:
     apart_m: float
 
     @property
-    def told(self) -> Mask:
+    def reported(self) -> Mask:
         """Spots that have a range."""
         return np.isfinite(self.range_m)
 
@@ -57,25 +57,25 @@ class Judged:
     def deviations(self) -> Floats:
         """Of spots that have a range, from the truth, in sigmas; infinite where nothing is."""
         away = np.abs(self.range_m - self.true_m) / self.sigma_m
-        return np.where(np.isfinite(self.true_m), away, np.inf)[self.told]
+        return np.where(np.isfinite(self.true_m), away, np.inf)[self.reported]
 
     @property
     def error_m(self) -> Floats:
         """Of spots that have a range and meet something."""
-        away = (self.range_m - self.true_m)[self.told]
+        away = (self.range_m - self.true_m)[self.reported]
         return away[np.isfinite(away)]
 
 
 def judged(*, quick: bool) -> dict[str, Judged]:
     """All weathers; captures that are not kept from before are made first."""
-    found = {weather: [] for weather in WEATHERS}
+    results = {weather: [] for weather in WEATHERS}
     for weather, capture in _captures(QUICK_CAPTURES if quick else CAPTURES):
-        found[weather].append(_spots(capture))
+        results[weather].append(_spots(capture))
     return {
         weather: Judged(
             *np.concatenate([each[0] for each in spots], axis=1), max(each[1] for each in spots)
         )
-        for weather, spots in found.items()
+        for weather, spots in results.items()
     }
 
 
@@ -129,7 +129,7 @@ def _simulated(number: int, weather: str) -> Capture:
     ).capture
 
 
-def table(found: dict[str, Judged]) -> Table:
+def table(results: dict[str, Judged]) -> Table:
     """A row for each weather."""
     columns = (
         "weather", "spots", "with a range, %", "median error, cm", "of all likeliest, cm",
@@ -140,7 +140,7 @@ def table(found: dict[str, Judged]) -> Table:
         "`paper` at its defaults, the weather not stated: captures of drawn scenes of families, "
         "seeds and fogs that nothing was chosen by. Shares with the 95 % interval of Wilson."
     )
-    return Table(title, columns, [(weather, *_row(each)) for weather, each in found.items()])
+    return Table(title, columns, [(weather, *_row(each)) for weather, each in results.items()])
 
 
 def _row(each: Judged) -> tuple[str, ...]:
@@ -149,12 +149,12 @@ def _row(each: Judged) -> tuple[str, ...]:
     plain = np.abs(each.plain_m - each.true_m)
     plain_within = (plain < each.plain_sigma_m)[np.isfinite(each.plain_m)]
     return (
-        f"{each.told.size}",
-        f"{100 * each.told.mean():.0f}",
+        f"{each.reported.size}",
+        f"{100 * each.reported.mean():.0f}",
         f"{100 * np.median(np.abs(each.error_m)):.1f}",
         f"{100 * np.nanmedian(likeliest[each.true_m < REACH_M]):.1f}",
         f"{100 * np.median(each.error_m):+.1f}",
-        f"{100 * np.median(each.sigma_m[each.told]):.1f}",
+        f"{100 * np.median(each.sigma_m[each.reported]):.1f}",
         f"{_wider(each):.2f}",
         _share(away < 1),
         _share(away < 2),
@@ -170,7 +170,7 @@ REACH_M = 10.0
 
 
 def _wider(each: Judged) -> float:
-    both = each.told & np.isfinite(each.plain_sigma_m)
+    both = each.reported & np.isfinite(each.plain_sigma_m)
     return float(np.median(each.sigma_m[both]) / np.median(each.plain_sigma_m[both]))
 
 
@@ -179,10 +179,10 @@ def _share(hits: Mask) -> str:
     return f"{100 * hits.mean():.0f} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
-def promises(found: dict[str, Judged]) -> list[Check]:
+def promises(results: dict[str, Judged]) -> list[Check]:
     """What default ranges are to reach where nobody states the weather, and where it is stated."""
     checks = []
-    for weather, each in found.items():
+    for weather, each in results.items():
         where, away = f"paper, {weather}, weather unknown", each.deviations
         for sigmas, (least, most) in WITHIN.items():
             within = float((away < sigmas).mean())

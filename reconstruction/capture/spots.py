@@ -27,7 +27,7 @@ class SpotOptics:
     Each detector is a round aperture that sees a cone of half angle ``half_fields_rad`` about its
     axis (a unit vector), within it falling off with cos^``falloffs`` of the angle. Beams are
     Gaussian in angle and place, with standard deviations per axis. ``clear_probability`` and
-    ``visibility_m`` are what whoever records states of the weather: 1 is clear air, 0 is fog, of
+    ``visibility_m`` are what is stated of the weather: 1 is clear air, 0 is fog, of
     that visibility. ``electrons_per_joule`` are primary electrons per joule of laser light on an
     aperture. What is not known is nan; only ranging in fog needs it.
     """

@@ -181,3 +181,16 @@ def test_an_instrument_states_its_weather() -> None:
     foggy = changed("paper", weather=80.0).spot_optics
     assert (foggy.clear_probability, foggy.visibility_m) == (0.0, 80.0)
     assert changed("paper", weather="clear").spot_optics.clear_probability == 1.0
+
+
+def test_without_a_radiometric_scale_sigma_is_wider() -> None:
+    """Then no reflectance is more likely than another, and no image can be compared."""
+    spots = record(extinction_per_m=0.02)
+    optics = told_optics(load_instrument("paper"))
+    bright = Brightness(np.full(4, 1e4), np.full(4, 10.0))
+    unscaled = replace(spots, electrons_per_joule=np.nan)
+    scaled, free, seen = measure(spots), measure(unscaled), measure(unscaled, optics, bright)
+    both = scaled.valid & free.valid
+    assert both.any()
+    assert (free.sigma_m > 0.9 * scaled.sigma_m)[both].all()
+    np.testing.assert_array_equal(free.range_m, seen.range_m)

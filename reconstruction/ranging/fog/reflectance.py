@@ -13,7 +13,7 @@ ODD = 0.07
 ODD_FROM, ODD_TO = 1e-4, 1e2
 
 
-def log_density(reflectance: Floats) -> Floats:
+def log_of_surfaces(reflectance: Floats) -> Floats:
     """Logarithm of the prior's density (...) at reflectances (...)."""
     log = np.log(reflectance)
     usual = np.exp(-(((log - np.log(MEDIAN)) / LOG_SIGMA) ** 2) / 2) / (
@@ -22,3 +22,8 @@ def log_density(reflectance: Floats) -> Floats:
     within = (reflectance > ODD_FROM) & (reflectance < ODD_TO)
     odd = np.where(within, 1 / np.log(ODD_TO / ODD_FROM), 1e-12)
     return np.asarray(np.log((1 - ODD) * usual + ODD * odd) - log)
+
+
+def log_of_anything(reflectance: Floats) -> Floats:
+    """The same where the readings have no radiometric scale: even in ln."""
+    return np.asarray(-np.log(reflectance) - np.log(np.log(ODD_TO / ODD_FROM)))

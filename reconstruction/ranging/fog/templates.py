@@ -79,14 +79,13 @@ def make_templates(
 def _uneven(density: Floats) -> Floats:
     """Covariance (4, P, n, n) of the echo up to every PATCH_STEP-th range, of cells (4, n, fine).
 
-    The exponential correlation lets it grow cell by cell: what a new cell shares with all before is
-    carried along, and fades by exp(-step / PATCH_M).
+    The exponential correlation lets it grow cell by cell: what a new cell shares with all before it
+    fades by exp(-step / PATCH_M), and so is a running sum of cells that grow instead.
     """
     cells = density.reshape(*density.shape[:2], -1, INTEGRATION_STEPS).sum(axis=-1)
-    fade = np.exp(-STEP_M / PATCH_M)
-    carried = np.zeros_like(cells)
-    for number in range(1, cells.shape[-1]):
-        carried[..., number] = fade * (carried[..., number - 1] + cells[..., number - 1])
+    growth = np.exp(np.arange(cells.shape[-1]) * STEP_M / PATCH_M)
+    grown_cells = cells * growth
+    carried = (np.cumsum(grown_cells, axis=-1) - grown_cells) / growth
     shared = np.einsum("sik,sjk->skij", cells, carried)
     grown = shared + shared.swapaxes(2, 3) + np.einsum("sik,sjk->skij", cells, cells)
     return UNEVENNESS**2 * np.cumsum(grown, axis=1)[:, ::PATCH_STEP]

@@ -1,8 +1,8 @@
 """Ranges of spots of which the readings are two numbers each: one frequency, or two windows.
 
-Range and reflectance take both, so nothing is left that tells the fog. A fog of extinction sigma
-and backscattering beta leaves one range (and a few wraps) that explains a spot's readings exactly.
-Which fog it is, is told by
+Range and reflectance take both, so nothing is left to estimate the fog from. In a fog of extinction
+sigma and backscattering beta one range (and its wraps) explains a spot's readings exactly. Evidence
+of which fog it is comes from
 
 * the prior over weather (`belief`): clear air, or fog of any extinction, or what the user states,
 * reflectances that exist (`reflectance`): where fog is taken for clear air, its echo has to be a
@@ -13,8 +13,8 @@ Which fog it is, is told by
 
 The answer is the posterior over fogs on a grid: for each fog the roots of the range, with the prior
 of each over the Jacobian of the readings as their weight; their mean and spread is the range, its
-sigma includes what is not known of the fog. Surfaces whose texture differs within a pixel, and fog
-that is uneven, are noise of `TEXTURE`, `VEIL` and `templates.UNEVENNESS`.
+sigma includes what remains unknown of the fog. Surfaces whose texture differs within a pixel, and
+fog that is uneven, are noise of `TEXTURE`, `VEIL` and `templates.UNEVENNESS`.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ from .chances import chi_squared_limit, normal_share
 from .modes import Places
 from .overlap import overlap, path_lengths
 from .posterior import Posterior, SpotPosterior
-from .reflectance import log_density
+from .reflectance import log_of_anything, log_of_surfaces
 from .templates import PATCH_STEP, STEP_M, make_templates
 
 EXTINCTIONS_PER_M = np.array(
@@ -121,7 +121,9 @@ def underdetermined_solver(
 ) -> FogSolver:
     """Solver of one recording's readings, which ``combine`` (2, readings) makes two numbers."""
     reach_m = longest_m * (2 if isinstance(spots, CwSpots) else 1)
-    tables = _tables(spots, optics, response, reach_m)
+    scaled = bool(np.isfinite(spots.electrons_per_joule))
+    tables = _tables(spots, optics if scaled else None, response, reach_m)
+    log_density = log_of_surfaces if scaled else log_of_anything
     noise = chi_squared_limit(PER_TARGET, normal_share(-MIN_SIGNAL))
 
     def solve(
@@ -134,21 +136,21 @@ def underdetermined_solver(
         saturated = spots.saturated[0].any(axis=1)
         dark = _squares(pairs, covariance) < noise
         backscatter = np.exp(belief.log_median[:, None] + belief.log_deviation[:, None] * NODES)
-        roots = _roots(tables, pairs @ [1, 1j], covariance, backscatter, longest_m)
+        roots = _roots(tables, pairs @ [1, 1j], covariance, backscatter, longest_m, log_density)
         seen = brightness if tables.pixel_fog is not None else None
         weight, by_root = _weights(
             tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, belief, seen
         )
-        known = Posterior(
+        estimate = Posterior(
             tuple(_spot_posterior(roots, by_root, spot) for spot in range(4)),
             belief.updated(weight, backscatter),
         )
         statuses = tuple(
             "saturated" if saturated[spot] else "weak" if dark[spot] else _status(each, longest_m)
-            for spot, each in enumerate(known.spots)
+            for spot, each in enumerate(estimate.spots)
         )
-        fog = known.fog.optics(EXTINCTIONS_PER_M)
-        return ranges_of(known.spots, statuses, readings.mean(axis=1), fog), known.fog
+        fog = estimate.fog.optics(EXTINCTIONS_PER_M)
+        return ranges_of(estimate.spots, statuses, readings.mean(axis=1), fog), estimate.fog
 
     return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots), CLEAR), solve)
 
@@ -180,7 +182,12 @@ def _tables(
 
 
 def _roots(
-    tables: _Tables, pairs: Floats, covariance: Floats, backscatter: Floats, longest_m: float
+    tables: _Tables,
+    pairs: Floats,
+    covariance: Floats,
+    backscatter: Floats,
+    longest_m: float,
+    log_density: Callable[[Floats], Floats],
 ) -> _Roots:
     """All of them, for readings (4,) and backscattering (K, B), between neighbouring ranges."""
     left = pairs[:, None, None, None] - backscatter[:, :, None] * tables.fog[:, :, None]
