@@ -30,7 +30,7 @@ from depth_sets import CAPTURES, GROUPS, PRESETS, WEATHERS, captures
 from options import benchmark_options, finish
 
 from reconstruction.arrays import Floats
-from reconstruction.reconstructor import USUAL_DEPTHS
+from reconstruction.chosen_methods import USUAL_DEPTHS
 from spisim.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "depth.md"

@@ -9,6 +9,7 @@ from depth_sets import Case
 
 from reconstruction import Capture, Reconstructor, Setup, read_capture
 from reconstruction.arrays import Floats
+from reconstruction.chosen_methods import USUAL_IMAGES
 from reconstruction.depth import (
     DEPTH_METHODS,
     DISTANCES_M,
@@ -25,7 +26,6 @@ from reconstruction.depth.anchored_prior import AnchoredPrior
 from reconstruction.depth.methods.anchored import Anchored
 from reconstruction.evaluation import depth_metrics
 from reconstruction.image import Imaging
-from reconstruction.reconstructor import USUAL_IMAGES
 
 RANGINGS = ("cw", "fog")
 FROZEN = "anchored, frozen"

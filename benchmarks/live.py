@@ -26,10 +26,10 @@ from threadpoolctl import threadpool_limits
 
 import spisim
 from reconstruction import Capture, Reconstructor, Result
+from reconstruction.chosen_methods import USUAL_IMAGES
 from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
 from reconstruction.live.links.sockets import TcpListen
 from reconstruction.live.loop import SWIFT_DEPTHS
-from reconstruction.reconstructor import USUAL_IMAGES
 from spisim.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "live.md"

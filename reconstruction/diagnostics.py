@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from .capture import Capture, Frames, FrameTruth
+from .default_ranging import default_ranges
 from .errors import InputError
 from .image import Imaging, doubt
 from .operators import decoder_for
 from .ranging import RANGED, RANGING_METHODS, unambiguous_path_m
 from .ranging.doubts import LEAST_M
-from .reconstructor import default_ranges
 
 ENOUGH = 0.9**2 / (1 - 0.9**2)
 """Squared SNR of a coefficient at which the zero-filled image is correlated with the truth 0.9

@@ -1,19 +1,16 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
-import hashlib
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
-from functools import lru_cache
-from typing import Any, get_args
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Floats
-from .capture import Frames, Recording, Setup, datasets
+from .capture import Frames, Recording, Setup
+from .checks import checked, checked_depths, checked_ranges
+from .chosen_methods import Names, depth_names, image_names, lead, ranging_solvers
 from .depth import (
-    DEPTH_METHODS,
     MIN_FREE,
     Context,
     Corridor,
@@ -21,51 +18,28 @@ from .depth import (
     View,
     check_min_free,
     depth_method,
-    lacks,
     pixel_of,
     pixel_rays,
-    unlike,
 )
 from .errors import InputError
 from .image import (
-    IMAGE_METHODS,
-    CarryingMethod,
     Coefficients,
     Estimate,
     Imaging,
     UsableReadings,
-    image_method,
 )
 from .ranging import (
-    RANGING_METHODS,
     Brightness,
     Ranges,
-    RangingSolver,
-    Status,
     Weather,
     brightness_at,
     range_doubts,
-    ranging_method,
-    reads,
-    usual_rangings,
     with_weather,
 )
-from .result import BASELINE, Image, Result
+from .result import Image, Result
 from .timing import timed
 
 logger = logging.getLogger(__name__)
-
-Names = str | Sequence[str] | None
-"""Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
-
-Among several, ``usual`` stands for those. ``all`` has no image methods that carry something from
-frame to frame: their images depend on which frames were reconstructed before.
-"""
-
-USUAL_IMAGES = ("edge-preserving", "pursuit", BASELINE)
-USUAL_DEPTHS = ("learned", "anchored", "nearest", "dense")
-LEAD = 64
-"""Frames before one from which methods that carry something from frame to frame learn."""
 
 
 class Reconstructor:
@@ -100,11 +74,11 @@ class Reconstructor:
         self.setup, self._min_free = setup, min_free
         self._imaging = Imaging(*setup.plans)
         everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
-        self._images = _image_names(image, everything)
-        self._rangings, self._refused = _rangings(ranging, setup)
+        self._images = image_names(image, everything)
+        self._rangings, self._refused = ranging_solvers(ranging, setup)
         context = Context(setup, self._imaging)
         self._depths = {
-            name: depth_method(name, setup).compile(context) for name in _depth_names(depth, setup)
+            name: depth_method(name, setup).compile(context) for name in depth_names(depth, setup)
         }
         self._corridor: Corridor | None = None
         self._stretch: Image | None = None
@@ -180,7 +154,7 @@ class Reconstructor:
         for name, solve in self._rangings.items():
             assert frame.spots is not None
             with timed(timings, f"ranging {name}"):
-                rangings[name] = _checked_ranges(name, solve(frame.spots, brightness))
+                rangings[name] = checked_ranges(name, solve(frame.spots, brightness))
         if frame.spots is not None:
             doubts = range_doubts(rangings, frame.spots)
             notes |= {f"ranging {name}": note for name, note in doubts.items()} | self._refused
@@ -192,7 +166,7 @@ class Reconstructor:
             with timed(timings, f"depth {name}"):
                 found = solve_depth(view)
             if found is not None:
-                maps[name] = _checked_depths(f"depth method {name!r}", found, self._shape)
+                maps[name] = checked_depths(f"depth method {name!r}", found, self._shape)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
@@ -234,10 +208,10 @@ class Reconstructor:
         estimate = readings.solver(name)(coefficients)
         if not isinstance(estimate, Estimate):
             raise InputError(f"{who} gave {type(estimate).__name__}, not an Estimate")
-        image = _checked(who, estimate.image, self._shape)
+        image = checked(who, estimate.image, self._shape)
         deviation = estimate.deviation
         if deviation is not None:
-            deviation = _checked(f"{who}, of the deviation,", deviation, self._shape)
+            deviation = checked(f"{who}, of the deviation,", deviation, self._shape)
         for values in (image, *([] if deviation is None else [deviation])):
             if not np.isfinite(values).all():
                 raise InputError(f"{who} gave values that are not finite")
@@ -309,60 +283,6 @@ def reconstruct(
     return reconstructor(recording.batch(frame, frame + 1))
 
 
-def default_ranges(recording: Recording, frame: int = 0) -> Ranges | None:
-    """Ranges of one frame as `reconstruct` gives them by default; None where it gives none."""
-    setup = recording.setup
-    try:
-        return _ranging_alone(_Same(setup))(recording.batch(frame, frame + 1)).ranges
-    except InputError:
-        return None
-
-
-class _Same:
-    """A setup that equals others of the same content."""
-
-    def __init__(self, setup: Setup) -> None:
-        self.setup = setup
-        digest = hashlib.sha256()
-        for name, value, _ in datasets(setup.plans, setup):
-            digest.update(f"{name} {np.shape(value)} ".encode())
-            digest.update(value.encode() if isinstance(value, str) else np.asarray(value).tobytes())
-        self._digest = digest.digest()
-
-    def __hash__(self) -> int:
-        return hash(self._digest)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self._digest == other._digest
-
-
-@lru_cache(maxsize=2)
-def _ranging_alone(same: _Same) -> Reconstructor:
-    """With the image that ranging looks at, and nothing else."""
-    try:
-        return Reconstructor(same.setup, image=USUAL_IMAGES[0], depth=())
-    except InputError:
-        return Reconstructor(same.setup, image=BASELINE, depth=())
-
-
-def lead(frame: int, image: Names = None, ranging: Names = None) -> int:
-    """Number of frames before one that methods of these names have to have seen."""
-    carried = any(
-        carries
-        for names, carries_any in ((image, _carries), (ranging, _ranging_carries))
-        for carries in map(carries_any, _listed(names, (), (), bool))
-    )
-    return min(LEAD, frame) if carried else 0
-
-
-def _carries(name: str) -> bool:
-    return isinstance(image_method(name), CarryingMethod)
-
-
-def _ranging_carries(name: str) -> bool:
-    return bool(getattr(RANGING_METHODS[name], "carries", False))
-
-
 def _note_of_readings(
     frame: int, spoilt: NDArray[np.bool_], varying: NDArray[np.bool_], found: Coefficients
 ) -> dict[str, str]:
@@ -379,139 +299,6 @@ def _note_of_readings(
             f"hardly above its noise: signal over noise is about {ratio:.2g} per coefficient"
         )
     return {f"frame {frame}": "; ".join(notes)} if notes else {}
-
-
-def _image_names(names: Names, readings: UsableReadings) -> list[str]:
-    def fits(name: str) -> bool:
-        if _carries(name):  # one that cannot be loaded is told
-            return False
-        try:
-            readings.solver(name)
-        except InputError:
-            return False
-        return True
-
-    chosen = _listed(names, USUAL_IMAGES, IMAGE_METHODS, fits)
-    if not chosen:
-        raise InputError("no image method is named; at least one is needed")
-    for name in chosen:
-        image_method(name)
-    for name in chosen:
-        readings.solver(name)
-    return list(dict.fromkeys([*chosen, BASELINE]))
-
-
-def _rangings(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver], dict[str, str]]:
-    """Solvers by name, and a note on the plain method where it refuses the recording."""
-    spots = setup.spots
-    if spots is None:
-        for name in _listed(names, (), (), bool):
-            RANGING_METHODS[name]  # an unknown one is told first
-            raise InputError(f"ranging method {name!r} needs spots, which the recording lacks")
-        return {}, {}
-    solvers: dict[str, RangingSolver] = {}
-    refused: dict[str, str] = {}
-
-    def fits(name: str) -> bool:
-        try:
-            if reads(name, spots):
-                solvers[name] = RANGING_METHODS[name].compile(spots, setup.optics)
-        except InputError as error:
-            if name == spots.method:
-                refused[f"ranging {name}"] = f"left out: {error}"
-            return False
-        return name in solvers
-
-    usual: list[str] = []
-    if names is None or (isinstance(names, Sequence) and ("usual" in names or "all" in names)):
-        usual = [name for name in usual_rangings(spots) if fits(name)]
-    chosen = _listed(names, usual, RANGING_METHODS, fits)
-    return {
-        name: solvers.get(name) or ranging_method(name, spots).compile(spots, setup.optics)
-        for name in chosen
-    }, refused
-
-
-def left_out(setup: Setup) -> dict[str, str]:
-    """Of the usual depth methods those that a recording does not suit, by name, and why."""
-    fit = (name for name in USUAL_DEPTHS if not lacks(DEPTH_METHODS[name], setup))
-    told = {name: unlike(DEPTH_METHODS[name], setup) for name in fit}
-    return {name: why for name, why in told.items() if why is not None}
-
-
-def _depth_names(names: Names, setup: Setup) -> list[str]:
-    def fits(name: str) -> bool:
-        return not lacks(DEPTH_METHODS[name], setup)
-
-    unsuited = left_out(setup)
-    usual = [name for name in USUAL_DEPTHS if fits(name) and name not in unsuited]
-    return _listed(names, usual, DEPTH_METHODS, fits)
-
-
-def _listed(
-    names: Names, usual: Sequence[str], every: Iterable[str], fits: Callable[[str], bool]
-) -> list[str]:
-    """Names one by one, in place of "usual" the ``usual`` ones, of "all" those that fit too."""
-    if not (names is None or isinstance(names, Sequence)):
-        raise InputError(f"methods are told by their names, not by {names!r}")
-    listed: list[str] = []
-    for each in ["usual"] if names is None else [names] if isinstance(names, str) else names:
-        listed += usual if each in ("usual", "all") else [each]
-        listed += filter(fits, every) if each == "all" else []
-    return list(dict.fromkeys(listed))
-
-
-def _checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
-    """What another's code returned; InputError unless it is an array of real numbers so shaped."""
-    array = np.asarray(values)
-    if array.shape != shape or array.dtype.kind not in "iuf":
-        raise InputError(
-            f"{who} gave {array.dtype} of shape {array.shape}; real numbers of {shape} are needed"
-        )
-    if np.isinf(array).any():
-        raise InputError(f"{who} gave values that are not finite")
-    return array.astype(np.float64, copy=False)
-
-
-def _checked_depths(who: str, found: Any, shape: tuple[int, int]) -> DepthEstimate:
-    """Depths above 0; with a deviation wherever there is one, and probabilities, if any."""
-    if not isinstance(found, DepthEstimate):
-        raise InputError(f"{who} gave {type(found).__name__}, not a DepthEstimate")
-    depth_m = _checked(who, found.depth_m, shape)
-    known = np.isfinite(depth_m)
-    if (depth_m[known] <= 0).any():
-        raise InputError(f"{who} gave a depth of {depth_m[known].min():g} m")
-    deviation, nothing = found.deviation, found.nothing
-    if deviation is not None:
-        deviation = np.where(known, _checked(f"{who}, of the deviation,", deviation, shape), np.nan)
-        if not (deviation[known] >= 0).all():
-            raise InputError(f"{who} gave depths with a deviation that is negative or not known")
-    if nothing is not None:
-        nothing = _checked(f"{who}, of nothing within reach,", nothing, shape)
-        if not ((nothing >= 0) & (nothing <= 1)).all():
-            raise InputError(f"{who} gave probabilities of nothing within reach beyond 0 to 1")
-    return replace(found, depth_m=depth_m, deviation=deviation, nothing=nothing)
-
-
-def _checked_ranges(name: str, ranges: Any) -> Ranges:
-    if not (isinstance(ranges, Ranges) and _are_of_four_spots(ranges)):
-        raise InputError(f"ranging method {name!r} gave {type(ranges).__name__}, not four ranges")
-    unknown = set(ranges.status) - set(get_args(Status))
-    if unknown:
-        raise InputError(
-            f"ranging method {name!r} gave the status {min(unknown)!r}; allowed: "
-            f"{', '.join(get_args(Status))}"
-        )
-    if not np.isfinite(ranges.range_m[ranges.valid]).all():
-        raise InputError(f"ranging method {name!r} gave a range that is not finite as 'ok'")
-    return ranges
-
-
-def _are_of_four_spots(ranges: Ranges) -> bool:
-    values = dict(vars(ranges))
-    values.pop("fog")
-    lists = values.pop("status"), values.pop("alternatives")
-    return all(np.shape(v) == (4,) for v in values.values()) and all(len(v) == 4 for v in lists)
 
 
 def _single(arrays: Mapping[str, Floats | None]) -> dict[str, Image]:

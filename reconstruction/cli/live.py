@@ -8,13 +8,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from ..chosen_methods import USUAL_IMAGES
 from ..errors import InputError
 from ..image import load_pursuit
 from ..live import CaptureSource, Loop, Outcome, Reception, State
 from ..live.links import Source, is_link, source_at
 from ..live.sinks import Detached, sink_to
 from ..ranging import RANGED
-from ..reconstructor import USUAL_IMAGES
 from ..text import printable
 from .reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, WEATHER, names
 

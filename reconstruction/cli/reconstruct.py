@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..capture import Capture, check_frames, first_patterns, open_capture
+from ..chosen_methods import lead, left_out
 from ..depth import DEPTH_METHODS, DISTANCES_M, MIN_FREE, REACH_M, check_min_free
 from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
@@ -20,7 +21,7 @@ from ..image import DICTIONARIES, IMAGE_METHODS
 from ..operators import ORDERS
 from ..outputs import outputs_in, write_outputs
 from ..ranging import RANGED, RANGING_METHODS, Ranges
-from ..reconstructor import lead, left_out, reconstruct
+from ..reconstructor import reconstruct
 from ..result import Result
 from ..text import json_line, printable
 

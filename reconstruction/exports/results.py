@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..capture import Optics, hdf5
+from ..chosen_methods import Names
 from ..errors import InputError, nearest
 from ..outputs.result_file import FORMAT, read_result
-from ..reconstructor import Names
 from ..result import Result
 from .shot import Shot
 

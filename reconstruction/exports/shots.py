@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..capture import CaptureFile, open_capture
+from ..chosen_methods import Names
 from ..errors import naming
-from ..reconstructor import Names, Reconstructor
+from ..reconstructor import Reconstructor
 from .poses import Placed
 from .results import is_result, shot_of_result
 from .shot import Shot

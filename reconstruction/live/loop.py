@@ -4,9 +4,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..chosen_methods import USUAL_IMAGES, Names
 from ..depth import DEPTH_METHODS, MIN_FREE, lacks
 from ..errors import InputError
-from ..reconstructor import USUAL_IMAGES, Names, Reconstructor
+from ..reconstructor import Reconstructor
 from .counts import Latencies
 from .reception import POLL_S, Arrival, Reception
 from .results import Outcome, State

@@ -138,9 +138,9 @@ def _show(sights: Iterator[Sight], recording: Recording, frames: int | None) -> 
 def _follow(source: str, recording: Recording, frames: int | None, methods: dict[str, Any]) -> None:
     import threading
 
+    from reconstruction.chosen_methods import USUAL_IMAGES
     from reconstruction.live import Loop, Reception
     from reconstruction.live.links import source_at
-    from reconstruction.reconstructor import USUAL_IMAGES
     from spisim.viewer import StreamViewer
 
     viewer = StreamViewer(recording, source)

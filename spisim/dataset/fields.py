@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture
-from reconstruction.reconstructor import default_ranges
+from reconstruction.default_ranging import default_ranges
 
 
 @dataclass(frozen=True)

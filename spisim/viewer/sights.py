@@ -10,9 +10,9 @@ from typing import Any
 
 from reconstruction import Capture, Reconstructor, Result, read_capture
 from reconstruction.capture import Frames, FrameTruth, Setup
+from reconstruction.chosen_methods import Names
 from reconstruction.errors import InputError, naming
 from reconstruction.exports import Shot
-from reconstruction.reconstructor import Names
 from spisim.dataset.reader import DataSet
 from spisim.dataset.shots import placed
 from spisim.scene import Scene, make_scene, scenes_folder
