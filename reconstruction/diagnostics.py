@@ -33,7 +33,7 @@ NO_RANGE = {
     "too close": "is too close to tell its path from the way between laser and detector",
     "weak": "is too weak to tell from noise and fog",
     "fog": "is lost in fog: its range is too uncertain",
-    "ambiguous": "is ambiguous (its frequencies disagree, or its pulse may lie outside of windows)",
+    "ambiguous": "is ambiguous (several ranges explain it, or none does)",
 }
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import spisim
 from reconstruction import capture_warnings, evaluate, reconstruct
+from reconstruction.ranging import RANGED
 from spisim.measurement import simulation_warnings
 from spisim.scene import Scene, draw_scene, list_scenes, load_scene
 from spisim.scene.families import FAMILIES
@@ -23,14 +24,17 @@ def go_through(scene: Scene) -> None:
     few_paths = ("true image", "light's own noise")
     assert [each for each in warned if not any(words in each for words in few_paths)] == []
     # A plain wall has hardly an image, nor has what dense smoke leaves of a tunnel. Spots on edges
-    # have two echoes.
+    # have two echoes, and dark far ones may as well lie beyond the wrap.
     warned = capture_warnings(simulation.capture)
-    known = ("hardly an image", "further echoes bias it")
+    known = ("hardly an image", "further echoes bias it", "several ranges explain it")
     assert [each for each in warned if not any(words in each for words in known)] == []
     metrics = evaluate(reconstruct(simulation.capture), simulation.capture)
     assert metrics["images"]["pursuit"]["nrmse"] is not None
     assert metrics["depths"]["anchored"]["mae_m"] is not None
-    assert [spot["status"] for spot in metrics["spots"]["cw"]] == ["ok"] * 4
+    plain = [spot["status"] for spot in metrics["spots"]["cw"]]
+    assert plain.count("ok") >= 3  # next to the wrap a range is ambiguous
+    assert set(plain) <= {"ok", "ambiguous"}
+    assert sum(spot["status"] in RANGED for spot in metrics["spots"]["fog"]) >= 3
 
 
 @pytest.mark.parametrize("name", list_scenes())

@@ -60,8 +60,9 @@ TEXTURE = 0.35
 """Brightness of a pixel over that of a spot in it, relative rms,"""
 VEIL = 0.15
 """and the same of the fog's veil."""
-BEYOND = 0.1
-"""Prior probability of a target that is as far again as phases tell apart, and looks near."""
+BEYOND = 0.05
+"""Prior probability of a target that is as far again as phases tell apart, and looks near: that of
+spots up to there in drawn worlds."""
 FREEDOM = 4.0
 """Of Student's t, with which a pixel may differ from its spot: edges are frequent."""
 APART_M = 0.5
