@@ -48,11 +48,13 @@ CLEAR = 0.2
 """Prior probability of clear air where nothing is stated; all extinctions are likely alike."""
 EMPTY = 0.2
 """Prior probability that a spot has no target within range."""
-STRIDE = 4
+STRIDE = 8
 """Steps of the templates between ranges where roots are looked for."""
+OUTSIDE = 2.0
+"""Steps by which a root may lie beside the one that it was found in, as amplitudes bend."""
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 """Of backscattering, log-normal at each extinction."""
-ASIDE_NODES, ASIDE_WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+ASIDE_NODES, ASIDE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 ASIDE, LOG_ASIDE_SIGMA = 0.35, 0.6
 """Scattering 10 to 16 degrees off the way back, where the patterns' detector sees most of its fog,
 over that straight back: by Mie theory 0.2 (advection fog, beside its glory) to 1 (haze, smoke)."""
@@ -77,7 +79,7 @@ LARGEST = 0.3
 
 @dataclass(frozen=True, eq=False)
 class _Tables:
-    """Readings, as complex numbers, by spot, extinction and range (R,), at every `STRIDE`.
+    """Readings, as complex numbers, by spot, extinction and range (R,).
 
     ``target`` (4, K, R) for unit reflectance, ``fog`` (4, K, R) for unit backscattering in front
     of that range, ``uneven`` (4, K, P, 2, 2) as in `Templates`; ``pixel_target`` and ``pixel_fog``
@@ -165,20 +167,24 @@ def _tables(
     made = make_templates(spots, response, reach_m + STRIDE * STEP_M, EXTINCTIONS_PER_M)
 
     def pairs(table: Floats) -> Floats:
-        return np.asarray(table[:, :, 0, ::STRIDE] + 1j * table[:, :, 1, ::STRIDE])
+        return np.asarray(table[:, :, 0] + 1j * table[:, :, 1])
 
-    range_m = made.range_m[::STRIDE]
     pixel_target = pixel_fog = None
-    if patterns := bucket_optics(optics, spots):
+    if photodiodes := bucket_optics(optics, spots):
         assert optics is not None
-        weight = np.sum([overlap(each, range_m)[0] for each in patterns], axis=0)
-        path_m = np.mean([path_lengths(each, range_m) for each in patterns], axis=0)
+        weight = np.sum([overlap(each, made.range_m)[0] for each in photodiodes], axis=0)
+        path_m = np.mean([path_lengths(each, made.range_m) for each in photodiodes], axis=0)
         damped = np.exp(-EXTINCTIONS_PER_M[:, None] * path_m[:, None])
         seen = np.mean(optics.pixel_electrons) * weight[:, None] * damped
-        step_m = STRIDE * STEP_M
-        pixel_target, pixel_fog = seen / np.pi, (np.cumsum(seen, -1) - seen / 2) * step_m
+        in_front = (np.cumsum(seen, axis=-1) - seen / 2) * STEP_M
+        pixel_target, pixel_fog = seen / np.pi, in_front
     return _Tables(
-        range_m, pairs(made.target), pairs(made.fog), made.uneven, pixel_target, pixel_fog
+        range_m=made.range_m,
+        target=pairs(made.target),
+        fog=pairs(made.fog),
+        uneven=made.uneven,
+        pixel_target=pixel_target,
+        pixel_fog=pixel_fog,
     )
 
 
@@ -191,29 +197,37 @@ def _roots(
     log_density: Callable[[Floats], Floats],
 ) -> _Roots:
     """All of them, for readings (4,) and backscattering (K, B), between neighbouring ranges."""
-    left = pairs[:, None, None, None] - backscatter[:, :, None] * tables.fog[:, :, None]
-    turned = left * np.conj(tables.target)[:, :, None]
+    coarse = slice(None, None, STRIDE)
+    left = pairs[:, None, None, None] - backscatter[:, :, None] * tables.fog[:, :, None, coarse]
+    turned = left * np.conj(tables.target)[:, :, None, coarse]
     across, along = turned.imag, turned.real
     crossing = (across[..., 1:] * across[..., :-1] <= 0) & (along[..., 1:] > 0)
     spot, node, draw, cell = np.nonzero(crossing & (along[..., :-1] > 0))
+    beta = backscatter[node, draw]
     before, behind = across[spot, node, draw, cell], across[spot, node, draw, cell + 1]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        fraction = np.nan_to_num(before / (before - behind))
+    at = cell * STRIDE + (STRIDE * _crossed(before, behind)).astype(int)
+    at = np.minimum(at, tables.range_m.size - 2)
+    before, behind = (
+        (
+            (pairs[spot] - beta * tables.fog[spot, node, end])
+            * np.conj(tables.target[spot, node, end])
+        ).imag
+        for end in (at, at + 1)
+    )
+    fraction = np.clip(_crossed(before, behind), -OUTSIDE, 1 + OUTSIDE)
 
     def here(table: Floats) -> Floats:
-        return np.asarray(
-            (1 - fraction) * table[spot, node, cell] + fraction * table[spot, node, cell + 1]
-        )
+        ends = table[spot, node, at], table[spot, node, at + 1]
+        return np.asarray((1 - fraction) * ends[0] + fraction * ends[1])
 
-    step_m = STRIDE * STEP_M
-    target, beta = here(tables.target), backscatter[node, draw]
-    slope = (tables.target[spot, node, cell + 1] - tables.target[spot, node, cell]) / step_m
+    target = here(tables.target)
+    slope = (tables.target[spot, node, at + 1] - tables.target[spot, node, at]) / STEP_M
     size = np.abs(target)
     reflectance = ((pairs[spot] - beta * here(tables.fog)) * np.conj(target)).real / size**2
     reflectance = np.maximum(reflectance, 1e-12)
     farther = reflectance * slope + np.pi * beta * target  # more fog in front, too
     jacobian = np.abs((np.conj(farther) * target).imag)
-    patch = np.minimum(cell * STRIDE // PATCH_STEP, tables.uneven.shape[2] - 1)
+    patch = np.minimum(at // PATCH_STEP, tables.uneven.shape[2] - 1)
     noise = covariance[spot] + (beta**2)[:, None, None] * tables.uneven[spot, node, patch]
     unit = target / size
     perpendicular = np.stack([-unit.imag, unit.real], axis=-1)
@@ -225,7 +239,7 @@ def _roots(
     with np.errstate(divide="ignore", over="ignore"):
         noise_m2 = variance(perpendicular) * (size / jacobian) ** 2
         log_prior = log_density(reflectance) - np.log(jacobian * longest_m)
-    range_m = tables.range_m[cell] + fraction * step_m
+    range_m = tables.range_m[at] + fraction * STEP_M
     log_prior += np.log(np.where(range_m > longest_m, BEYOND, 1 - BEYOND))
     pixel_target = np.zeros(len(spot)) if tables.pixel_target is None else here(tables.pixel_target)
     pixel_fog = np.zeros(len(spot)) if tables.pixel_fog is None else here(tables.pixel_fog)
@@ -241,6 +255,12 @@ def _roots(
         pixel_surface=reflectance * pixel_target,
         pixel_veil=beta * pixel_fog,
     )
+
+
+def _crossed(before: Floats, behind: Floats) -> Floats:
+    """Where a line through two values is 0, as a fraction of the way between them."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nan_to_num(before / (before - behind), posinf=0.0, neginf=0.0)
 
 
 def _weights(
