@@ -78,7 +78,7 @@ def ranging_solvers(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver
             if reads(name, spots):
                 solvers[name] = RANGING_METHODS[name].compile(spots, setup.optics)
         except InputError as error:
-            if name == spots.method:
+            if name in usual_rangings(spots):
                 refused[f"ranging {name}"] = f"left out: {error}"
             return False
         return name in solvers

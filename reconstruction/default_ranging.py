@@ -1,6 +1,7 @@
 """Ranges as a user sees them first, for those who need nothing else of a frame."""
 
 import hashlib
+from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
@@ -10,19 +11,18 @@ from .chosen_methods import USUAL_IMAGES
 from .errors import InputError
 from .ranging import Ranges
 from .reconstructor import Reconstructor
-from .result import BASELINE
 
 
 def default_ranges(recording: Recording, frame: int = 0) -> Ranges | None:
     """Ranges of one frame as `reconstruct` gives them by default; None where it gives none."""
     setup = recording.setup
     try:
-        return _ranging_alone(_Same(setup))(recording.batch(frame, frame + 1)).ranges
+        return _ranging_alone(SetupKey(setup))(recording.batch(frame, frame + 1)).ranges
     except InputError:
         return None
 
 
-class _Same:
+class SetupKey:
     """A setup that equals others of the same content."""
 
     def __init__(self, setup: Setup) -> None:
@@ -37,13 +37,13 @@ class _Same:
         return hash(self._digest)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self._digest == other._digest
+        return isinstance(other, SetupKey) and self._digest == other._digest
 
 
 @lru_cache(maxsize=2)
-def _ranging_alone(same: _Same) -> Reconstructor:
+def _ranging_alone(same: SetupKey) -> Reconstructor:
     """With the image that ranging looks at, and nothing else."""
-    try:
-        return Reconstructor(same.setup, image=USUAL_IMAGES[0], depth=())
-    except InputError:
-        return Reconstructor(same.setup, image=BASELINE, depth=())
+    for name in USUAL_IMAGES:
+        with suppress(InputError):
+            return Reconstructor(same.setup, image=name, depth=())
+    return Reconstructor(same.setup, depth=())

@@ -9,7 +9,7 @@ from .default_ranging import default_ranges
 from .errors import InputError
 from .image import Imaging, doubt
 from .operators import decoder_for
-from .ranging import RANGED, RANGING_METHODS, unambiguous_path_m
+from .ranging import RANGED, RANGING_METHODS, Ranges, unambiguous_path_m
 from .ranging.doubts import LEAST_M
 
 ENOUGH = 0.9**2 / (1 - 0.9**2)
@@ -37,14 +37,23 @@ NO_RANGE = {
 }
 
 
-def capture_warnings(capture: Capture, frame: int | None = None) -> list[str]:
-    """A sentence for each thing that spoils image or ranges of a frame, or of any if None."""
+def capture_warnings(
+    capture: Capture, frame: int | None = None, ranges: Ranges | None = None
+) -> list[str]:
+    """A sentence for each thing that spoils image or ranges of a frame, or of any if None.
+
+    ``ranges`` are those of that frame that are shown; the default ones without.
+    """
     frames = range(capture.frames) if frame is None else [frame]
     found = (
         warning
         for number in frames
-        for warnings in (_image_warnings, _spot_warnings, _pattern_tap_warnings)
-        for warning in warnings(capture, number)
+        for warnings in (
+            _image_warnings(capture, number),
+            _spot_warnings(capture, number, ranges),
+            _pattern_tap_warnings(capture, number),
+        )
+        for warning in warnings
     )
     return [
         *([NOT_TRACED] if capture.provenance.is_surrogate else []),
@@ -117,11 +126,11 @@ def _image_warnings(capture: Capture, frame: int) -> list[str]:
     ]
 
 
-def _spot_warnings(capture: Capture, frame: int) -> list[str]:
+def _spot_warnings(capture: Capture, frame: int, ranges: Ranges | None) -> list[str]:
     spots = capture.spots
     if spots is None:
         return []
-    ranges = default_ranges(capture, frame)
+    ranges = default_ranges(capture, frame) if ranges is None else ranges
     if ranges is None:
         return []
     warnings = [

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,8 +78,10 @@ class Reconstructor:
         self._images = image_names(image, everything)
         self._rangings, self._refused = ranging_solvers(ranging, setup)
         context = Context(setup, self._imaging)
+        unranged = f"ranging {setup.spots.method}" in self._refused if setup.spots else False
+        ranged = replace(setup, spots=None) if unranged else setup
         self._depths = {
-            name: depth_method(name, setup).compile(context) for name in depth_names(depth, setup)
+            name: depth_method(name, setup).compile(context) for name in depth_names(depth, ranged)
         }
         self._corridor: Corridor | None = None
         self._stretch: Image | None = None
@@ -158,6 +161,8 @@ class Reconstructor:
         if frame.spots is not None:
             doubts = range_doubts(rangings, frame.spots)
             notes |= {f"ranging {name}": note for name, note in doubts.items()} | self._refused
+            if brightness is None:
+                notes |= _notes_without_image(rangings)
         image = next(iter(images.values()))
         image.setflags(write=False)
         view = View(image, next(iter(rangings.values()), None), frame)
@@ -233,14 +238,14 @@ class Reconstructor:
         deviations: Mapping[str, Floats],
         readings: UsableReadings,
     ) -> Brightness | None:
-        """What the image by default shows at the spots; None where it has no sigma or level."""
-        name = next(iter(images))
+        """What the first image with a sigma shows at the spots; None without any, or a level."""
+        name = next((each for each in images if each in deviations), None)
         setup = self.setup
         coupled = setup.buckets.baseline_electrons > 0  # then the level of all light is lost
         if (
             setup.optics is None
             or setup.spots is None
-            or name not in deviations
+            or name is None
             or coupled
             or setup.buckets.unit != "electron"
             or not readings.decoder.level
@@ -281,6 +286,14 @@ def reconstruct(
     for earlier in range(frame - lead(frame, image, ranging), frame):
         reconstructor(recording.batch(earlier, earlier + 1))
     return reconstructor(recording.batch(frame, frame + 1))
+
+
+def _notes_without_image(rangings: Mapping[str, Ranges]) -> dict[str, str]:
+    """Of ranges that rest on a prior over weather which no image has narrowed."""
+    note = "without the image (no sigma, no level or no optics): fog may bias it by 1 to 2 sigmas"
+    return {
+        f"ranging {name}": note for name, each in rangings.items() if "weather prior" in each.status
+    }
 
 
 def _note_of_readings(

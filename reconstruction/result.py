@@ -72,6 +72,7 @@ class Result:
             told = zip(self.ranges.status, self.ranges.range_m, self.ranges.sigma_m, strict=True)
             for spot, (status, range_m, sigma_m) in enumerate(told):
                 known = f"{range_m:.3f} ± {sigma_m:.2g} m"
+                known += "" if status == "ok" else f" ({status})"
                 facts[f"spot {spot}"] = known if status in RANGED else status
         facts |= {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
         return shown("Result", facts, pictures)

@@ -83,6 +83,10 @@ class Spots(SpotOptics):
                 "spots/detector_axes must be unit vectors, or nan where they are not known; "
                 f"their lengths are {np.round(axes, 4).tolist()}"
             )
+        if self.clear_probability > 1:
+            raise InputError(
+                f"spots/clear_probability is {self.clear_probability:g}; a probability is at most 1"
+            )
         if (self.half_fields_rad > np.pi / 2).any():
             raise InputError(
                 f"spots/half_fields_rad is {np.nanmax(self.half_fields_rad):g}; the half angle of "

@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> None:
     digest = recording.frame(before).digest(recording.setup)
     result = replace(result, frame=options.frame, recording=digest)
     files = write_outputs(result, capture, options.output)
-    warnings = capture_warnings(capture, before)
+    warnings = capture_warnings(capture, before, result.ranges)
     warnings += result.warnings
     for warning in warnings:
         print(printable(f"warning: {warning}"), file=sys.stderr)
@@ -181,7 +181,8 @@ def _ahead(obstacle_m: float | None, min_free: float) -> str:
 
 
 def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:
-    rows = [(name, "range / m", "sigma / m", "signal / electrons", "background / electrons")]
+    columns = ("range / m", "sigma / m", "signal / electrons", "background / electrons", "status")
+    rows = [(name, *columns)]
     for spot, status in enumerate(ranges.status):
         known = status in RANGED
         others = ranges.alternatives[spot]
@@ -192,6 +193,7 @@ def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:
                 f"{ranges.sigma_m[spot]:.3f}" if known else "",
                 f"{ranges.signal_electrons[spot]:.4g}",
                 f"{ranges.background_electrons[spot]:.4g}",
+                status,
             )
         )
     return _aligned(rows)

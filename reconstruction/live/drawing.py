@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..ranging import RANGED
 from .framing import Kind, Parser
 from .results import STATUSES, text_of
 from .sinks.window import READY
@@ -141,7 +142,9 @@ def told(source: Incoming) -> list[str]:
         lines.append(
             "ranges  "
             + "   ".join(
-                f"{range_m:.3f} +- {sigma_m:.3f} m" if status == 0 else STATUSES[status]
+                f"{range_m:.3f} +- {sigma_m:.3f} m"
+                if STATUSES[status] in RANGED
+                else STATUSES[status]
                 for range_m, sigma_m, status in ranges
             )
         )

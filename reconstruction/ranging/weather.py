@@ -30,7 +30,9 @@ class Weather(NamedTuple):
         """Of "clear", "fog", "unknown" or a visibility in metres; InputError of all else."""
         if isinstance(stated, str) and stated.strip() in WORDS:
             return cls(WORDS[stated.strip()])
-        with suppress(ValueError):
+        with suppress(ValueError, TypeError):
+            if isinstance(stated, bool):
+                raise ValueError
             visibility_m = float(stated)
             if VISIBILITIES_M[0] <= visibility_m <= VISIBILITIES_M[1]:
                 return cls(0.0, visibility_m)

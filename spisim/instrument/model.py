@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from reconstruction.arrays import Floats
 from reconstruction.capture.spots import SpotOptics
@@ -41,6 +41,11 @@ class EyeSafety(Section):
     """Of the projector, by IEC 62471."""
 
 
+def _stated_weather(weather: Any) -> Any:
+    Weather.parsed(weather)  # an InputError names all that is allowed
+    return weather
+
+
 def _pattern_period(fields: dict[str, Any]) -> float:
     return 1.0 / fields["projector"].pattern_rate_hz
 
@@ -67,7 +72,9 @@ class Instrument(Section):
     """The four beams."""
     tof: AnyTof
     """How the four spots are ranged."""
-    weather: Literal["unknown", "clear", "fog"] | Visibility = "unknown"
+    weather: Annotated[
+        Literal["unknown", "clear", "fog"] | Visibility, BeforeValidator(_stated_weather)
+    ] = "unknown"
     """What ranges take for granted of the weather: that nothing is known, clear air, fog, or a
     visibility in metres. Captures state it; it changes no light."""
     eye_safety: EyeSafety = EyeSafety()

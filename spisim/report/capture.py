@@ -95,7 +95,7 @@ def write_report(
         truth=truth,
         metrics=metrics,
         cards=cards_of(capture, result, metrics),
-        warnings=[*capture_warnings(capture, result.frame), *result.warnings],
+        warnings=[*capture_warnings(capture, result.frame, result.ranges), *result.warnings],
         view=view,
         view_scale=None if view is None else view_scale(view),
         facts=facts_of(capture),

@@ -45,11 +45,14 @@ class FogBelief:
         """
         stated = weather.clear_probability
         clear = unstated if np.isnan(stated) else np.clip(stated, IMPOSSIBLE, 1 - IMPOSSIBLE)
-        fogs = np.ones(extinction_per_m.size - 1)
+        share = np.full(extinction_per_m.size, (1 - clear) / (extinction_per_m.size - 1))
+        share[0] = clear
         if not np.isnan(weather.visibility_m):
-            away = np.log(extinction_per_m[1:] * weather.visibility_m / KOSCHMIEDER)
-            fogs = np.exp(-((away / VISIBILITY_LOG_SIGMA) ** 2) / 2) + IMPOSSIBLE
-        share = np.concatenate([[clear], (1 - clear) * fogs / fogs.sum()])
+            # Over the likeliest: visibilities beyond the extinctions are at their ends.
+            away = np.log(extinction_per_m * weather.visibility_m / KOSCHMIEDER)
+            log = -((away / VISIBILITY_LOG_SIGMA) ** 2) / 2
+            share = np.exp(log - log.max()) + IMPOSSIBLE
+            share /= share.sum()
         median = np.log(expected_backscatter(extinction_per_m))
         return cls(share, median, np.full(share.size, LOG_DEVIATION))
 

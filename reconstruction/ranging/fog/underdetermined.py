@@ -58,6 +58,9 @@ ASIDE_NODES, ASIDE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 ASIDE, LOG_ASIDE_SIGMA = 0.35, 0.6
 """Scattering 10 to 16 degrees off the way back, where the patterns' detector sees most of its fog,
 over that straight back: by Mie theory 0.2 (advection fog, beside its glory) to 1 (haze, smoke)."""
+GAIN_NODES, GAIN_WEIGHTS = np.polynomial.hermite_e.hermegauss(3)
+LOG_GAIN_SIGMA = 0.2
+"""Of the image's calibration, common to all spots."""
 TEXTURE = 0.35
 """Brightness of a pixel over that of a spot in it, relative rms,"""
 VEIL = 0.15
@@ -98,9 +101,10 @@ class _Tables:
 class _Roots:
     """Ranges that explain a spot's readings in a fog, each (C,), exactly.
 
-    ``spot``, ``node`` (of extinction) and ``draw`` (of backscattering) are indices; ``noise_m2``
-    is the variance of the range in this fog, ``strength`` the target in standard deviations,
-    ``log_prior`` the logarithm of range's and reflectance's prior over the Jacobian of readings.
+    ``spot``, ``node`` (of extinction) and ``draw`` (of backscattering) are indices; ``noise_m2`` is
+    the variance of the range in this fog, uneven as it is, ``reading_m2`` that of noise alone,
+    ``strength`` the target in standard deviations, ``log_prior`` the logarithm of range's and
+    reflectance's prior over the Jacobian of the readings.
     """
 
     spot: Places
@@ -108,6 +112,7 @@ class _Roots:
     draw: Places
     range_m: Floats
     noise_m2: Floats
+    reading_m2: Floats
     strength: Floats
     signal: Floats
     log_prior: Floats
@@ -198,9 +203,11 @@ def _roots(
 ) -> _Roots:
     """All of them, for readings (4,) and backscattering (K, B), between neighbouring ranges."""
     coarse = slice(None, None, STRIDE)
-    left = pairs[:, None, None, None] - backscatter[:, :, None] * tables.fog[:, :, None, coarse]
-    turned = left * np.conj(tables.target)[:, :, None, coarse]
-    across, along = turned.imag, turned.real
+    turned = np.conj(tables.target[..., coarse])
+    whole = (pairs[:, None, None] * turned)[:, :, None]
+    echo = (tables.fog[..., coarse] * turned)[:, :, None]
+    beta = backscatter[:, :, None]
+    across, along = whole.imag - beta * echo.imag, whole.real - beta * echo.real
     crossing = (across[..., 1:] * across[..., :-1] <= 0) & (along[..., 1:] > 0)
     spot, node, draw, cell = np.nonzero(crossing & (along[..., :-1] > 0))
     beta = backscatter[node, draw]
@@ -233,11 +240,14 @@ def _roots(
     perpendicular = np.stack([-unit.imag, unit.real], axis=-1)
     radial = np.stack([unit.real, unit.imag], axis=-1)
 
-    def variance(direction: Floats) -> Floats:
-        return np.asarray((direction * (noise @ direction[..., None])[..., 0]).sum(axis=-1))
+    def variance(direction: Floats, covariance: Floats) -> Floats:
+        return np.asarray((direction * (covariance @ direction[..., None])[..., 0]).sum(axis=-1))
 
     with np.errstate(divide="ignore", over="ignore"):
-        noise_m2 = variance(perpendicular) * (size / jacobian) ** 2
+        noise_m2, reading_m2 = (
+            variance(perpendicular, each) * (size / jacobian) ** 2
+            for each in (noise, covariance[spot])
+        )
         log_prior = log_density(reflectance) - np.log(jacobian * longest_m)
     range_m = tables.range_m[at] + fraction * STEP_M
     log_prior += np.log(np.where(range_m > longest_m, BEYOND, 1 - BEYOND))
@@ -249,7 +259,8 @@ def _roots(
         draw=draw,
         range_m=range_m,
         noise_m2=noise_m2,
-        strength=reflectance * size / np.sqrt(variance(radial)),
+        reading_m2=reading_m2,
+        strength=reflectance * size / np.sqrt(variance(radial, noise)),
         signal=reflectance * size,
         log_prior=np.where(jacobian > 0, log_prior, -np.inf),
         pixel_surface=reflectance * pixel_target,
@@ -277,7 +288,8 @@ def _weights(
 
     A spot without a target has the echo of fog alone, and a pixel with its veil.
     """
-    aside = ASIDE * np.exp(LOG_ASIDE_SIGMA * ASIDE_NODES)
+    aside = np.repeat(ASIDE * np.exp(LOG_ASIDE_SIGMA * ASIDE_NODES), GAIN_NODES.size)
+    gain = np.tile(np.exp(LOG_GAIN_SIGMA * GAIN_NODES), ASIDE_NODES.size)
     beta = backscatter[..., None]
     alone = pairs[:, None, None] - beta * _as_pairs(tables.fog[..., -1])[:, :, None]
     noise = covariance[:, None, None] + beta[..., None] ** 2 * tables.uneven[:, :, None, -1]
@@ -290,11 +302,11 @@ def _weights(
         assert tables.pixel_fog is not None
         veil = backscatter * tables.pixel_fog[:, :, None, -1]
         at = (roots.spot,)
-        target = target + _as_bright(
-            aside, roots.pixel_surface, roots.pixel_veil, *(each[at] for each in brightness)
+        target = target + _log_likelihood_of_pixel(
+            aside, gain, roots.pixel_surface, roots.pixel_veil, *(each[at] for each in brightness)
         )
         own = (each[:, None, None] for each in brightness)
-        empty = empty + _as_bright(aside, np.zeros_like(veil), veil, *own)
+        empty = empty + _log_likelihood_of_pixel(aside, gain, np.zeros_like(veil), veil, *own)
     empty = np.broadcast_to(empty, (*empty.shape[:-1], aside.size))
     target = np.broadcast_to(target, (len(roots.spot), aside.size))
     peak = empty.copy()
@@ -307,18 +319,22 @@ def _weights(
     evidence = evidence + np.log(np.maximum(belief.share, 1e-300))[:, None, None]
     evidence = evidence + np.log(WEIGHTS / WEIGHTS.sum())[:, None]
     if aside.size > 1:
-        evidence = evidence + np.log(ASIDE_WEIGHTS / ASIDE_WEIGHTS.sum())
+        prior = np.outer(ASIDE_WEIGHTS, GAIN_WEIGHTS).ravel()
+        evidence = evidence + np.log(prior / prior.sum())
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
     by_root = (relative / total[index] * weight[roots.node, roots.draw]).sum(axis=-1)
     return weight.sum(axis=-1), by_root
 
 
-def _as_bright(
-    aside: Floats, surface: Floats, veil: Floats, electrons: Floats, sigma: Floats
+def _log_likelihood_of_pixel(
+    aside: Floats, gain: Floats, surface: Floats, veil: Floats, electrons: Floats, sigma: Floats
 ) -> Floats:
-    """Log likelihood (..., A) of a pixel with so much of surface and, times ``aside``, veil."""
-    surface, veil = surface[..., None], aside * veil[..., None]
+    """Log likelihood (..., A) of a pixel with so much of surface and, times ``aside``, veil.
+
+    ``aside`` and ``gain`` (A,), by which all light of the image is brighter.
+    """
+    surface, veil = gain * surface[..., None], gain * aside * veil[..., None]
     light, spread = surface + veil, np.hypot(TEXTURE * surface, VEIL * veil)
     scale = np.hypot(sigma[..., None], spread)
     away = (electrons[..., None] - light) / scale
@@ -351,7 +367,7 @@ def _spot_posterior(roots: _Roots, by_root: Floats, spot: int) -> SpotPosterior:
         target=float(total.sum()),
         strength=float(mean(roots.strength[here])[best]),
         signal=float(mean(roots.signal[here])[best]),
-        noise_m=float(np.sqrt(noise_m2[best])),
+        noise_m=float(np.sqrt(mean(roots.reading_m2[here])[best])),
     )
 
 
