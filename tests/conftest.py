@@ -90,6 +90,7 @@ def _spots(directions: np.ndarray, range_m: np.ndarray) -> CwSpots:
         saturated=np.zeros((1, 4, 4), bool),
         directions=directions,
         detector_positions_m=np.zeros((4, 3)),
+        clear_probability=1.0,
         tap_frequencies_hz=np.full(4, frequency_hz),
         tap_phases_rad=tap_phases,
         phase_offsets_rad=np.zeros(4),

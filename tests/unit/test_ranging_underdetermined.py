@@ -194,3 +194,20 @@ def test_without_a_radiometric_scale_sigma_is_wider() -> None:
     assert both.any()
     assert (free.sigma_m > 0.9 * scaled.sigma_m)[both].all()
     np.testing.assert_array_equal(free.range_m, seen.range_m)
+
+
+def test_visibilities_beyond_the_grid_are_at_its_ends() -> None:
+    spots = record(extinction_per_m=0.02)
+    haze, thick = (measure(stated(spots, visibility_m)) for visibility_m in (20_000, 2))
+    np.testing.assert_allclose(haze.range_m, measure_ranges(spots).range_m, rtol=0.01)
+    assert thick.fog.extinction_per_m > 0.25
+
+
+def test_a_scale_of_the_image_that_is_off_is_part_of_sigma() -> None:
+    """A common factor of 1.5 on all pixels must not be read as fog beyond what sigma says."""
+    optics = told_optics(load_instrument("paper"))
+    spots = record()
+    (seen,) = bucket_optics(optics, spots)
+    surface = optics.pixel_electrons * 0.3 / np.pi * np.diag(overlap(seen, RANGES)[0])
+    found = measure(spots, optics, Brightness(1.5 * surface, 0.1 * surface))
+    assert (np.abs(found.range_m - RANGES) < 3 * found.sigma_m)[found.valid].all()

@@ -75,6 +75,7 @@ def capture():
             saturated=np.zeros((2, 4, 4), dtype=bool),
             directions=directions,
             detector_positions_m=np.zeros((4, 3)),
+            clear_probability=1.0,
             tap_frequencies_hz=np.full(4, 15e6),
             tap_phases_rad=np.arange(4) * np.pi / 2,
             phase_offsets_rad=np.zeros(4),
