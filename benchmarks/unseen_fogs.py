@@ -1,7 +1,9 @@
-"""Default ranges of the paper's single frequency, in worlds and fogs that nothing was fitted to.
+"""Default ranges of the paper's single frequency, in worlds that no constant was chosen by.
 
-Scenes are of families, seeds and kinds of fog that no constant of the ranging was chosen by; light
-is traced once and kept under out/ranging. What is judged is what `reconstruct` gives first.
+Families, seeds and hazes are others than those that the physical constants of the ranging were
+chosen by; natural fogs are of the same kinds, other draws. How finely fogs and ranges are searched
+was settled with these figures in sight. Light is traced once and kept under out/ranging. What is
+judged is what `reconstruct` gives first.
 """
 
 import sys
@@ -137,8 +139,9 @@ def table(results: dict[str, Judged]) -> Table:
         "beyond 3 σ, %", "worst, σ", "plain: median error, cm", "within 1 σ, %",
     )  # fmt: skip
     title = (
-        "`paper` at its defaults, the weather not stated: captures of drawn scenes of families, "
-        "seeds and fogs that nothing was chosen by. Shares with the 95 % interval of Wilson."
+        "`paper` at its defaults, the weather not stated: captures of drawn scenes whose families, "
+        "seeds and hazes no physical constant was chosen by; natural fogs are of the same kinds, "
+        "other draws. Shares with the 95 % interval of Wilson."
     )
     return Table(title, columns, [(weather, *_row(each)) for weather, each in results.items()])
 
