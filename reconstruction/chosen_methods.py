@@ -52,7 +52,8 @@ def image_names(names: Names, readings: UsableReadings) -> list[str]:
             return False
         return True
 
-    chosen = _listed(names, USUAL_IMAGES, IMAGE_METHODS, fits)
+    usual = USUAL_IMAGES if readings.decoder.operator.shape[1] > 1 else (BASELINE,)
+    chosen = _listed(names, usual, IMAGE_METHODS, fits)
     if not chosen:
         raise InputError("no image method is named; at least one is needed")
     for name in chosen:

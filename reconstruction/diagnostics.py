@@ -77,7 +77,7 @@ def _layout_warnings(capture: Capture, frame: int) -> list[str]:
 def _pattern_warnings(capture: Capture) -> list[str]:
     """Of patterns that are all the same one."""
     index = np.concatenate([plan.index for plan in capture.setup.plans])
-    if np.ptp(index) > 0:
+    if np.ptp(index) > 0 or not capture.plan.shows_image:
         return []
     return [f"all {index.size} exposures show pattern {index[0]}: there is no image in them"]
 

@@ -305,7 +305,7 @@ def _note_of_readings(
         why = "what is shown twice differs there (lost, or disturbed?)"
         notes.append(f"without {spoilt.sum()} of its {spoilt.size} readings: {why}")
     ratio = found.signal_over_noise(varying)
-    if not found.values[varying].any():
+    if varying.any() and not found.values[varying].any():
         notes.append("without an image: readings of all its patterns are alike")
     elif ratio is not None and ratio < 1:
         notes.append(

@@ -26,6 +26,9 @@ from .model import (
 )
 from .pattern_taps import PatternTaps
 from .readings import READINGS
+from .readings.cw import CwSpots
+from .readings.dtof import HistogramSpots
+from .readings.pulsed import PulsedSpots
 from .schema import stored_fields
 from .selection import first_patterns
 from .spots import Spots
@@ -38,11 +41,14 @@ __all__ = [
     "Capture",
     "CaptureFile",
     "Charge",
+    "CwSpots",
     "FrameTruth",
     "Frames",
+    "HistogramSpots",
     "Optics",
     "PatternTaps",
     "Provenance",
+    "PulsedSpots",
     "Recording",
     "Setup",
     "Spots",

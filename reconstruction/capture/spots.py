@@ -20,6 +20,19 @@ def _unknown(*shape: int) -> Callable[[], Floats]:
     return lambda: np.full(shape, np.nan)
 
 
+MOST_PULSE_S = 1e-3
+"""Duration of pulses and time bins: light goes 300 km meanwhile."""
+
+
+def check_duration(name: str, duration_s: float) -> None:
+    """Raise InputError for a pulse or a time bin that tells no range."""
+    if duration_s > MOST_PULSE_S:
+        raise InputError(
+            f"{name} is {duration_s:g} s, must be at most {MOST_PULSE_S:g} s; if it is in "
+            f"nanoseconds, write {duration_s:g}e-9"
+        )
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SpotOptics:
     """Four lasers and their detectors: unit vectors from the pinhole to the spots, and what looks.

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Container, Sequence
 from contextlib import suppress
@@ -22,6 +23,8 @@ COMMANDS = {
     "replay": ("replay", "capture -> its frames as a stream"),
 }
 """Module of each, imported when it is called, and what it does."""
+NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
+"""Numbers behind options."""
 INTERRUPTED, UNREAD = 130, 1
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """What libraries of linear algebra go by, besides OMP_NUM_THREADS."""
@@ -81,6 +84,10 @@ def _unread() -> int:
 
 class _Parser(argparse.ArgumentParser):
     """What it says of wrong arguments is one line, and steers no terminal."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = NEGATIVE  # before Python 3.14, -1e-9 is taken for an option
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError: `main` tells it."""

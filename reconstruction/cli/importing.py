@@ -1,21 +1,22 @@
-"""Array of bucket readings -> capture."""
+"""Arrays of bucket readings and of time-of-flight readings -> capture."""
 
 import argparse
-import re
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..capture import write_capture
+from ..capture import Capture, Spots, write_capture
 from ..capture.importers import (
     ABOUT,
     PHASE_STEPS,
     READERS,
     capture_from_readings,
+    capture_from_spots,
     frames_of_columns,
     half_plane,
     is_spas,
@@ -36,6 +37,8 @@ from ..files import Output, require_outputs
 from ..image import UNLIT, Candidate, dark_estimate, recognise
 from ..operators import ORDERS, POLARITIES, PatternPlan, decoder_for, make_plan, transposed
 from ..text import printable
+from . import taps
+from .numbers import band, number, shape
 
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = (
@@ -44,6 +47,10 @@ EXAMPLE = (
 )
 SURE = 0.95
 """Probability from which on a layout is told without a warning."""
+MANY_TAPS = 16
+"""Four of each of four spots: images of as few pixels are rare."""
+PATTERNS = ("patterns_variable", "factors", "rows", "frequencies", "order", "polarity", "patterns")
+"""Options that tell which patterns were shown."""
 MOST_TOLD, LEAST_TOLD = 3, 1e-3
 """Layouts that are told, and the least probability."""
 
@@ -60,11 +67,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of this command."""
     kinds = ", ".join(READERS)
     parser.add_argument(
-        "file", metavar="FILE", type=Path, help=f"{kinds}, or NAME_spectraldata.npz of SPAS"
+        "file",
+        metavar="FILE",
+        type=Path,
+        nargs="?",
+        help=f"readings of patterns: {kinds}, or NAME_spectraldata.npz of SPAS",
     )
     parser.add_argument("-o", "--output", metavar="CAPTURE", type=Path, required=True, help="file")
     parser.add_argument(
-        "--shape", type=_shape, help="rows x columns, as in 32x32; SPAS tells it itself"
+        "--shape", type=shape, help="rows x columns, as in 32x32; SPAS tells it itself"
     )
     parser.add_argument(
         "--variable", help="the readings' variable in a .mat or .npz, or column of a text, from 0"
@@ -74,19 +85,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--transposed", action="store_true", help="pixels are numbered column by column"
     )
     parser.add_argument(
-        "--dark", metavar="COUNTS", type=_number, help="the dark reading, where none was recorded"
+        "--dark", metavar="COUNTS", type=number, help="the dark reading, where none was recorded"
     )
     parser.add_argument(
         "--untrusted", metavar="I", type=int, nargs="+", default=[], help="readings not to be used"
     )
     parser.add_argument(
-        "--band-nm", metavar="LOW-HIGH", type=_band, help="wavelengths of SPAS to sum (all)"
+        "--band-nm", metavar="LOW-HIGH", type=band, help="wavelengths of SPAS to sum (all)"
     )
     parser.add_argument(
         "--about", metavar="YAML", type=Path, help="file of lines like electrons_per_count: 12.5"
     )
     for name in ABOUT:
-        parser.add_argument(f"--{name.replace('_', '-')}", metavar="X", type=_number)
+        parser.add_argument(f"--{name.replace('_', '-')}", metavar="X", type=number)
+    taps.add_options(parser)
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
 
 
@@ -112,7 +124,7 @@ def _add_patterns(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--phase-steps", type=int, choices=PHASE_STEPS, help="of Fourier patterns, each in turn"
     )
-    parser.add_argument("--order", default="natural", help=f"auto, {', '.join(ORDERS)}")
+    parser.add_argument("--order", help=f"auto, {', '.join(ORDERS)} (natural)")
     parser.add_argument("--polarity", help=f"{', '.join(POLARITIES)} (signed)")
     parser.add_argument("--patterns", metavar="K", type=int, help="number of patterns (all)")
 
@@ -121,6 +133,28 @@ def run(options: argparse.Namespace) -> None:
     """Import a recording."""
     file = Output(options.output, "hardware capture", (".h5", ".hdf5"))
     require_outputs([file], _inputs(options), overwrite=options.overwrite)
+    spots = taps.spots_of(options, partial(_source, options))
+    if options.file is not None:
+        capture = _of_patterns(options, spots)
+    elif spots is not None:
+        capture = capture_from_spots(spots)
+    else:
+        raise InputError("FILE is missing: readings of patterns; --taps tells those of spots alone")
+    write_capture(capture, options.output)
+    for warning in [*taps.notes_of(options), *capture_warnings(capture, 0)]:
+        print(printable(f"warning: {warning}"), file=sys.stderr)
+    print(printable(f"{options.output}: {capture.frames} frame(s) of {_parts(capture)}"))
+
+
+def _parts(capture: Capture) -> str:
+    """What the frames of a capture hold."""
+    parts = [f"{capture.plan.exposures} readings"] if capture.plan.shows_image else []
+    parts += [] if capture.spots is None else [capture.spots.summary]
+    return ", ".join(parts)
+
+
+def _of_patterns(options: argparse.Namespace, spots: Spots | None) -> Capture:
+    """Readings of patterns, and those of the spots, if any."""
     about: dict[str, float] = {}
     if is_spas(options.file):
         readings, plan, about = load_spas(options.file, options.band_nm)
@@ -134,26 +168,32 @@ def run(options: argparse.Namespace) -> None:
     with naming(options.file):
         if plan.patterns.orthogonal:
             decoder_for(plan)  # whether the background is told
-        capture = capture_from_readings(recording.readings, plan, options.untrusted, about)
+        capture = capture_from_readings(
+            recording.readings,
+            plan,
+            options.untrusted,
+            about,
+            spots=spots,
+            optics=taps.optics_of(options),
+        )
         buckets = capture.buckets
         counts = buckets.counts * recording.sign
-        capture = replace(capture, buckets=replace(buckets, counts=counts))
-    write_capture(capture, options.output)
-    for warning in capture_warnings(capture, 0):
-        print(printable(f"warning: {warning}"), file=sys.stderr)
-    told = f"{options.output}: {capture.frames} frame(s) of {plan.exposures} readings"
-    print(printable(told))
+        return replace(capture, buckets=replace(buckets, counts=counts))
 
 
 def _inputs(options: argparse.Namespace) -> list[Path]:
-    return [options.file] if options.about is None else [options.file, options.about]
+    return [path for path in (options.file, options.about, options.taps_about) if path is not None]
 
 
 def _recording(options: argparse.Namespace) -> Recording:
     """Readings of a file, and the plan that the options tell."""
     if options.shape is None:
-        raise InputError("--shape is missing: rows x columns of the patterns, as in 32x32")
+        raise InputError(
+            "--shape is missing: rows x columns of the patterns, as in 32x32 (readings of spots: "
+            "--taps)"
+        )
     readings = load_array(options.file, options.variable, complex_too=True)
+    _ask_about_taps(options, readings)
     shape = options.shape[::-1] if options.transposed else options.shape
     with naming(options.file):
         if np.iscomplexobj(readings):
@@ -170,7 +210,7 @@ def _recording(options: argparse.Namespace) -> Recording:
         elif options.order == "auto":
             found = _recognised(options, readings, shape)
         else:
-            order, polarity = options.order, options.polarity or "signed"
+            order, polarity = options.order or "natural", options.polarity or "signed"
             plan = make_plan(shape, options.patterns, order, polarity)
             found = Recording(*_with_dark(options, readings, plan))
         plan = transposed(found.plan) if options.transposed else found.plan
@@ -182,10 +222,27 @@ def _recording(options: argparse.Namespace) -> Recording:
         return found._replace(plan=plan)
 
 
+def _ask_about_taps(options: argparse.Namespace, readings: NDArray[Any]) -> None:
+    """InputError where readings of patterns may as well be taps of spots."""
+    told = any(getattr(options, name) is not None for name in PATTERNS)
+    small = options.shape[0] * options.shape[1] <= MANY_TAPS
+    if small and not told and readings.size % MANY_TAPS == 0:
+        raise InputError(
+            f"{options.file} holds numbers of shape {readings.shape}: taps of the four spots, or "
+            f"readings of {options.shape[0]} x {options.shape[1]} patterns? For taps write --taps "
+            f"{options.file} --frequency HZ in place of FILE and --shape, for patterns --order too"
+        )
+
+
 def _source(options: argparse.Namespace, name: str) -> NDArray[Any]:
-    """Numbers of another file, or of a variable or column of the same."""
+    """Numbers of another file (FILE or FILE:VARIABLE), or of a variable or column of the same."""
+    path, _, variable = name.rpartition(":")
     if Path(name).suffix.lower() in READERS:
         return load_array(name)
+    if Path(path).suffix.lower() in READERS:
+        return load_array(path, variable)
+    if options.file is None:
+        raise InputError(f"{name!r} is no file ({', '.join(READERS)}), and FILE is missing")
     return load_array(options.file, name)
 
 
@@ -195,7 +252,7 @@ def _of_rows(
     rows = _source(options, options.rows) - options.first_row
     if rows.max() == shape[0] * shape[1] and rows.min() > 0:
         raise InputError(f"--rows go from {rows.min():g} to {rows.max():g}: add --first-row 1")
-    order = "natural" if options.order == "auto" else options.order
+    order = "natural" if options.order in (None, "auto") else options.order
     polarity = options.polarity or "signed"
     signs = polarity if options.signs is None else _source(options, options.signs)
     plan = plan_from_rows(rows, shape, order=order, polarity=signs)
@@ -290,27 +347,3 @@ def _frames(readings: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
     if readings.ndim != 2 or 1 in readings.shape or readings.shape == shape:
         return readings.reshape(1, -1)
     return readings if readings.shape[1] >= readings.shape[0] else frames_of_columns(readings)
-
-
-def _shape(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"(\d+)x(\d+)", text)
-    if match is None:
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 32x32 (rows x columns)")
-    return int(match[1]), int(match[2])
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number")
-    return value
-
-
-def _band(text: str) -> tuple[float, float]:
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)", text)
-    if match is None or float(match[1]) > float(match[2]):
-        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 530-560 (nm, low to high)")
-    return float(match[1]), float(match[2])

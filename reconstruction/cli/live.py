@@ -16,6 +16,7 @@ from ..live.links import Source, is_link, source_at
 from ..live.sinks import Detached, sink_to
 from ..ranging import RANGED
 from ..text import printable
+from .numbers import whole_number
 from .reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, WEATHER, names
 
 EXAMPLE = "python -m reconstruction live tcp-listen://:5800 --to latest --to flight.h5"
@@ -181,13 +182,6 @@ def _amiss(state: State) -> str:
     counts = vars(state.counts).items()
     told = {name: value for name, value in counts if value and name not in EXPECTED}
     return ", ".join(f"{name} {value}" for name, value in told.items())
-
-
-def whole_number(text: str) -> int:
-    """A number of things behind an option."""
-    if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= 10**9:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
-    return int(text)
 
 
 def _window(text: str) -> int:

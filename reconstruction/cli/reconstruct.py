@@ -153,10 +153,13 @@ def _told(
     result: Result, capture: Capture, unsuited: dict[str, str], files: dict[str, Path]
 ) -> Iterator[str]:
     plan = capture.plan
-    yield (
-        f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
-        f"({100 * plan.sampling_ratio:.1f} %), {capture.provenance.source}"
-    )
+    if plan.shows_image:
+        yield (
+            f"{plan.shape[0]} x {plan.shape[1]} pixels from {plan.sampled} patterns "
+            f"({100 * plan.sampling_ratio:.1f} %), {capture.provenance.source}"
+        )
+    else:
+        yield f"ranges alone, {capture.provenance.source}: no patterns, no image"
     for name, ranges in result.rangings.items():
         yield from _told_ranges(name, ranges)
     if not result.rangings and not result.depths:

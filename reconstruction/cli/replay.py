@@ -18,7 +18,7 @@ from ..live.framing import MAGIC
 from ..live.links import NewFile, Outlet, outlet_to
 from ..live.sending import SETUP_EVERY_S
 from ..text import printable
-from .live import whole_number
+from .numbers import whole_number
 from .reconstruct import OVERWRITE
 
 EXAMPLE = "python -m reconstruction replay flight.h5 --to tcp://localhost:5800"

@@ -135,7 +135,7 @@ class CoefficientDecoder:
     def _contrast(self, values: NDArray[Any]) -> float | None:
         """The usual contrast of images of this level, None where it is not measured."""
         operator = self._decoder.operator
-        if operator.level is None:
+        if operator.level is None or not operator.varying.any():
             return None
         mean = operator.mean_level(values[operator.level], np.zeros(operator.image_shape))
         return usual_contrast(abs(mean) ** 2, float((self._prior.deviation**2).mean())) or None

@@ -67,6 +67,11 @@ class PatternPlan:
         return self.shape[0] * self.shape[1]
 
     @property
+    def shows_image(self) -> bool:
+        """Whether there is an image to find: a single pixel is none."""
+        return self.pixels > 1
+
+    @property
     def exposures(self) -> int:
         """Number of displayed patterns, M."""
         return self.index.size

@@ -69,7 +69,8 @@ def write_outputs(result: Result, recording: Recorded, directory: str | Path) ->
 
 def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
     pictures = {}
-    for number, (name, image) in enumerate(result.images.items()):
+    images = result.images if setup.plan.shows_image else {}
+    for number, (name, image) in enumerate(images.items()):
         title = f"Image ({method_title('images', name)})"
         pictures[_file("image", name, number)] = image_picture(image, title, result.unit)
     for number, (name, depth_m) in enumerate(result.depths.items()):

@@ -18,12 +18,25 @@ from .fourier import (
     plan_from_phase_steps,
 )
 from .spas import is_spas, load_spas, whole_numbers
+from .taps import (
+    QUARTERS_RAD,
+    TAPS_ABOUT,
+    SpotGeometry,
+    capture_from_spots,
+    spots_from_histograms,
+    spots_from_taps,
+    spots_from_windows,
+)
 
 __all__ = [
     "ABOUT",
     "PHASE_STEPS",
+    "QUARTERS_RAD",
     "READERS",
+    "TAPS_ABOUT",
+    "SpotGeometry",
     "capture_from_readings",
+    "capture_from_spots",
     "frames_of_columns",
     "half_plane",
     "is_spas",
@@ -37,5 +50,8 @@ __all__ = [
     "plan_from_rows",
     "read_about",
     "readings_of",
+    "spots_from_histograms",
+    "spots_from_taps",
+    "spots_from_windows",
     "whole_numbers",
 ]

@@ -21,16 +21,18 @@ MAX_BYTES = 2**16
 LINE = re.compile(r"\s*(\w+)\s*:\s*([^#]*?)\s*(#.*)?")
 
 
-def checked_about(values: Mapping[str, float]) -> dict[str, float]:
-    """All of `ABOUT`, with these values; InputError for unknown names."""
+def checked_about(
+    values: Mapping[str, float], names: Mapping[str, float] = ABOUT
+) -> dict[str, float]:
+    """All ``names``, with these values; InputError for unknown ones."""
     for name in values:
-        if name not in ABOUT:
-            raise InputError(f"unknown {name!r} of a recording: {nearest(name, ABOUT)}")
-    return ABOUT | dict(values)
+        if name not in names:
+            raise InputError(f"unknown {name!r} of a recording: {nearest(name, names)}")
+    return {**names, **values}
 
 
-def read_about(path: Path) -> dict[str, float]:
-    """Values of a YAML file of lines ``name: number``, the names those of `ABOUT`.
+def read_about(path: Path, names: Mapping[str, float] = ABOUT) -> dict[str, float]:
+    """Values of a YAML file of lines ``name: number``, of these ``names``.
 
     Raises InputError for anything else.
     """
@@ -41,7 +43,7 @@ def read_about(path: Path) -> dict[str, float]:
             raise InputError(f"has more than {MAX_BYTES // 2**10} KiB; a few lines are expected")
         lines = path.read_text("utf-8-sig", "replace").splitlines()
         found = dict(_read_line(line) for line in lines if line.partition("#")[0].strip())
-        checked_about(found)
+        checked_about(found, names)
         return found
 
 

@@ -15,7 +15,8 @@ from ...operators.bases.dense import Dense
 from ...operators.bases.hadamard import Hadamard
 from ...operators.hadamard import power_of_two
 from ..buckets import Buckets
-from ..model import Capture, Provenance
+from ..model import Capture, Optics, Provenance
+from ..spots import Spots
 from .about import checked_about
 
 MAX_VALUES = 2**26
@@ -158,12 +159,17 @@ def capture_from_readings(
     plan: PatternPlan,
     untrusted: Iterable[int] = (),
     about: Mapping[str, float] = MappingProxyType({}),
+    *,
+    spots: Spots | None = None,
+    optics: Optics | None = None,
 ) -> Capture:
-    """Capture (source hardware, no time of flight) from readings in a layout of `readings_of`.
+    """Capture (source hardware) from readings in a layout of `readings_of`.
 
     ``untrusted`` are positions of readings that must not be used, marked as saturated. ``about``
     tells by name what is known of the detector (`ABOUT`): what a count stands for, noise and times
-    are else marked as unknown. Raises InputError if the number of readings is not the plan's.
+    are else marked as unknown. ``spots`` are time-of-flight readings of as many frames, as of
+    `spots_from_taps`, ``optics`` the projector's angles of view. Raises InputError if the number of
+    readings is not the plan's, or parts do not fit together.
     """
     counts = readings_of(readings, plan.exposures)
     saturated = np.zeros(counts.shape, dtype=bool)
@@ -178,8 +184,8 @@ def capture_from_readings(
             saturated=saturated,
             **checked_about(about),
         ),
-        spots=None,
-        optics=None,
+        spots=spots,
+        optics=optics,
         provenance=Provenance(
             source="hardware",
             software="reconstruction import",

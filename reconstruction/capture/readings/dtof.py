@@ -10,7 +10,7 @@ from ...arrays import Floats, Mask
 from ...constants import c
 from ...errors import InputError
 from ..schema import Stored
-from ..spots import Spots
+from ..spots import Spots, check_duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +59,7 @@ class HistogramSpots(Spots):
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and the histograms can be true."""
         super().check()
+        check_duration("spots/bin_width_s", self.bin_width_s)
         bins = self.counts.shape[-1]
         if bins < 3:
             raise InputError(f"spots/counts has {bins} bins; a histogram needs at least 3")

@@ -11,7 +11,7 @@ from ...constants import c
 from ...errors import InputError
 from ..charge import Charge
 from ..schema import Stored
-from ..spots import Spots
+from ..spots import Spots, check_duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +63,7 @@ class PulsedSpots(Charge, Spots):
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and the windows do not overlap."""
         super().check()
+        check_duration("spots/pulse_width_s", self.pulse_width_s)
         if self.window_starts_s.size < 3:
             raise InputError(
                 f"spots/window_starts_s has {self.window_starts_s.size} windows; one of background "
@@ -70,11 +71,13 @@ class PulsedSpots(Charge, Spots):
             )
         background, first, *others = (self.window_starts_s / self.pulse_width_s).tolist()
         for number, start in enumerate(others, start=1):
-            if abs(start - first - number) > 1e-6:
+            gap = start - first - number
+            if abs(gap) > 1e-6:
                 raise InputError(
                     f"spots/window_starts_s: window {number + 1} must start where the one before "
                     f"ends, {number} pulse_width_s = {number * self.pulse_width_s:g} s after the "
-                    f"first, not {(start - first) * self.pulse_width_s:g} s"
+                    f"first, not {(start - first) * self.pulse_width_s:g} s: they "
+                    f"{'overlap' if gap < 0 else 'leave a gap'}"
                 )
         if first - 1 + 1e-6 < background < others[-1] + 1 - 1e-6:
             raise InputError(

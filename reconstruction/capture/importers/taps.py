@@ -1,0 +1,264 @@
+"""Arrays of time-of-flight readings of the spots -> the part of a capture that holds them."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...arrays import Floats
+from ...errors import InputError
+from ...operators import PatternPlan
+from ..model import Capture
+from ..readings.cw import CwSpots
+from ..readings.dtof import HistogramSpots
+from ..readings.pulsed import PulsedSpots
+from ..spots import Spots
+from .about import checked_about
+from .arrays import capture_from_readings
+
+SPOTS = 4
+QUARTERS_RAD = (0.0, np.pi / 2, np.pi, 3 * np.pi / 2)
+"""Phases of four taps, a quarter of a period after each other."""
+
+TAPS_ABOUT: dict[str, float] = {
+    "electrons_per_count": 1.0,
+    "offset_counts": 0.0,
+    "noise_electrons": float("nan"),
+    "excess_noise_factor": 1.0,
+    "saturation_counts": float("inf"),
+}
+"""What is known of the spots' detectors, and its values where nothing is said: fields of `Charge`,
+and the counts from which on a reading must not be used."""
+
+NOTHING: Mapping[str, float] = MappingProxyType({})
+
+
+class SpotGeometry(NamedTuple):
+    """Unit vectors (4, 3) from the pinhole to the spots, and detector positions (4, 3) in metres.
+
+    Without anything said the spots lie straight ahead and the detectors at the pinhole.
+    """
+
+    directions: ArrayLike = ((0.0, 0.0, 1.0),) * SPOTS
+    detector_positions_m: ArrayLike = ((0.0, 0.0, 0.0),) * SPOTS
+
+    def fields(self) -> dict[str, Any]:
+        """Both as fields of `Spots`, directions made unit vectors; InputError for other shapes."""
+        arrays: dict[str, Floats] = {
+            name: np.asarray(each, float) for name, each in self._asdict().items()
+        }
+        for name, array in arrays.items():
+            if array.shape != (SPOTS, 3):
+                raise InputError(f"{name} has shape {array.shape}, expected ({SPOTS}, 3): x, y, z")
+        lengths = np.linalg.norm(arrays["directions"], axis=1, keepdims=True)
+        if not (lengths > 0).all():
+            raise InputError("directions hold a vector of length 0")
+        return arrays | {"directions": arrays["directions"] / lengths}
+
+
+AHEAD = SpotGeometry()
+
+
+def spots_from_taps(
+    taps: ArrayLike,
+    frequencies_hz: ArrayLike,
+    *,
+    phases_rad: ArrayLike = QUARTERS_RAD,
+    phase_offsets_rad: ArrayLike = 0.0,
+    geometry: SpotGeometry = AHEAD,
+    about: Mapping[str, float] = NOTHING,
+) -> CwSpots:
+    """Continuous-wave (iToF) taps of four spots.
+
+    Parameters
+    ----------
+    taps : array, (4, K), (frames, 4, K), (4 * frames, K) or (frames, 4 * K)
+        Counts of K = F * P taps of each spot: those of all P phases of the first frequency, then
+        those of the next.
+    frequencies_hz : float or array, (F,)
+        Modulation frequencies.
+    phases_rad : array, (P,)
+        Phases of the taps of each frequency; four quarters of a period by default.
+    phase_offsets_rad : float or array, (F,)
+        Calibrated phase at zero path length, of each frequency.
+    geometry : SpotGeometry
+        Where the spots and their detectors are.
+    about : mapping
+        What is known of the detectors, by the names of `TAPS_ABOUT`.
+
+    Returns
+    -------
+    CwSpots
+
+    Raises
+    ------
+    InputError
+        If the taps have another shape, or frequencies and phases cannot be true.
+    """
+    each_hz, phases = np.atleast_1d(frequencies_hz), np.atleast_1d(phases_rad)
+    offsets = np.broadcast_to(phase_offsets_rad, each_hz.shape)
+    what = f"{phases.size} phases of {each_hz.size} frequency(ies)"
+    readings = _of_spots(taps, each_hz.size * phases.size, what)
+    spots = CwSpots(
+        taps=readings,
+        tap_frequencies_hz=np.repeat(each_hz.astype(float), phases.size),
+        tap_phases_rad=np.tile(phases.astype(float), each_hz.size),
+        phase_offsets_rad=np.repeat(offsets.astype(float), phases.size),
+        periods=1,
+        **geometry.fields(),
+        **_charge(readings, about),
+    )
+    spots.check()
+    return spots
+
+
+def spots_from_windows(
+    taps: ArrayLike,
+    window_starts_s: ArrayLike,
+    pulse_width_s: float,
+    *,
+    pulses: int = 1,
+    delay_offset_s: float = 0.0,
+    geometry: SpotGeometry = AHEAD,
+    about: Mapping[str, float] = NOTHING,
+) -> PulsedSpots:
+    """Windows of pulsed light of four spots.
+
+    Parameters
+    ----------
+    taps : array, (4, W), (frames, 4, W), (4 * frames, W) or (frames, 4 * W)
+        Counts of W windows of each spot: background, then two or more for the echo.
+    window_starts_s : array, (W,)
+        When each opens after the pulse begins to leave.
+    pulse_width_s : float
+        Duration of the rectangular pulse, and of each window.
+    pulses : int
+        Pulses that each window accumulates.
+    delay_offset_s : float
+        Calibrated delay: light arrives L / c + delay_offset_s after it left.
+    geometry, about
+        As for `spots_from_taps`.
+
+    Returns
+    -------
+    PulsedSpots
+
+    Raises
+    ------
+    InputError
+        If the taps have another shape, or windows overlap or leave gaps.
+    """
+    starts = np.atleast_1d(window_starts_s).astype(float)
+    readings = _of_spots(taps, starts.size, f"{starts.size} windows")
+    spots = PulsedSpots(
+        taps=readings,
+        window_starts_s=starts,
+        pulse_width_s=pulse_width_s,
+        pulses=pulses,
+        delay_offset_s=delay_offset_s,
+        **geometry.fields(),
+        **_charge(readings, about),
+    )
+    spots.check()
+    return spots
+
+
+def spots_from_histograms(
+    counts: ArrayLike,
+    bin_width_s: float,
+    pulses: int,
+    *,
+    start_s: float = 0.0,
+    response_sigma_s: float = float("nan"),
+    delay_offset_s: float = 0.0,
+    saturated: ArrayLike = False,
+    geometry: SpotGeometry = AHEAD,
+) -> HistogramSpots:
+    """Histograms (dToF) of four spots.
+
+    Parameters
+    ----------
+    counts : array, (4, B), (frames, 4, B), (4 * frames, B) or (B, 4)
+        Arrivals in B time bins of each spot.
+    bin_width_s : float
+        Width of a bin.
+    pulses : int
+        Cycles, each of which contributes one arrival at most.
+    start_s : float
+        When the first bin begins after the pulse's centre leaves.
+    response_sigma_s : float
+        Rms width of pulse and jitter together; nan where it is to be fitted.
+    delay_offset_s : float
+        Calibrated delay: light arrives L / c + delay_offset_s after it left.
+    saturated : bool or array, (frames, 4)
+        Histograms that must not be used.
+    geometry
+        As for `spots_from_taps`.
+
+    Returns
+    -------
+    HistogramSpots
+
+    Raises
+    ------
+    InputError
+        If the counts have another shape, or hold more arrivals than cycles.
+    """
+    array = _numbers(counts)
+    if array.ndim == 2 and array.shape[1] == SPOTS != array.shape[0]:
+        array = array.T
+    if array.ndim == 2 and array.shape[0] % SPOTS == 0:
+        array = array.reshape(-1, SPOTS, array.shape[1])
+    if array.ndim != 3 or array.shape[1] != SPOTS:
+        raise InputError(
+            f"the histograms have shape {array.shape}; a line for each of the {SPOTS} spots is "
+            "expected, frame after frame, or a column for each"
+        )
+    spots = HistogramSpots(
+        counts=array,
+        saturated=np.broadcast_to(np.asarray(saturated, bool), array.shape[:2]).copy(),
+        bin_width_s=bin_width_s,
+        start_s=start_s,
+        pulses=pulses,
+        response_sigma_s=response_sigma_s,
+        delay_offset_s=delay_offset_s,
+        **geometry.fields(),
+    )
+    spots.check()
+    return spots
+
+
+def capture_from_spots(spots: Spots) -> Capture:
+    """Capture (source hardware) of ranges alone: its image is a single dark pixel."""
+    nothing_shown = PatternPlan((1, 1), np.zeros(1, np.int32), np.zeros(1, np.int8))
+    return capture_from_readings(np.zeros((len(spots.readings), 1)), nothing_shown, spots=spots)
+
+
+def _of_spots(taps: ArrayLike, each: int, what: str) -> NDArray[Any]:
+    """Readings (frames, 4, each) from an array of any of the layouts."""
+    array = _numbers(taps)
+    columns = array.shape[-1] if array.ndim else 0
+    by_spot = array.ndim == 2 and columns == each and len(array) % SPOTS == 0
+    by_frame = array.ndim in (1, 2) and columns == SPOTS * each
+    if not (by_spot or by_frame or (array.ndim == 3 and array.shape[1:] == (SPOTS, each))):
+        raise InputError(
+            f"the taps have shape {array.shape}; {what} give {each} numbers of each of the {SPOTS} "
+            f"spots: {each} columns, a line for each spot, frame after frame, or {SPOTS * each} "
+            "columns, a line for each frame"
+        )
+    return array.reshape(-1, SPOTS, each)
+
+
+def _numbers(values: ArrayLike) -> NDArray[Any]:
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise InputError(f"the readings of the spots are of type {array.dtype}, not real numbers")
+    return array.astype(np.int64 if array.dtype.kind in "iu" else np.float64)
+
+
+def _charge(readings: NDArray[Any], about: Mapping[str, float]) -> dict[str, Any]:
+    """Fields of `Charge`, and which readings must not be used."""
+    known = checked_about(about, TAPS_ABOUT)
+    return {"saturated": readings >= known.pop("saturation_counts"), **known}

@@ -1,0 +1,49 @@
+"""Numbers behind options; argparse tells the errors with the option's name."""
+
+import argparse
+import re
+
+import numpy as np
+
+
+def whole_number(text: str) -> int:
+    """A number of things."""
+    if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= 10**9:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+    return int(text)
+
+
+def number(text: str) -> float:
+    """Any finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number")
+    return value
+
+
+def shape(text: str) -> tuple[int, int]:
+    """Rows and columns."""
+    match = re.fullmatch(r"(\d+)x(\d+)", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 32x32 (rows x columns)")
+    return int(match[1]), int(match[2])
+
+
+def angles(text: str) -> tuple[float, float]:
+    """Angles of view in degrees, between 0 and 180."""
+    width, _, height = text.partition("x")
+    found = number(width), number(height)
+    if not all(0 < each < 180 for each in found):
+        raise argparse.ArgumentTypeError(f"{text!r}: both angles must lie between 0 and 180 deg")
+    return found
+
+
+def band(text: str) -> tuple[float, float]:
+    """Wavelengths from low to high."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)", text)
+    if match is None or float(match[1]) > float(match[2]):
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form 530-560 (nm, low to high)")
+    return float(match[1]), float(match[2])

@@ -1,0 +1,182 @@
+"""Options of `import` that tell the readings of the spots."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..capture import Optics, Spots
+from ..capture.importers import (
+    TAPS_ABOUT,
+    SpotGeometry,
+    read_about,
+    spots_from_histograms,
+    spots_from_taps,
+    spots_from_windows,
+)
+from ..errors import InputError, naming
+from .numbers import angles, number, whole_number
+
+Source = Callable[[str], NDArray[Any]]
+"""Numbers of a file, or of a variable or column of the readings' file."""
+
+KINDS = ("frequency", "windows", "bin_width")
+"""Options that say how the spots were measured."""
+CHARGE = ("frequency", "windows")
+NEEDS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    *((name, ("taps",)) for name in (*KINDS, "directions", "detectors")),
+    ("taps", KINDS),
+    ("windows", ("pulse_width",)),
+    ("bin_width", ("pulses",)),
+    ("phases_deg", ("frequency",)),
+    ("phase_offsets_deg", ("frequency",)),
+    ("pulse_width", ("windows",)),
+    ("pulses", ("windows", "bin_width")),
+    ("first_bin", ("bin_width",)),
+    ("response_sigma", ("bin_width",)),
+    ("delay_offset", ("windows", "bin_width")),
+    *((name, CHARGE) for name in ("taps_about", *(f"taps_{about}" for about in TAPS_ABOUT))),
+    ("fov_deg", ("directions",)),
+    ("fov_deg", ("file",)),
+)
+"""Options, and those of which each needs one."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options of the spots."""
+    group = parser.add_argument_group("time of flight of the four spots (iToF, pulses, dToF)")
+    group.add_argument("--taps", metavar="SOURCE", help="taps, windows or histograms of the spots")
+    which = group.add_mutually_exclusive_group()
+    many: dict[str, Any] = {"type": number, "nargs": "+"}
+    which.add_argument("--frequency", metavar="HZ", **many, help="of modulated light: 20e6")
+    which.add_argument("--windows", metavar="S", **many, help="starts of windows, background first")
+    which.add_argument("--bin-width", metavar="S", type=number, help="of histograms")
+    group.add_argument("--phases-deg", metavar="DEG", **many, help="of taps (0 90 180 270)")
+    group.add_argument(
+        "--phase-offsets-deg", metavar="DEG", **many, help="at zero path, of each frequency (0)"
+    )
+    group.add_argument("--pulse-width", metavar="S", type=number, help="as long as the windows are")
+    group.add_argument("--pulses", metavar="N", type=whole_number, help="of a window or histogram")
+    group.add_argument("--first-bin", metavar="S", type=number, help="when histograms begin (0)")
+    group.add_argument("--response-sigma", metavar="S", type=number, help="of pulse and jitter")
+    group.add_argument("--delay-offset", metavar="S", type=number, help="at zero path (0)")
+    group.add_argument(
+        "--directions", metavar="SOURCE", help="from the pinhole to the spots, (4, 3): x y z"
+    )
+    group.add_argument("--detectors", metavar="SOURCE", help="their positions in metres, (4, 3)")
+    group.add_argument(
+        "--fov-deg", metavar="WIDTHxHEIGHT", type=angles, help="of the patterns, for depth maps"
+    )
+    group.add_argument(
+        "--taps-about", metavar="YAML", type=Path, help="file of lines like noise_electrons: 40"
+    )
+    for name in TAPS_ABOUT:
+        group.add_argument(f"--taps-{name.replace('_', '-')}", metavar="X", type=number)
+
+
+def spots_of(options: argparse.Namespace, source: Source) -> Spots | None:
+    """Readings of the spots as the options tell them; None without ``--taps``."""
+    _check_options(options)
+    if options.taps is None:
+        return None
+    taps, geometry = source(options.taps), _geometry(options, source)
+    with naming(options.taps):
+        return _spots(options, taps, geometry)
+
+
+def _spots(options: argparse.Namespace, taps: NDArray[Any], geometry: SpotGeometry) -> Spots:
+    delay_offset_s = options.delay_offset or 0.0
+    if options.bin_width is not None:
+        return spots_from_histograms(
+            taps,
+            options.bin_width,
+            options.pulses,
+            start_s=options.first_bin or 0.0,
+            response_sigma_s=options.response_sigma or np.nan,
+            delay_offset_s=delay_offset_s,
+            geometry=geometry,
+        )
+    about = _about(options)
+    if options.windows is not None:
+        return spots_from_windows(
+            taps,
+            options.windows,
+            options.pulse_width,
+            pulses=options.pulses or 1,
+            delay_offset_s=delay_offset_s,
+            geometry=geometry,
+            about=about,
+        )
+    offsets_deg = options.phase_offsets_deg or [0.0]
+    if len(offsets_deg) not in (1, len(options.frequency)):
+        raise InputError(
+            f"--phase-offsets-deg has {len(offsets_deg)} numbers, must have one of each of the "
+            f"{len(options.frequency)} frequencies"
+        )
+    return spots_from_taps(
+        taps,
+        options.frequency,
+        phases_rad=np.radians(options.phases_deg or [0, 90, 180, 270]),
+        phase_offsets_rad=np.radians(offsets_deg),
+        geometry=geometry,
+        about=about,
+    )
+
+
+def optics_of(options: argparse.Namespace) -> Optics | None:
+    """The projector's angles of view, where they are told."""
+    if options.fov_deg is None:
+        return None
+    wide, high = np.tan(np.radians(options.fov_deg) / 2)
+    return Optics(tan_half_width=float(wide), tan_half_height=float(high))
+
+
+def notes_of(options: argparse.Namespace) -> list[str]:
+    """What was taken for granted, as nothing said it."""
+    notes = []
+    if options.taps is not None and options.directions is None:
+        notes.append(
+            "the spots' directions are not told: taken to be straight ahead (--directions SOURCE)"
+        )
+    counted = options.taps is None or options.bin_width is not None
+    if not counted and "electrons_per_count" not in _about(options):
+        notes.append(
+            "electrons_per_count of the taps is not told: taken as 1, on which the ranges' sigma "
+            "rests (--taps-electrons-per-count X)"
+        )
+    return notes
+
+
+def _geometry(options: argparse.Namespace, source: Source) -> SpotGeometry:
+    told = {
+        name: source(where)
+        for name, where in (
+            ("directions", options.directions),
+            ("detector_positions_m", options.detectors),
+        )
+        if where is not None
+    }
+    return SpotGeometry(**told)
+
+
+def _about(options: argparse.Namespace) -> dict[str, float]:
+    """What is told of the spots' detectors, by a file and by options, which go before."""
+    about = {} if options.taps_about is None else read_about(options.taps_about, TAPS_ABOUT)
+    told = {name: getattr(options, f"taps_{name}") for name in TAPS_ABOUT}
+    return about | {name: value for name, value in told.items() if value is not None}
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Raise InputError for an option that says nothing without others."""
+    for name, others in NEEDS:
+        if getattr(options, name) is not None and all(
+            getattr(options, other) is None for other in others
+        ):
+            raise InputError(f"{_option(name)} needs {' or '.join(map(_option, others))}")
+
+
+def _option(name: str) -> str:
+    return "FILE" if name == "file" else f"--{name.replace('_', '-')}"
