@@ -121,5 +121,6 @@ def _parser(called: Container[str]) -> argparse.ArgumentParser:
             command = import_module(f".{module}", __name__)
             verb.epilog = f"example: {command.EXAMPLE}"
             command.add_options(verb)
+            verb.add_argument("--json", action="store_true", help="print one JSON object")
             verb.set_defaults(run=command.run)
     return parser

@@ -22,7 +22,6 @@ USEFUL_M = 0.5
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of this command."""
     parser.add_argument("captures", metavar="CAPTURE", type=Path, nargs="+", help="capture files")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(options: argparse.Namespace) -> None:

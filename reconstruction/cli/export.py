@@ -21,7 +21,7 @@ from ..exports import (
     shots_of,
     write_export,
 )
-from ..text import printable
+from ..text import json_line, printable
 from .reconstruct import OVERWRITE, STATIONS, names
 
 EXAMPLE = "python -m reconstruction export flight.h5 -o flight.mcap"
@@ -62,7 +62,10 @@ def run(options: argparse.Namespace) -> None:
     methods = {name: names(getattr(options, name)) for name in STATIONS}
     shots = shots_of(options.captures, place, methods)
     write_export(form, _told(shots, frames), options.output)
-    print(printable(f"wrote {frames} frame(s) to {options.output}"))
+    if options.json:
+        print(json_line({"written": str(options.output), "frames": frames}))
+    else:
+        print(printable(f"wrote {frames} frame(s) to {options.output}"))
 
 
 def _nowhere(capture: CaptureFile | None, frame: int) -> None:

@@ -36,7 +36,7 @@ from ..errors import InputError, naming
 from ..files import Output, require_outputs
 from ..image import UNLIT, Candidate, dark_estimate, recognise
 from ..operators import ORDERS, POLARITIES, PatternPlan, decoder_for, make_plan, transposed
-from ..text import printable
+from ..text import json_line, printable
 from . import taps
 from .numbers import band, number, shape
 
@@ -141,9 +141,25 @@ def run(options: argparse.Namespace) -> None:
     else:
         raise InputError("FILE is missing: readings of patterns; --taps tells those of spots alone")
     write_capture(capture, options.output)
-    for warning in [*taps.notes_of(options), *capture_warnings(capture, 0)]:
+    warnings = [*taps.notes_of(options), *capture_warnings(capture, 0)]
+    for warning in warnings:
         print(printable(f"warning: {warning}"), file=sys.stderr)
-    print(printable(f"{options.output}: {capture.frames} frame(s) of {_parts(capture)}"))
+    if options.json:
+        report = {"written": str(options.output), **_report(capture), "warnings": warnings}
+        print(json_line(report))
+    else:
+        print(printable(f"{options.output}: {capture.frames} frame(s) of {_parts(capture)}"))
+
+
+def _report(capture: Capture) -> dict[str, Any]:
+    plan, spots = capture.plan, capture.spots
+    return {
+        "frames": capture.frames,
+        "shape": list(plan.shape) if plan.shows_image else None,
+        "exposures": plan.exposures if plan.shows_image else 0,
+        "order": plan.order if plan.shows_image else None,
+        "time_of_flight": None if spots is None else spots.method,
+    }
 
 
 def _parts(capture: Capture) -> str:
@@ -324,7 +340,7 @@ def _recognised(
     layout, probability = found[0][:2]
     for place, candidate in enumerate(found[:MOST_TOLD]):
         if place == 0 or candidate.probability >= LEAST_TOLD:
-            print(printable(_told(candidate)))
+            print(printable(_told(candidate)), file=sys.stderr if options.json else sys.stdout)
     if probability < SURE:
         print("warning: the layout is not sure; name order and polarity", file=sys.stderr)
     if layout.polarity == UNLIT:

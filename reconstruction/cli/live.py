@@ -14,8 +14,9 @@ from ..image import load_pursuit
 from ..live import CaptureSource, Loop, Outcome, Reception, State
 from ..live.links import Source, is_link, source_at
 from ..live.sinks import Detached, sink_to
+from ..live.sinks.lines import state_report
 from ..ranging import RANGED
-from ..text import printable
+from ..text import json_line, printable
 from .numbers import whole_number
 from .reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, WEATHER, names
 
@@ -67,6 +68,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a stream until it ends, or this is interrupted."""
     source = _source(options.source, followed=options.follow)
+    if options.json and "-" in options.to:
+        raise InputError("--json and --to - both write to standard output: choose one")
     twice = [name for name in options.to if options.to.count(name) > 1]
     if twice:
         raise InputError(f"--to {twice[0]} is told twice")
@@ -103,6 +106,9 @@ def run(options: argparse.Namespace) -> None:
             print(printable(f"warning: {each.why}; lost {each.lost}"), file=sys.stderr)
     if not reception.counts.reconstructed:
         raise InputError(f"{options.source}: no frame was reconstructed{_why(loop.state())}")
+    if options.json:
+        lost = {each.name: {"lost": each.lost, "dropped": each.dropped} for each in detached}
+        print(json_line({**state_report(loop.state()), "sinks": lost}))
 
 
 @contextmanager

@@ -63,7 +63,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
     parser.add_argument("--min-free", **MIN_FREE_OPTION)
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
 def run(options: argparse.Namespace) -> None:

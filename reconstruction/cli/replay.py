@@ -17,7 +17,7 @@ from ..live import Sender, frame_period_s
 from ..live.framing import MAGIC
 from ..live.links import NewFile, Outlet, outlet_to
 from ..live.sending import SETUP_EVERY_S
-from ..text import printable
+from ..text import json_line, printable
 from .numbers import whole_number
 from .reconstruct import OVERWRITE
 
@@ -46,6 +46,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Send a capture."""
+    if options.json and options.to == "-":
+        raise InputError("--json and --to - both write to standard output: choose one")
     outlet = outlet_to(options.to)
     if isinstance(outlet, NewFile):
         file = Output(Path(options.to), "stream", (".stream",), MAGIC.decode())
@@ -53,13 +55,15 @@ def run(options: argparse.Namespace) -> None:
     outlet.check()
     try:
         with _whole(outlet):
-            _replay(options, outlet)
+            sent = _replay(options, outlet)
     except OSError as error:
         if options.to == "-" or error.filename is not None:
             raise
         raise InputError(f"{options.to}: {error.strerror or error}") from None
     finally:
         outlet.close()
+    if options.json:
+        print(json_line({"to": options.to, "frames": sent}))
 
 
 @contextmanager
@@ -74,7 +78,8 @@ def _whole(outlet: Outlet) -> Iterator[None]:
         raise
 
 
-def _replay(options: argparse.Namespace, outlet: Outlet) -> None:
+def _replay(options: argparse.Namespace, outlet: Outlet) -> int:
+    """Send all frames; returns how many."""
     with open_capture(options.capture) as capture:
         period_s = _period_s(capture, options.rate)
         if np.isnan(period_s) and not isinstance(outlet, NewFile):
@@ -84,6 +89,7 @@ def _replay(options: argparse.Namespace, outlet: Outlet) -> None:
             )
         _opened(outlet)
         send(capture, outlet, 0.0 if np.isnan(period_s) else period_s, options.times)
+        return options.times * capture.frames
 
 
 def send(
