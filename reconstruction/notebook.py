@@ -1,4 +1,4 @@
-"""What objects show of themselves in notebooks: a few words and a picture, in HTML."""
+"""What objects show of themselves: a few words, and in notebooks pictures beside them, in HTML."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Mapping
@@ -12,6 +12,21 @@ from .png import png
 
 WIDTH_PX = 220
 """Of a picture."""
+MAX_LINES, MAX_LETTERS = 10, 100
+"""Of what an object says of itself in a terminal."""
+
+
+def told(title: str, facts: Mapping[str, Any]) -> str:
+    """A title, and facts by their names in a line each, as `repr` shows them."""
+    lines = [title, *(f"  {name}: {value}" for name, value in facts.items())]
+    if len(lines) > MAX_LINES:
+        left = len(lines) - MAX_LINES + 1
+        lines = [*lines[: MAX_LINES - 1], f"  and {left} more"]
+    return "\n".join(_cut(" ".join(line.split("\n"))) for line in lines)
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= MAX_LETTERS else f"{line[: MAX_LETTERS - 1]}…"
 
 
 def shown(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .arrays import Floats
 from .capture import Unit
 from .depth import MIN_FREE, nearest_obstacle_m
-from .notebook import picture, shown
+from .notebook import picture, shown, told
 from .plotting import draw_map, panels
 from .ranging import RANGED, Ranges
 
@@ -67,15 +67,26 @@ class Result:
         pictures = [picture(self.image, f"image, {next(iter(self.images))}", f"{self.unit}s")]
         if self.depth_m is not None:
             pictures.append(picture(self.depth_m, f"depth, {next(iter(self.depths))}", "m"))
-        facts: dict[str, object] = {"frame": self.frame, "patterns": self.patterns}
+        return shown("Result", self._facts, pictures)
+
+    def __repr__(self) -> str:
+        return told("Result", self._facts)
+
+    @property
+    def _facts(self) -> dict[str, Any]:
+        facts: dict[str, Any] = {
+            "frame": self.frame,
+            "patterns": self.patterns,
+            "images": ", ".join(self.images),
+            "depths": ", ".join(self.depths) or "none",
+        }
         if self.ranges is not None:
-            told = zip(self.ranges.status, self.ranges.range_m, self.ranges.sigma_m, strict=True)
-            for spot, (status, range_m, sigma_m) in enumerate(told):
+            rows = zip(self.ranges.status, self.ranges.range_m, self.ranges.sigma_m, strict=True)
+            for spot, (status, range_m, sigma_m) in enumerate(rows):
                 known = f"{range_m:.3f} ± {sigma_m:.2g} m"
                 known += "" if status == "ok" else f" ({status})"
                 facts[f"spot {spot}"] = known if status in RANGED else status
-        facts |= {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
-        return shown("Result", facts, pictures)
+        return facts | {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
 
     def plot(self) -> Any:
         """Draw image, depth map and ranges with their sigma, those of them that there are.

@@ -34,6 +34,9 @@ class Simulation:
     transport: Transport
     truths: tuple[GroundTruth, ...]
 
+    def __repr__(self) -> str:
+        return f"Simulation of {self.capture!r}"
+
 
 def simulate(
     scene: Scene,

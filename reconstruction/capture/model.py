@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..errors import InputError
-from ..notebook import drawing, figure, picture, shown
+from ..notebook import drawing, figure, picture, shown, told
 from ..operators import PatternPlan
 from ..plotting import draw_map, panels
 from .buckets import Buckets
@@ -158,6 +158,19 @@ class Setup:
     pattern_taps: PatternTaps | None
     later_plans: tuple[PatternPlan, ...] = ()
 
+    def __repr__(self) -> str:
+        return told("Setup", self.facts)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What it is, in a few words by name."""
+        plan = self.plan
+        return {
+            "patterns": f"{plan.sampled} of {plan.shape[0]} × {plan.shape[1]} pixels, {plan.basis}",
+            "exposures": plan.exposures,
+            "ranging": "none" if self.spots is None else self.spots.summary,
+        }
+
     @property
     def plans(self) -> tuple[PatternPlan, ...]:
         """Of successive frames, over and over."""
@@ -190,6 +203,12 @@ class Frames:
     buckets: Buckets
     spots: Spots | None
     pattern_taps: PatternTaps | None
+
+    def __repr__(self) -> str:
+        facts: dict[str, Any] = {"first": self.first, "frames": len(self)}
+        if self.spots is not None:
+            facts["ranging"] = self.spots.summary
+        return told("Frames", facts | {"exposures": self.buckets.counts.shape[1]})
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -254,16 +273,19 @@ class Capture:
         """Number of frames."""
         return int(self.buckets.counts.shape[0])
 
-    def _repr_html_(self) -> str:
-        plan = self.plan
-        facts = {
+    def __repr__(self) -> str:
+        return told("Capture", self._facts)
+
+    @property
+    def _facts(self) -> dict[str, Any]:
+        return {
             "source": self.provenance.source,
             "frames": self.frames,
-            "patterns": f"{plan.sampled} of {plan.shape[0]} × {plan.shape[1]} pixels, {plan.basis}",
-            "exposures": plan.exposures,
+            **self.setup.facts,
             "saturated": f"{100 * self.buckets.saturated.mean():.3g} %",
-            "ranging": "none" if self.spots is None else self.spots.method,
         }
+
+    def _repr_html_(self) -> str:
         readings = np.asarray(self.buckets.counts[0], np.float64)
         low, high = float(readings.min()), float(readings.max())
         heights = (readings - low) / max(high - low, 1e-300) * readings.size
@@ -273,7 +295,7 @@ class Capture:
         pictures = [figure(lines, f"readings of frame 0, {low:.4g} to {high:.4g} counts")]
         if self.truth is not None:
             pictures.append(picture(self.truth.image[0], "true image", "electrons"))
-        return shown("Capture", facts, pictures)
+        return shown("Capture", self._facts, pictures)
 
     def plot(self, frame: int = 0) -> Any:
         """Draw a frame's readings and, where they are known, its true image and depth.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from reconstruction import Capture, read_capture
 from reconstruction.errors import InputError, nearest
-from reconstruction.notebook import picture, shown
+from reconstruction.notebook import picture, shown, told
 from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS
 from spisim.dataset.folder import Layout
@@ -83,20 +83,30 @@ class DataSet(Sequence[StoredSample]):
     def __len__(self) -> int:
         return len(self.records)
 
-    def _repr_html_(self) -> str:
+    def __repr__(self) -> str:
+        return told(self._title, self._facts)
+
+    @property
+    def _title(self) -> str:
+        return f"Data set {self.meta.get('name', '')}"
+
+    @property
+    def _facts(self) -> dict[str, Any]:
         scenes = {str(record.scene) for record in self.records}
-        facts = {
+        return {
             "folder": self.folder,
             "samples": f"{len(self):,} done, {len(self.failed):,} failed",
             "scenes": f"{len(scenes):,} different ones",
             "varied": ", ".join(self.records[0].parameters) if self.records else "",
         }
+
+    def _repr_html_(self) -> str:
         pictures = []
         for sample in self[:SHOWN]:
             truth = sample.capture.truth
             if truth is not None:
                 pictures.append(picture(truth.image[0], f"sample {sample.index}", "electrons"))
-        return shown(f"Data set {self.meta.get('name', '')}", facts, pictures)
+        return shown(self._title, self._facts, pictures)
 
     @overload
     def __getitem__(self, place: int) -> StoredSample: ...

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from reconstruction.arrays import Floats
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
-from reconstruction.notebook import drawing, figure, shown
+from reconstruction.notebook import drawing, figure, shown, told
 from reconstruction.operators import PatternPlan, mean_illumination
 from reconstruction.ranging.weather import VISIBILITIES_M, Weather
 from spisim.config import Number, Positive, Section, dump_yaml, parse_model
@@ -83,7 +83,7 @@ class Instrument(Section):
     """The end of a pattern's period, in which the detector collects; all of it without."""
 
     def _repr_html_(self) -> str:
-        projector, plan = self.projector, self.pattern_plan
+        projector = self.projector
         size = np.array([projector.tan_half_width, projector.tan_half_height])
         spots = self.lasers.directions
         spots = spots[:, :2] / spots[:, 2:] * (1, -1)
@@ -97,7 +97,18 @@ class Instrument(Section):
             f'<circle cx="{x:.5g}" cy="{y:.5g}" r="{wide / 30:.4g}" stroke="crimson" {line}/>'
             for x, y in spots
         ]
-        facts = {
+        field = figure(drawing(drawn, (-wide, -wide), (wide, wide)), "field, and spots in red")
+        return shown("Instrument", self._facts, [field])
+
+    def __repr__(self) -> str:
+        return told("Instrument", self._facts)
+
+    __str__ = __repr__
+
+    @property
+    def _facts(self) -> dict[str, Any]:
+        projector, plan = self.projector, self.pattern_plan
+        return {
             "wavelength": f"{self.wavelength_nm:g} nm",
             "patterns": f"{plan.sampled} of {plan.shape[0]} × {plan.shape[1]} pixels, {plan.basis}",
             "frame": f"{1e3 * self.frame_time_s:.4g} ms",
@@ -106,8 +117,6 @@ class Instrument(Section):
             "lasers": f"4 × {1e3 * self.lasers.power_w:g} mW",
             "ranging": self.tof.method,
         }
-        field = figure(drawing(drawn, (-wide, -wide), (wide, wide)), "field, and spots in red")
-        return shown("Instrument", facts, [field])
 
     @property
     def text(self) -> str:

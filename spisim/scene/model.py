@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.arrays import Floats
-from reconstruction.notebook import drawing, figure, shown
+from reconstruction.notebook import drawing, figure, shown, told
 from reconstruction.plotting import panels
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
@@ -158,8 +158,16 @@ class Scene:
             f'r="{size / 60:.4g}" {line}/><path d="M {drone[0]:.5g} {drone[1]:.5g} '
             f'L {end[0]:.5g} {end[1]:.5g}" {line}/></g>'
         )
+        above = figure(drawing(boxes, low, high), f"from above, {size:.3g} m wide; red: the drone")
+        return shown(f"Scene {self.name}", self._facts, [above])
+
+    def __repr__(self) -> str:
+        return told(f"Scene {self.name}", self._facts)
+
+    @property
+    def _facts(self) -> dict[str, Any]:
         media = [f"{medium['where']}: {medium['kind']}" for medium in self.media_summary()]
-        facts = {
+        return {
             "objects": len(self.objects),
             "triangles": f"{sum(len(thing.mesh.faces) for thing in self.objects):,}",
             "air": ", ".join(media) or "clear",
@@ -167,8 +175,6 @@ class Scene:
             "lamps": len(self.lamps),
             "moves": "yes" if self.moves else "no",
         }
-        above = figure(drawing(boxes, low, high), f"from above, {size:.3g} m wide; red: the drone")
-        return shown(f"Scene {self.name}", facts, [above])
 
     def plot(self) -> Any:
         """Draw the bounds of all surfaces from above and from the side, and the drone in red.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from reconstruction.files import Output
-from reconstruction.notebook import drawing, figure, shown
+from reconstruction.notebook import drawing, figure, shown, told
 from reconstruction.plotting import panels
 from spisim.config import csv_table
 from spisim.dataset.records import Record
@@ -79,10 +79,20 @@ class Results:
     differences: Sequence[Difference]
 
     def _repr_html_(self) -> str:
-        plan = self.planned.plan
-        facts = {"samples": len(self.rows), "combinations": len(self.tried), "x": plan.study.x}
         pictures = [self._means(name) for name in self.metrics[:SHOWN]]
-        return shown(f"Study {plan.name}", facts, pictures)
+        return shown(self._title, self._facts, pictures)
+
+    def __repr__(self) -> str:
+        return told(self._title, self._facts)
+
+    @property
+    def _title(self) -> str:
+        return f"Study {self.planned.plan.name}"
+
+    @property
+    def _facts(self) -> dict[str, Any]:
+        x = self.planned.plan.study.x
+        return {"samples": len(self.rows), "combinations": len(self.tried), "x": x}
 
     def plot(self) -> Any:
         """Draw the mean of each metric with its interval over x, a line for each group.

@@ -54,6 +54,36 @@ def test_a_data_set_shows_its_first_samples(capture: Capture, tmp_path: Path) ->
     assert html.count("<figure") == 3
 
 
+def test_a_few_lines_tell_what_an_object_is(capture: Capture, tmp_path: Path) -> None:
+    """Not the arrays in it, which are pages."""
+    make_set(tmp_path / "set", capture, done=4, failed=1)
+    for thing, words in (
+        (capture, ["Capture", "frames: 1", "128 of 16 × 16 pixels", "4 taps"]),
+        (capture.setup, ["Setup", "128 of 16 × 16 pixels"]),
+        (capture.frame(), ["Frames", "exposures: 256"]),
+        (reconstruct(capture), ["Result", "images: edge-preserving, ", "spot 3: "]),
+        (spisim.load_scene("target-plane"), ["Scene target-plane", "clear"]),
+        (spisim.load_instrument("paper"), ["Instrument", "1550 nm"]),
+        (open_data_set(tmp_path / "set"), ["Data set", "4 done, 1 failed"]),
+    ):
+        text = repr(thing)
+        lines = text.splitlines()
+        assert len(lines) <= 10, text
+        assert max(map(len, lines)) <= 100, text
+        for word in words:
+            assert word in text
+        assert str(thing) == text
+
+
+def test_what_is_too_much_to_tell_is_cut() -> None:
+    text = notebook.told("Result", {f"note {n}": "a\nb" * 99 for n in range(20)})
+    lines = text.splitlines()
+    assert len(lines) == 10
+    assert lines[-1] == "  and 12 more"
+    assert lines[1].startswith("  note 0: a ba b")
+    assert {len(line) for line in lines[1:-1]} == {100}
+
+
 @pytest.mark.parametrize("values", [np.full((2, 2), np.nan), np.zeros((2, 2)), [[1, np.nan]]])
 def test_maps_of_nothing_and_of_one_value_are_shown(values: np.ndarray) -> None:
     checked(notebook.picture(values, "a <map>", "m"), "a &lt;map&gt;")
