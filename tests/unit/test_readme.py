@@ -1,7 +1,9 @@
 """The README points to what is there."""
 
+import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -39,3 +41,20 @@ def test_all_kinds_of_links_are_seen() -> None:
 @pytest.mark.parametrize("target", local_targets(README))
 def test_every_link_leads_to_a_file_of_the_repository(target: str) -> None:
     assert target in kept_by_git()
+
+
+@pytest.mark.slow
+def test_the_example_in_python_suits_a_strict_type_checker(tmp_path: Path) -> None:
+    example = re.search(r"```python\n(.*?)```", README, re.S)
+    assert example is not None
+    assert "result.ranges" in example[1]
+    (tmp_path / "example.py").write_text(example[1], encoding="utf-8")
+    options = ["--strict", "--follow-imports", "silent", "--config-file", ""]
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", *options, "--cache-dir", str(tmp_path), "example.py"],
+        cwd=tmp_path,
+        env={**os.environ, "MYPYPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout
