@@ -27,7 +27,10 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
     number, and where the truth of that frame is not known.
     """
     if recording.truth is None:
-        raise InputError("the capture holds no truth to compare with; simulated captures do")
+        raise InputError(
+            "the capture holds no truth to compare with; simulated captures do (what frames "
+            "repeat: `evaluate_recording`)"
+        )
     frame = recording.frame(result.frame)
     if result.recording != frame.digest(recording.setup):
         raise InputError(

@@ -9,7 +9,7 @@ from reconstruction.errors import naming
 
 from .console import print_json, warn
 from .options import CaptureArgument, FrameOption, Json, Methods, MinFree
-from .tables import print_errors
+from .tables import print_errors, print_recording
 
 EXAMPLE = "spisim evaluate out/demo/capture.h5 out/demo"
 
@@ -29,16 +29,28 @@ def command(
     """Compare image, ranges and depth map with the truth of a simulated capture.
 
     Without the folder of a result, a frame of the capture is reconstructed first, by the methods
-    named as for `reconstruct`.
+    named as for `reconstruct`. Of a rig's capture, which holds no truth, tell what its frames
+    repeat: noise against what is expected, saturation, spread of ranges.
     """
     from dataclasses import replace
 
-    from reconstruction import evaluate, read_capture, read_result, reconstruct
+    from reconstruction import capture_warnings, evaluate, read_capture, read_result, reconstruct
     from reconstruction.cli.reconstruct import names
     from reconstruction.depth import check_min_free
     from reconstruction.diagnostics import NOT_TRACED
+    from reconstruction.evaluation import evaluate_recording
 
     recording = read_capture(capture)
+    if recording.truth is None and folder is None:
+        with naming(capture):
+            told = evaluate_recording(recording, names(ranging))
+        warnings = capture_warnings(recording, frame)
+        warn(warnings)
+        if json:
+            print_json(told | {"warnings": warnings})
+        else:
+            print_recording(told)
+        return
     file = None
     if folder is None:
         with naming(capture):

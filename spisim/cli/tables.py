@@ -37,6 +37,36 @@ def print_spots(metrics: Mapping[str, Any], of: str) -> None:
     _print_all(compared_spots(metrics, of))
 
 
+def print_recording(told: Mapping[str, Any]) -> None:
+    """Print what a recording tells of itself, as `evaluate_recording` returns it."""
+    from spisim.report.comparison import written
+
+    table = plain_table("", "saturated", "noise", "expected", "noise ratio")
+    for name in ("readings", "taps"):
+        if (part := told[name]) is not None:
+            numbers = (part[key] for key in ("noise", "expected"))
+            cells = [written(each, 1, f"{{:.4g}} {part['unit']}s") for each in numbers]
+            saturated = written(part["saturated"], 100, "{:.3g} %")
+            table.add_row(name, saturated, *cells, written(part["noise_ratio"], 1, "{:.2f}"))
+    print_table(table)
+    if (image := told["image"]) is not None:
+        ratio = written(image["signal_over_noise"], 1, "{:.3g}")
+        results.print(f"\nzero-filled image, signal over noise: {ratio}")
+    for name, spots in told["spots"].items():
+        table = plain_table(name, "range", "spread", "sigma", "spread ratio", "ranged")
+        for spot, each in enumerate(spots):
+            lengths = (
+                written(each[key], 1, "{:.4f} m") for key in ("range_m", "spread_m", "sigma_m")
+            )
+            ratio = written(each["spread_ratio"], 1, "{:.2f}")
+            table.add_row(f"spot {spot}", *lengths, ratio, written(each["ranged"], 100, "{:.0f} %"))
+        print_table(table)
+    if told["frames"] < 2:
+        results.print("one frame: noise and spread take two or more of a still scene", style="dim")
+    else:
+        results.print(f"of {told['frames']} frames, as of a scene that stands still", style="dim")
+
+
 def _print_all(comparisons: Iterable[Comparison]) -> None:
     for compared in comparisons:
         table = plain_table(compared.name, *compared.columns)

@@ -1,0 +1,142 @@
+"""What frames of a still scene tell of a recording without truth: noise, saturation, ranges."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import Floats
+from ..capture import CwSpots, HistogramSpots, PulsedSpots, Recording, Spots
+from ..chosen_methods import Names
+from ..errors import InputError
+from ..ranging import RANGED, Ranges
+from ..reconstructor import Reconstructor
+from ..result import BASELINE, Result
+from .numbers import number
+
+MOST_FRAMES = 256
+"""Frames that are looked at, from the first on."""
+
+
+def evaluate_recording(recording: Recording, ranging: Names = None) -> dict[str, Any]:
+    """What a recording tells of itself, as plain numbers, ready for JSON.
+
+    Noise is measured by differences of successive frames that show the same patterns, so it is that
+    of scene and rig that stand still, whatever drifts slowly; None of fewer than two such frames.
+
+    Parameters
+    ----------
+    recording
+        A capture in memory or in its file; the first `MOST_FRAMES` frames are looked at.
+    ranging
+        Methods, as for `Reconstructor`.
+
+    Returns
+    -------
+    dict
+        ``frames``: their number. ``readings`` and ``taps`` (None without time of flight), each with
+        ``unit``, ``saturated`` (fraction), ``noise`` (rms, measured), ``expected`` (rms, of light
+        and electronics as the capture states them; None where it does not) and ``noise_ratio``,
+        the first over the second. ``image``, of the zero-filled images: ``noise``, ``contrast``
+        (standard deviation over the pixels of their mean) and ``signal_over_noise``. ``spots``, by
+        method, of each spot: ``range_m`` (mean), ``spread_m`` (measured), ``sigma_m`` (rms of those
+        stated), ``spread_ratio``, the one over the other, and ``ranged`` (fraction of the frames).
+
+    Raises
+    ------
+    InputError
+        For unknown methods, and plans that do not tell the background.
+    """
+    setup, count = recording.setup, min(recording.frames, MOST_FRAMES)
+    every, period = recording.batch(0, count), len(setup.plans)
+    buckets = every.buckets
+    reconstructor = Reconstructor(setup, image=BASELINE, ranging=ranging, depth=[])
+    results: list[Result] = []
+    for frame in range(count):
+        with suppress(InputError):  # all of it saturated
+            results.append(reconstructor(every.between(frame, frame + 1)))
+    in_turn = bool(results) and (period == 1 or len(results) == count)
+    return {
+        "frames": count,
+        "readings": {
+            "unit": buckets.unit,
+            **_noise(buckets.signal, buckets.variance, buckets.usable, period),
+        },
+        "taps": None if every.spots is None else _taps(every.spots),
+        "image": _image(results, period) if in_turn and setup.plan.shows_image else None,
+        "spots": {
+            name: _spots([result.rangings[name] for result in results])
+            for name in (results[0].rangings if results else ())
+        },
+    }
+
+
+def _noise(
+    values: Floats, variance: Floats, usable: NDArray[np.bool_], period: int
+) -> dict[str, float | None]:
+    both = usable[period:] & usable[:-period]
+    noise = _rms(_differences(values, period)[both])
+    stated = (variance[period:] + variance[:-period])[both] / 2
+    expected = number(np.sqrt(stated.mean())) if stated.size else None
+    return {
+        "saturated": float(1 - usable.mean()),
+        "noise": noise,
+        "expected": expected,
+        "noise_ratio": _ratio(noise, expected),
+    }
+
+
+def _taps(spots: Spots) -> dict[str, Any] | None:
+    if isinstance(spots, HistogramSpots):
+        counts = spots.counts.astype(np.float64)
+        usable = np.broadcast_to(~spots.saturated[..., None], counts.shape)
+        return {"unit": "count", **_noise(counts, counts, usable, 1)}
+    if not isinstance(spots, CwSpots | PulsedSpots):
+        return None
+    electrons = spots.electrons(spots.taps)
+    shot = spots.excess_noise_factor * np.maximum(electrons, 0)
+    variance = shot + np.square(spots.noise_electrons)
+    return {"unit": "electron", **_noise(electrons, variance, ~spots.saturated, 1)}
+
+
+def _image(results: Sequence[Result], period: int) -> dict[str, float | None]:
+    images = np.array([result.image for result in results], np.float64)
+    noise, contrast = _rms(_differences(images, period)), float(images.mean(axis=0).std())
+    return {"noise": noise, "contrast": contrast, "signal_over_noise": _ratio(contrast, noise)}
+
+
+def _spots(rangings: Sequence[Ranges]) -> list[dict[str, float | None]]:
+    ranged = np.array([[status in RANGED for status in each.status] for each in rangings])
+    range_m, sigma_m = (
+        np.array([getattr(each, name) for each in rangings]) for name in ("range_m", "sigma_m")
+    )
+    found = []
+    for spot, known in enumerate(ranged.T):
+        pairs = known[1:] & known[:-1]
+        spread = _rms(_differences(range_m[:, spot], 1)[pairs])
+        sigma = _rms(sigma_m[known, spot])
+        found.append(
+            {
+                "range_m": number(range_m[known, spot].mean()) if known.any() else None,
+                "spread_m": spread,
+                "sigma_m": sigma,
+                "spread_ratio": _ratio(spread, sigma),
+                "ranged": float(known.mean()),
+            }
+        )
+    return found
+
+
+def _differences(values: Floats, period: int) -> Floats:
+    """Of frames ``period`` apart, as large as the noise of one."""
+    return np.asarray((values[period:] - values[:-period]) / np.sqrt(2))
+
+
+def _rms(values: Floats) -> float | None:
+    return number(np.sqrt(np.mean(values**2))) if values.size else None
+
+
+def _ratio(measured: float | None, expected: float | None) -> float | None:
+    return measured / expected if measured is not None and expected else None
