@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
-from ..capture import CwSpots, HistogramSpots, PulsedSpots, Recording, Spots
+from ..capture import Buckets, CwSpots, HistogramSpots, PulsedSpots, Recording, Spots
 from ..chosen_methods import Names
 from ..errors import InputError
 from ..ranging import RANGED, Ranges
@@ -36,7 +36,8 @@ def evaluate_recording(recording: Recording, ranging: Names = None) -> dict[str,
     Returns
     -------
     dict
-        ``frames``: their number. ``readings`` and ``taps`` (None without time of flight), each with
+        ``frames``: their number. ``readings`` (None without an image) and ``taps`` (None without
+        time of flight), with
         ``unit``, ``saturated`` (fraction), ``noise`` (rms, measured), ``expected`` (rms, of light
         and electronics as the capture states them; None where it does not) and ``noise_ratio``,
         the first over the second. ``image``, of the zero-filled images: ``noise``, ``contrast``
@@ -51,7 +52,6 @@ def evaluate_recording(recording: Recording, ranging: Names = None) -> dict[str,
     """
     setup, count = recording.setup, min(recording.frames, MOST_FRAMES)
     every, period = recording.batch(0, count), len(setup.plans)
-    buckets = every.buckets
     reconstructor = Reconstructor(setup, image=BASELINE, ranging=ranging, depth=[])
     results: list[Result] = []
     for frame in range(count):
@@ -60,10 +60,7 @@ def evaluate_recording(recording: Recording, ranging: Names = None) -> dict[str,
     in_turn = bool(results) and (period == 1 or len(results) == count)
     return {
         "frames": count,
-        "readings": {
-            "unit": buckets.unit,
-            **_noise(buckets.signal, buckets.variance, buckets.usable, period),
-        },
+        "readings": _readings(every.buckets, period) if setup.plan.shows_image else None,
         "taps": None if every.spots is None else _taps(every.spots),
         "image": _image(results, period) if in_turn and setup.plan.shows_image else None,
         "spots": {
@@ -71,6 +68,11 @@ def evaluate_recording(recording: Recording, ranging: Names = None) -> dict[str,
             for name in (results[0].rangings if results else ())
         },
     }
+
+
+def _readings(buckets: Buckets, period: int) -> dict[str, Any]:
+    noise = _noise(buckets.signal, buckets.variance, buckets.usable, period)
+    return {"unit": buckets.unit, **noise}
 
 
 def _noise(

@@ -75,6 +75,7 @@ def test_ranges_alone_and_histograms():
     one = [np.histogram(np.concatenate(each), edges)[0] for each in zip(*arrivals, strict=True)]
     spots = spots_from_histograms(np.repeat(np.array(one)[:, None], 4, axis=1), 1e-9, 10**6)
     told = evaluate_recording(capture_from_spots(spots))
+    assert told["readings"] is None
     assert told["image"] is None
     assert told["taps"]["noise_ratio"] == pytest.approx(1, abs=0.3)
     assert told["spots"]["dtof"][0]["range_m"] == pytest.approx(3, abs=0.02)
