@@ -23,7 +23,7 @@ from ..outputs import outputs_in, write_outputs
 from ..ranging import RANGED, RANGING_METHODS, Ranges
 from ..reconstructor import reconstruct
 from ..result import Result
-from ..text import json_line, printable
+from ..text import json_line, printable, shortened
 
 ANY_WIDTH = 10_000
 """Characters in a line of what is no terminal."""
@@ -96,7 +96,7 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
     warnings = capture_warnings(capture, before, result.ranges)
     warnings += result.warnings
     for warning in warnings:
-        print(printable(f"warning: {warning}"), file=sys.stderr)
+        print(printable(shortened(f"warning: {warning}")), file=sys.stderr)
     unsuited = left_out(capture.setup) if methods["depth"] is None else {}
     if options.json:
         written = {name: str(path) for name, path in files.items()}

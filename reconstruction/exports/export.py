@@ -84,7 +84,8 @@ def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
 
     Nor may it hold any of the ``inputs``.
     """
-    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+    nameless = folder.name in ("", "..")
+    if nameless or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise InputError(f"{folder} is not a folder; the name of a new one is needed")
     require_folder(folder)
     for path in inputs:

@@ -105,6 +105,7 @@ def run_study(
         if not any(each.metrics for each in evaluations.values()):
             reasons = [record.error for record in data.failed]
             reasons += [evaluation.error for evaluation in evaluations.values()]
+            reasons += ["the code that evaluates changed meanwhile"]
             raise InputError(f"{folder}: all samples failed; the first one because: {reasons[0]}")
         results = results_of(planned, (*data.records, *data.failed), evaluations)
         return Finished(results, state, _write(results, folder))
