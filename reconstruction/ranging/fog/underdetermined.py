@@ -68,6 +68,9 @@ VEIL = 0.15
 BEYOND = 0.05
 """Prior probability of a target that is as far again as phases tell apart, and looks near: that of
 spots up to there in drawn worlds."""
+LIKELY = 0.5
+"""Without an image no fog is left out that explains the readings so well, in log likelihood below
+the best: a profile's interval of one standard deviation, whatever the fog is."""
 FREEDOM = 4.0
 """Of Student's t, with which a pixel may differ from its spot: edges are frequent."""
 APART_M = 0.5
@@ -146,11 +149,11 @@ def underdetermined_solver(
         backscatter = np.exp(belief.log_median[:, None] + belief.log_deviation[:, None] * NODES)
         roots = _roots(tables, pairs @ [1, 1j], covariance, backscatter, longest_m, log_density)
         seen = brightness if tables.pixel_fog is not None else None
-        weight, by_root = _weights(
+        weight, by_root, likely = _weights(
             tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, belief, seen
         )
         estimate = Posterior(
-            tuple(_spot_posterior(roots, by_root, spot) for spot in range(4)),
+            tuple(_spot_posterior(roots, by_root, likely, spot) for spot in range(4)),
             belief.updated(weight, backscatter),
         )
         statuses = tuple(
@@ -283,8 +286,8 @@ def _weights(
     backscatter: Floats,
     belief: FogBelief,
     brightness: Brightness | None,
-) -> tuple[Floats, Floats]:
-    """Posterior (K, B) of fogs, and of each root (C,) within its spot.
+) -> tuple[Floats, Floats, Mask]:
+    """Posterior (K, B) of fogs, of each root (C,) within its spot, and which are `LIKELY`.
 
     A spot without a target has the echo of fog alone, and a pixel with its veil.
     """
@@ -316,6 +319,10 @@ def _weights(
     total = np.exp(empty - peak)
     np.add.at(total, index, relative)
     evidence = (peak + np.log(total))[usable].sum(axis=0)
+    likely = np.zeros(len(roots.spot), dtype=bool)
+    if brightness is None:
+        log = evidence[..., 0] - NODES**2 / 2 + belief.log_ratio(CLEAR)[:, None]
+        likely = (log >= log.max() - LIKELY)[roots.node, roots.draw]
     evidence = evidence + np.log(np.maximum(belief.share, 1e-300))[:, None, None]
     evidence = evidence + np.log(WEIGHTS / WEIGHTS.sum())[:, None]
     if aside.size > 1:
@@ -324,7 +331,7 @@ def _weights(
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
     by_root = (relative / total[index] * weight[roots.node, roots.draw]).sum(axis=-1)
-    return weight.sum(axis=-1), by_root
+    return weight.sum(axis=-1), by_root, likely
 
 
 def _log_likelihood_of_pixel(
@@ -342,7 +349,7 @@ def _log_likelihood_of_pixel(
     return np.where(np.isfinite(likelihood), likelihood, 0.0)
 
 
-def _spot_posterior(roots: _Roots, by_root: Floats, spot: int) -> SpotPosterior:
+def _spot_posterior(roots: _Roots, by_root: Floats, likely: Mask, spot: int) -> SpotPosterior:
     here = np.flatnonzero(roots.spot == spot)
     weight = by_root[here]
     here = here[weight > NEGLIGIBLE * weight.sum()]
@@ -357,7 +364,10 @@ def _spot_posterior(roots: _Roots, by_root: Floats, spot: int) -> SpotPosterior:
         return np.asarray(np.bincount(branch, weight * values) / total)
 
     centre, noise_m2 = mean(range_m), mean(roots.noise_m2[here])
-    sigma_m = np.sqrt(noise_m2 + mean((range_m - centre[branch]) ** 2))
+    away_m2 = (range_m - centre[branch]) ** 2
+    farthest_m2 = np.zeros(total.size)
+    np.maximum.at(farthest_m2, branch, np.where(likely[here], away_m2, 0.0))
+    sigma_m = np.sqrt(noise_m2 + np.maximum(mean(away_m2), farthest_m2))
     best = int(total.argmax())
     return SpotPosterior(
         alternatives=tuple(
