@@ -67,7 +67,7 @@ def command(
     read = files_read(scene, instrument, path)
     with output_folder(output, files, read, overwrite=overwrite), resumed():
         trajectory = load_trajectory(path, frame).faster(speed)
-        carried = instrument_with(instrument, stated=stated)
+        carried = instrument_with(instrument, stated=stated or trajectory.weather)
         place, oddities = scene_with(scene, carried.wavelength_nm, weather)
         check_clear_path(place, trajectory)
         flight = instants(place, trajectory, carried, rate, seed)
