@@ -44,8 +44,10 @@ def calling(port):
 def test_tcp_carries_bytes_and_its_end_is_a_break_that_can_be_mended(listening):
     outlet = calling(listening.port)
     listening.open()
-    outlet.send(b"x" * 300_000)
+    sending = threading.Thread(target=outlet.send, args=(b"x" * 300_000,))
+    sending.start()
     assert all_of(listening, 300_000) == b"x" * 300_000
+    sending.join(SAFETY_S)
     outlet.close()
     with pytest.raises(ConnectionError, match="closed"):
         listening.receive(SAFETY_S)

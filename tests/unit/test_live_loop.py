@@ -25,10 +25,11 @@ def recording(capture):
     return film(capture, 6)
 
 
-def looped(told, *, clock=None, **options):
+def looped(told, *, clock=None, patient=False, **options):
     """A loop after a stream has come in, and what it told."""
     clock = clock or Clock()
-    reception = Reception(Script(*told, clock=clock), clock=clock, waiting=1000)
+    source = Script(*told, clock=clock, patient=patient)
+    reception = Reception(source, clock=clock, waiting=1000)
     results, states = [], []
     loop = Loop(reception, results=[results.append], states=[states.append], clock=clock, **options)
     reception.run()
@@ -97,11 +98,14 @@ def test_a_new_setup_is_compiled_and_a_bad_one_is_a_trouble(recording, capture):
     same(results[-1].result, Reconstructor(other.setup, image="edge-preserving")(other.frame(0)))
 
 
-def test_a_bad_first_setup_is_an_error(capture):
+def test_a_bad_first_setup_of_a_file_is_an_error_and_of_a_link_a_trouble(capture):
     plan = capture.plan
     bad = replace(capture, plan=replace(plan, polarity=np.ones(plan.exposures, np.int8)))
     with pytest.raises(InputError, match="background"):
-        looped(messages(bad))
+        looped(messages(bad), patient=True)
+    loop, _, states = looped(messages(bad))
+    assert loop.state().counts.failed == 1
+    assert "background" in states[-1].trouble
 
 
 def test_a_frame_without_anything_usable_is_told_and_the_next_is_fine(recording):

@@ -102,7 +102,7 @@ def repacked(told):
         ({"buckets/exposure_time_s": -1.0}, "must be positive"),
         ({"source": "moon"}, "source is 'moon'; allowed: hardware, simulation"),
         ({"patterns/order": np.zeros(3)}, "expected a scalar"),
-        ({"rig/film": np.zeros((0, 2**23), np.float64)}, "at most 16777216"),
+        ({"rig/film": np.zeros((0, 2**23), np.float64)}, "a frame of 67111312 bytes; at most"),
     ],
 )
 def test_what_is_wrong_with_a_setup_is_named(capture, change, message):

@@ -132,12 +132,13 @@ def test_lines_are_of_numbers(recording):
     fed(JsonLines(lambda: text), messages(recording))
     made, *lines = map(json.loads, text.getvalue().splitlines())
     assert made == {"made": "made by spisim: results of a stream"}
-    assert [line["frame"] for line in lines[:-1]] == list(range(6))
+    frames = [line for line in lines if "frame" in line]
+    assert [line["frame"] for line in frames] == list(range(6))
     expected = Reconstructor(recording.setup)(recording.frame(3))
-    assert lines[3]["range_m"][2] is None
-    assert lines[3]["range_status"][2] == "saturated"
-    assert lines[3]["range_m"][0] == expected.ranges.range_m[0]
-    assert lines[3]["nearest_m"] == pytest.approx(float(np.nanmin(expected.depth_m)))
+    assert frames[3]["range_m"][2] is None
+    assert frames[3]["range_status"][2] == "saturated"
+    assert frames[3]["range_m"][0] == expected.ranges.range_m[0]
+    assert frames[3]["nearest_m"] == pytest.approx(float(np.nanmin(expected.depth_m)))
     assert lines[-1]["state"]["reconstructed"] == 6
     assert lines[-1]["state"]["lost"] == 0
 
