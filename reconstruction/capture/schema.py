@@ -74,9 +74,10 @@ class Stored(NamedTuple):
         bad = value <= 0 if self.sign == "positive" else value < 0
         if self.sign != "any" and bad.any():
             raise InputError(f"{name} is {value[bad].flat[0]}, must be {self.sign}")
-        if value.dtype.kind == "f":
-            self._check_limits(name, value)
-        return value.astype(dtype, copy=False)
+        kept = value.astype(dtype, copy=False)
+        if dtype.kind == "f":
+            self._check_limits(name, kept)
+        return kept
 
     def _check_limits(self, name: str, value: NDArray[Any]) -> None:
         least, most = LIMITS[self.units]

@@ -53,9 +53,14 @@ def pack(message: Message) -> bytes:
             f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}: fewer pixels, or "
             "fewer readings of each frame"
         )
-    told = (message.run, message.number, len(payload), message.time_ns, message.setup)
+    return b"".join((header(message, len(payload)), payload, CRC.pack(zlib.crc32(payload))))
+
+
+def header(message: Message, length: int) -> bytes:
+    """The header of a message whose payload has so many bytes."""
+    told = (message.run, message.number, length, message.time_ns, message.setup)
     head = HEADER.pack(MAGIC, message.version, message.kind, *told, 0)[: -CRC.size]
-    return b"".join((head, CRC.pack(zlib.crc32(head)), payload, CRC.pack(zlib.crc32(payload))))
+    return head + CRC.pack(zlib.crc32(head))
 
 
 class Parser:

@@ -61,6 +61,12 @@ class Waiting(Generic[Item]):
             self._changed.notify_all()
 
     @property
+    def empty(self) -> bool:
+        """Whether nothing waits."""
+        with self._changed:
+            return not self._items
+
+    @property
     def over(self) -> bool:
         """Whether it is closed and empty."""
         with self._changed:

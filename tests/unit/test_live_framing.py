@@ -12,7 +12,7 @@ import pytest
 from captures import full_capture
 from reconstruction import InputError
 from reconstruction.live import Kind, Message, Parser, pack
-from reconstruction.live.framing import HEADER, MAGIC, MAX_BEGUN, MAX_PAYLOAD_BYTES
+from reconstruction.live.framing import HEADER, MAGIC, MAX_BEGUN, MAX_PAYLOAD_BYTES, header
 from streams import messages
 
 MESSAGES = [
@@ -80,10 +80,9 @@ def test_a_message_that_lacks_bytes_does_not_take_the_next_one_with_it():
     assert found[-3:] == [MESSAGES[0]] * 3
 
 
-def announced(length, kind=Kind.SETUP, setup=0):
+def announced(length):
     """A header that is right, of a message that never comes."""
-    head = HEADER.pack(MAGIC, 1, kind, 0, 0, length, 0, setup, 0)[:-4]
-    return head + struct.pack("<I", zlib.crc32(head))
+    return header(Message(Kind.SETUP), length)
 
 
 def test_a_header_of_16_mib_keeps_nothing_from_whoever_is_behind_it():
@@ -139,8 +138,7 @@ def test_another_version_is_told_once_for_each_message():
 
 def test_lengths_and_kinds_that_cannot_be_are_no_header():
     for length, kind in ((MAX_PAYLOAD_BYTES + 1, 1), (2**32 - 1, 2), (0, 0), (0, 99)):
-        head = struct.pack("<4sBBHIIQI", MAGIC, 1, kind, 0, 0, length, 0, 0)
-        found, _ = parsed(head + struct.pack("<I", zlib.crc32(head)) + pack(MESSAGES[3]))
+        found, _ = parsed(header(Message(kind), length) + pack(MESSAGES[3]))
         assert found == [MESSAGES[3]]
     with pytest.raises(InputError, match="at most"):
         pack(Message(Kind.FRAME, b"\0" * (MAX_PAYLOAD_BYTES + 1)))

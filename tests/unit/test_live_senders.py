@@ -1,6 +1,5 @@
 """Whoever sends: one at a time is heard, nobody blinds another, and setups take what they may."""
 
-import struct
 import threading
 import zlib
 from dataclasses import replace
@@ -11,13 +10,12 @@ from reconstruction import make_plan
 from reconstruction.live import Kind, Loop, Message, Reception, Sender, pack
 from reconstruction.live import reception as receiving
 from reconstruction.live.allowance import AT_ONCE, SECONDS_A_CHANGE
-from reconstruction.live.framing import HEADER, MAGIC
+from reconstruction.live.framing import MAX_PAYLOAD_BYTES, header
 from reconstruction.live.links.sockets import Tcp, TcpListen
 from reconstruction.live.senders import MAX_SENDERS, QUIET_S, Senders
 from streams import Clock, Script, film, messages
 
-FALSE = HEADER.pack(MAGIC, 1, Kind.SETUP, 0, 0, 2**24, 0, 0, 0)[:-4]
-FALSE += struct.pack("<I", zlib.crc32(FALSE))
+FALSE = header(Message(Kind.SETUP), MAX_PAYLOAD_BYTES)
 """A header that is right, of 16 MiB that nobody sends."""
 
 

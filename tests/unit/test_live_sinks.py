@@ -98,6 +98,30 @@ def test_captures_are_whole_at_any_time_and_of_bounded_length(recording, tmp_pat
     assert read_capture(tmp_path / "flight-2.h5").frames == 2
 
 
+def test_a_part_that_cannot_be_written_costs_the_next_one_nothing(recording, tmp_path, monkeypatch):
+    write = records.write_capture
+    broken = [InputError("optics/aperture is nan")]
+
+    def failing(capture, path):
+        if broken:
+            raise broken.pop()
+        write(capture, path)
+
+    monkeypatch.setattr(records, "write_capture", failing)
+    monkeypatch.setattr(records, "FRAMES_OF_A_PART", 4)
+    sink = CaptureRecord(tmp_path / "flight.h5")
+    reception = Reception(Script(*messages(recording)), waiting=100)
+    reception.run()
+    for _ in range(3):
+        sink.frame(reception.queue.get(0))
+    with pytest.raises(InputError, match="aperture is nan; its 4 frames are lost"):
+        sink.frame(reception.queue.get(0))
+    for _ in range(2):
+        sink.frame(reception.queue.get(0))
+    sink.close()
+    assert read_capture(tmp_path / "flight-2.h5").frames == 2
+
+
 def test_where_patterns_take_turns_a_gap_begins_another_capture(capture, tmp_path):
     plans = [make_plan((16, 16), 128, f"random:{seed}") for seed in range(3)]
     dealt = replace(film(capture, 8), plan=plans[0], later_plans=tuple(plans[1:]))

@@ -44,6 +44,11 @@ class Detached:
         """What it was too slow to take, and misses."""
         return 0 if self._sink.skips else self._work.dropped
 
+    @property
+    def alive(self) -> bool:
+        """Whether it takes what comes."""
+        return self._thread.is_alive()
+
     def start(self) -> None:
         """Begin to take."""
         self._thread.start()
@@ -65,11 +70,11 @@ class Detached:
         """Take what still waits, for a while."""
         self._work.close()
         self._thread.join(CLOSING_S)
-        if self._thread.is_alive():
+        if self.alive:
             self._work.clear()
             self._sink.abandon()
             self._thread.join(CLOSING_S)
-        if self._thread.is_alive():
+        if self.alive:
             self._note(TimeoutError(f"it does not come to an end within {2 * CLOSING_S:g} s"))
 
     def _run(self) -> None:
