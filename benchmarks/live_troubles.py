@@ -32,7 +32,6 @@ from reconstruction.image import IMAGE_METHODS
 from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
 from reconstruction.live.framing import MAX_PAYLOAD_BYTES, Kind, Message, header
 from reconstruction.live.links.sockets import TcpListen
-from reconstruction.live.loop import SWIFT_DEPTHS
 from reconstruction.live.sinks import Detached, Sink
 from spisim.paper.checks import Check, Table, surroundings
 
@@ -221,7 +220,7 @@ def spoilt(capture: Capture, number: int) -> Frames:
 
 def wrong(capture: Capture, found: Run) -> int:
     """Results other than those of the same frames from memory, in any bit."""
-    reconstruct = Reconstructor(capture.setup, image=USUAL_IMAGES[0], depth=SWIFT_DEPTHS)
+    reconstruct = Reconstructor(capture.setup, image=USUAL_IMAGES[0])
     expected = {
         number: digest(reconstruct(replace(spoilt(capture, number), first=number)))
         for number in found.digests
