@@ -5,9 +5,10 @@
 The stream of `live.py`, with all of this at the same time: an image method that raises in every
 frame, a sink that raises for every result, a caller before the rig that says nothing and keeps its
 connection, in the middle of the stream a header of 16 MiB that never come, and one reading in a
-hundred saturated, others in each frame. A second sink, which is sound, gets what there is. Every
-50th result is compared with that of the same frame from memory. `--markdown` pastes the tables into
-docs/live.md.
+hundred saturated, others in each frame. Where that is the one of all pixels or the dark one,
+nothing tells the level, and the frame is told to have failed. A second sink, which is sound, gets
+what there is. Every 50th result is compared with that of the same frame from memory. `--markdown`
+pastes the tables into docs/live.md.
 """
 
 import multiprocessing
@@ -109,19 +110,24 @@ def main() -> int:
     counts = found.counts
     reported = counts.dropped + counts.failed + counts.lost + counts.corrupted
     columns = (
-        *("frames", "results", "failures of the method", "failures of the sink"),
+        *("frames", "results", "failed", "dropped", "failures of the method", "of the sink"),
         *("latency, median, ms", "99 %, ms", "most, ms", "processor time of a frame, median, ms"),
         *("memory, MiB", "growth, MiB"),
     )
     figures = [percentile(found.latencies_ms, share) for share in (50, 99, 100)]
     figures += [percentile(found.processor_ms, 50), found.settled_mib, found.grown_mib]
-    numbers = (frames, counts.reconstructed, counts.method_failures, counts.sink_failures)
+    numbers = [frames, counts.reconstructed, counts.failed, counts.dropped]
+    numbers += [counts.method_failures, counts.sink_failures]
     rows = [(*map(str, numbers), *(f"{each:.1f}" for each in figures))]
     checks = [
         Check("frames without a result, not reported", frames - counts.reconstructed - reported, 0),
-        Check("frames without a result", frames - counts.reconstructed, 0),
+        Check("frames dropped", counts.dropped, 0),
         Check("wrong results, of those compared", wrong(capture, found), 0),
-        Check("failures of the method, not reported", frames - counts.method_failures, 0),
+        Check(
+            "failures of the method, not reported",
+            counts.reconstructed - counts.method_failures,
+            0,
+        ),
         Check("failures of the sink, not reported", found.lost - counts.sink_failures, 0),
         Check("results that the sound sink lacks", counts.reconstructed - found.kept, 0),
         Check("false headers, not reported", 1 - counts.given_up, 0),

@@ -23,6 +23,8 @@ POLL_S = 0.05
 """Most that a source is waited for at a time."""
 FIRST_DELAY_S, MOST_DELAY_S = 0.1, 5.0
 """Until a broken source is tried again: twice as long after each time in vain."""
+ENDING_S = 1.0
+"""After an end that may be forged, nothing of use comes for so long if it is true."""
 
 
 class Arrival(NamedTuple):
@@ -72,6 +74,7 @@ class Reception:
         self._delay_s = FIRST_DELAY_S
         self._again_s = -float("inf")
         self._awaited = (source.address, clock())
+        self._ended_s: float | None = None
 
     def run(self) -> None:
         """Receive until the stream has ended, or `stop`."""
@@ -135,6 +138,8 @@ class Reception:
             self._senders.give_up(now_s)
             if self._senders.quiet(now_s) and self._source.wanted:
                 self._break(TimeoutError(f"{self._sender} is quiet, and somebody else calls"))
+            if self._ended_s is not None and now_s - self._ended_s > ENDING_S:
+                self._stopped.set()
         self._count()
         self._give(self._turn.overdue(now_s))
 
@@ -219,7 +224,7 @@ class Reception:
         elif message.kind == Kind.FRAME:
             self._frame(message, now_s)
         elif message.kind == Kind.END and message.payload is not None:
-            self._end()
+            self._end(now_s)
 
     def _set_up(self, message: Message, now_s: float) -> None:
         assert message.payload is not None
@@ -236,7 +241,7 @@ class Reception:
                 return
             self._senders.expect(self.stream.frame_period_s)
             self._awaited = (f"a frame from {self._sender}", now_s)
-        self._senders.accept(now_s)
+        self._accept(now_s)
 
     def _frame(self, message: Message, now_s: float) -> None:
         arrival = self._arrival(message, now_s)
@@ -256,15 +261,22 @@ class Reception:
             self.counts.refused += 1
             self.trouble = f"frame {message.number}: {error}"
             return None
-        self._senders.accept(now_s)
+        self._accept(now_s)
         return Arrival(self.stream, frame, message, now_s)
 
-    def _end(self) -> None:
+    def _accept(self, now_s: float) -> None:
+        """Hear who has sent something of use, which has not ended."""
+        self._senders.accept(now_s)
+        self._ended_s = None
+
+    def _end(self, now_s: float) -> None:
         """Nobody ends a stream that is another's."""
-        if self._source.patient or self._senders.heard == self._source.sender:
-            self._stopped.set()
-        else:
+        if not self._source.patient and self._senders.heard != self._source.sender:
             self.counts.strangers += 1
+        elif self._source.forgeable:
+            self._ended_s = now_s
+        else:
+            self._stopped.set()
 
     def _give(self, arrivals: list[Arrival]) -> None:
         put = self.queue.put_in_turn if self._source.patient else self.queue.put

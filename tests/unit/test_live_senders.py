@@ -12,6 +12,7 @@ from reconstruction.live import reception as receiving
 from reconstruction.live.allowance import AT_ONCE, SECONDS_A_CHANGE
 from reconstruction.live.framing import MAX_PAYLOAD_BYTES, header
 from reconstruction.live.links.sockets import Tcp, TcpListen
+from reconstruction.live.reception import ENDING_S
 from reconstruction.live.senders import MAX_SENDERS, QUIET_S, Senders
 from streams import Clock, Script, film, messages
 
@@ -116,6 +117,19 @@ def test_of_any_number_of_senders_few_are_kept():
 def test_nobody_ends_a_stream_before_it_has_begun(recording):
     reception, source, _ = receiving_from(("them", pack(Message(Kind.END))), *messages(recording))
     assert stepped(reception, source)[0] == list(range(8))
+    assert reception.over
+
+
+def test_an_end_that_may_be_forged_is_true_if_nothing_follows(recording):
+    told = messages(recording)
+    reception, source, clock = receiving_from(*told[:4], told[-1], *told[4:])
+    source.forgeable = True
+    assert stepped(reception, source)[0] == list(range(8))
+    clock.wait(ENDING_S / 2)
+    reception.take(b"")
+    assert not reception.over
+    clock.wait(ENDING_S)
+    reception.take(b"")
     assert reception.over
 
 

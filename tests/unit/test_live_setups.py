@@ -103,6 +103,7 @@ def repacked(told):
         ({"spots/method": "sw"}, "spots/method: unknown"),
         ({"spots/directions": np.zeros((4, 3))}, "unit vectors"),
         ({"buckets/exposure_time_s": -1.0}, "must be positive"),
+        ({"buckets/exposure_time_s": np.int64(2**60)}, "exposure_time_s is 1.15292e.18, must be w"),
         ({"source": "moon"}, "source is 'moon'; allowed: hardware, simulation"),
         ({"patterns/order": np.zeros(3)}, "expected a scalar"),
         ({"rig/film": np.zeros((0, 2**23), np.float64)}, "a frame of 67111312 bytes; at most"),

@@ -37,6 +37,8 @@ class Source(Link, ABC):
 
     patient: ClassVar[bool] = False
     """Whether whoever sends waits for whoever reads, so that nothing need be dropped."""
+    forgeable: ClassVar[bool] = False
+    """Whether anybody can send in the name of another."""
     sender: str = ""
     """Who sent what was received last, where there may be several."""
 

@@ -110,6 +110,8 @@ class TcpListen(Tcp):
 class UdpListen(Source):
     """Datagrams that come to a port."""
 
+    forgeable = True
+
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
         self._place = (host, port)
