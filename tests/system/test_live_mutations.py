@@ -27,7 +27,7 @@ def test_some_changed_streams_do_no_harm(tmp_path):
     judge(fly(12, 5, tmp_path))
 
 
-@pytest.mark.slow
+@pytest.mark.hours
 def test_ten_thousand_changed_streams_do_no_harm():
     program = Path(__file__).parents[1] / "stream_mutations.py"
     done = subprocess.run(
