@@ -5,15 +5,15 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..chosen_methods import USUAL_IMAGES
 from ..errors import InputError
 from ..image import load_pursuit
-from ..live import CaptureSource, Loop, Outcome, Reception, State
+from ..live import CaptureSource, Counts, Loop, Outcome, Reception, State
 from ..live.links import Source, is_link, source_at
-from ..live.sinks import Detached, sink_to
+from ..live.sinks import Detached, Sink, sink_to
 from ..live.sinks.lines import state_report
 from ..ranging import RANGED
 from ..text import json_line, printable
@@ -27,6 +27,8 @@ SINKS = (
     "SOURCE (results), window"
 )
 
+TOLD_S = 1.0
+"""What is waited for is told when it has taken so long."""
 EXPECTED = ("received", "reconstructed", "connections")
 PURSUING = ("pursuit", "usual", "all")
 """Names that have a part of those of methods that pursue."""
@@ -68,21 +70,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a stream until it ends, or this is interrupted."""
     source = _source(options.source, followed=options.follow)
-    if options.json and "-" in options.to:
-        raise InputError("--json and --to - both write to standard output: choose one")
-    twice = [name for name in options.to if options.to.count(name) > 1]
-    if twice:
-        raise InputError(f"--to {twice[0]} is told twice")
-    read = [] if is_link(options.source) else [Path(options.source)]
-    sinks = [(name, sink_to(name, read, overwrite=options.overwrite)) for name in options.to]
-    for _, sink in sinks:
-        sink.check()
-    detached = [Detached(sink, name) for name, sink in sinks]
+    sinks = _sinks(options)
+    counts = Counts()
+    detached = [Detached(sink, name, counts) for name, sink in sinks]
     reception = Reception(
         source,
         waiting=options.waiting,
         window=options.reorder,
         recorders=[each.frame for each in detached],
+        counts=counts,
     )
     teller = _Teller(detached, quiet=options.quiet)
     loop = Loop(
@@ -100,15 +96,32 @@ def run(options: argparse.Namespace) -> None:
     with _running(reception, detached):
         loop.run(options.frames)
     for each in detached:
-        if each.trouble is not None:
-            raise InputError(each.trouble)
-        if each.lost:
+        if each.lost and not each.failed:
             print(printable(f"warning: {each.why}; lost {each.lost}"), file=sys.stderr)
+        if each.dropped:
+            print(printable(f"warning: {each.name}: dropped {each.dropped}"), file=sys.stderr)
+    failed = [f"{each.why}; lost {each.lost}" for each in detached if each.failed]
+    if failed:
+        raise InputError("; ".join(failed))
     if not reception.counts.reconstructed:
         raise InputError(f"{options.source}: no frame was reconstructed{_why(loop.state())}")
     if options.json:
         lost = {each.name: {"lost": each.lost, "dropped": each.dropped} for each in detached}
         print(json_line({**state_report(loop.state()), "sinks": lost}))
+
+
+def _sinks(options: argparse.Namespace) -> list[tuple[str, Sink]]:
+    """Where results go, by their names, each of which can be written."""
+    if options.json and "-" in options.to:
+        raise InputError("--json and --to - both write to standard output: choose one")
+    twice = [name for name in options.to if options.to.count(name) > 1]
+    if twice:
+        raise InputError(f"--to {twice[0]} is told twice")
+    read = [] if is_link(options.source) else [Path(options.source)]
+    sinks = [(name, sink_to(name, read, overwrite=options.overwrite)) for name in options.to]
+    for _, sink in sinks:
+        sink.check()
+    return sinks
 
 
 @contextmanager
@@ -153,7 +166,8 @@ class _Teller:
     def state(self, state: State) -> None:
         if self._quiet:
             return
-        print(printable("; ".join(self._words(state))), file=sys.stderr)
+        with suppress(OSError):  # nobody reads it
+            print(printable("; ".join(self._words(state))), file=sys.stderr)
 
     def _words(self, state: State) -> Iterator[str]:
         if self._latest is None:
@@ -170,6 +184,8 @@ class _Teller:
                 yield "ranges " + ", ".join(
                     f"{range_m:.2f} m" if status in RANGED else status for range_m, status in spots
                 )
+        if state.waiting_s >= TOLD_S:
+            yield f"waiting for {state.waiting_for} for {state.waiting_s:.1f} s"
         yield from (each for each in (_amiss(state), state.trouble) if each)
         for each in self._detached:
             if each.trouble is not None:

@@ -20,7 +20,9 @@ MOST_FRAMES = 256
 """Frames that are looked at, from the first on."""
 
 
-def evaluate_recording(recording: Recording, ranging: Names = None) -> dict[str, Any]:
+def evaluate_recording(
+    recording: Recording, ranging: Names = None, *, weather: str | float | None = None
+) -> dict[str, Any]:
     """What a recording tells of itself, as plain numbers, ready for JSON.
 
     Noise is measured by differences of successive frames that show the same patterns, so it is that
@@ -30,8 +32,8 @@ def evaluate_recording(recording: Recording, ranging: Names = None) -> dict[str,
     ----------
     recording
         A capture in memory or in its file; the first `MOST_FRAMES` frames are looked at.
-    ranging
-        Methods, as for `Reconstructor`.
+    ranging, weather
+        Methods and what is stated of the weather, as for `Reconstructor`.
 
     Returns
     -------
@@ -52,7 +54,7 @@ def evaluate_recording(recording: Recording, ranging: Names = None) -> dict[str,
     """
     setup, count = recording.setup, min(recording.frames, MOST_FRAMES)
     every, period = recording.batch(0, count), len(setup.plans)
-    reconstructor = Reconstructor(setup, image=BASELINE, ranging=ranging, depth=[])
+    reconstructor = Reconstructor(setup, image=BASELINE, ranging=ranging, depth=[], weather=weather)
     results: list[Result] = []
     for frame in range(count):
         with suppress(InputError):  # all of it saturated
