@@ -141,14 +141,22 @@ def _follow(source: str, recording: Recording, frames: int | None, choice: dict[
     import threading
 
     from reconstruction.chosen_methods import USUAL_IMAGES
-    from reconstruction.live import Loop, Reception
+    from reconstruction.live import Loop, Reception, State
     from reconstruction.live.links import source_at
     from spisim.viewer import StreamViewer
 
     viewer = StreamViewer(recording, source)
     reception = Reception(source_at(source), recorders=[viewer.frame])
+    trouble = reception.trouble
+
+    def tell(state: State) -> None:
+        nonlocal trouble
+        if state.trouble and state.trouble != trouble:
+            say(state.trouble)
+        trouble = state.trouble
+
     chosen = choice | {"image": choice["image"] or USUAL_IMAGES[0]}
-    loop = Loop(reception, results=[viewer.result], **chosen)
+    loop = Loop(reception, results=[viewer.result], states=[tell], **chosen)
     say(f"Waiting for frames of {source}; Ctrl-C ends.")
     receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
     receiving.start()
