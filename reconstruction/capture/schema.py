@@ -61,7 +61,7 @@ class Stored(NamedTuple):
         Raises InputError where they do not fit it or are not allowed.
         """
         dtype = self.type_of(value)
-        if value.dtype.kind not in "iufb":
+        if value.dtype.kind not in ("iufb" if self.dtype == "bool" else "iuf"):
             raise InputError(f"{name} must hold numbers, found {value.dtype}")
         if not self.nan and not np.isfinite(value).all():
             raise InputError(f"{name} holds values that are not finite")
