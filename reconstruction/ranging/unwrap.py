@@ -7,6 +7,8 @@ frequencies agree best, in the weighted least-squares sense (D. Droeschel, D. Ho
 "Time-of-Flight Cameras", Springer 2012, ch. 2), by trying each.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -90,9 +92,14 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
     That is c / f of a single one. Of several it is the first multiple of the shortest wavelength at
     which no phase differs by more than `path_from_phases` could tell, LONGEST_PATH_M at most.
     """
-    shortest = c / float(frequencies_hz.max())
+    return _repeated_after_m(tuple(np.unique(frequencies_hz).tolist()))
+
+
+@lru_cache(maxsize=16)  # the same for all frames of a recording
+def _repeated_after_m(frequencies_hz: tuple[float, ...]) -> float:
+    shortest = c / max(frequencies_hz)
     unlike = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
     paths = shortest * np.arange(1, int(LONGEST_PATH_M / shortest) + 2)
-    cycles = np.multiply.outer(paths, frequencies_hz / c)
+    cycles = np.multiply.outer(paths, np.array(frequencies_hz) / c)
     repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < unlike
     return float(paths[repeats.argmax()]) if repeats.any() else LONGEST_PATH_M
