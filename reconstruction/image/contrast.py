@@ -26,6 +26,7 @@ from .prior import SPREAD, usual_contrast
 
 POINTS, ROUNDS = 12, 3
 """Contrasts in each round, of which the next looks closer at the likely ones."""
+STEPS = np.linspace(0, 1, POINTS)
 UNLIKELY = 8.0
 """Log-density below the highest that is not looked at more closely."""
 LEAST = 1e-3
@@ -85,29 +86,42 @@ def contrasts(
     noise: Floats | float,
     expected: float | None,
     levels: NoiseLevels = CERTAIN,
+    usual: Floats | None = None,
+    lost: Floats | None = None,
 ) -> Contrasts:
     """Posterior of v, of components (K,), not all 0, with noise of variance ``noise``.
 
     ``spreads`` (E, K): variances l, of each spectrum; ``expected``: median of v before, if told;
-    ``levels``: what the standard deviation may be, over that of ``noise``.
+    ``levels``: what the standard deviation may be, over that of ``noise``; ``usual`` (K,): the
+    variances by which contrasts are looked for, the mean of ``spreads`` if None. Where noise is
+    equal, ``lost`` (K, f) are combinations of the components of which nothing is known.
     A complex component counts as one number, as if all of the image had one phase.
     """
-    power = np.abs(measured) ** 2
-    usual = spreads.mean(axis=0)
+    usual = spreads.mean(axis=0) if usual is None else usual
     seen = usual > 1e-12 * usual.max()
-    noise = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())[seen]
-    power, spreads, usual = power[seen], spreads[:, seen], usual[seen]
+    power = np.abs(measured) ** 2
+    noise = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())
     times = np.repeat(np.maximum(levels.sigma, NOISELESS) ** 2, len(spreads))
-    equal = (noise / usual).min() * times[:, None]  # half of the strongest component is noise
-    most = np.maximum((power / usual).max(), equal)
+    # At ``equal`` half of the strongest component is noise.
+    equal = (noise[seen] / usual[seen]).min() * times[:, None]
+    most = np.maximum((power[seen] / usual[seen]).max(), equal)
     least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
     low, high = np.log(np.minimum(least, LEAST * equal)), np.log(10 * most)
-    logs = low + (high - low) * np.linspace(0, 1, POINTS)
-    signal, power = np.tile((spreads / noise).T, levels.sigma.size) / times, power / noise
+    logs = low + (high - low) * STEPS
+    signal = np.concatenate([(spreads / noise).T] * levels.sigma.size, axis=1) / times
+    power /= noise
+    missing = None if lost is None else _Missing(measured / np.sqrt(noise), lost)
     for last in np.arange(ROUNDS) == ROUNDS - 1:
-        variance = np.exp(logs) * signal[..., None] + 1  # (K, L E, J), over that of noise
-        misfit = (power @ (1 / variance).reshape(power.size, -1)).reshape(logs.shape)
-        density = -(_sum_of_logs(variance) + misfit / times[:, None]) / 2
+        # (K, L E, J), over that of noise
+        variance = np.exp(logs) * signal[..., None]
+        variance += 1
+        precision = (1 / variance).reshape(power.size, -1)
+        misfit, volume = (power @ precision).reshape(logs.shape), _sum_of_logs(variance)
+        if missing is not None:
+            explained, log_determinant = missing(precision)
+            misfit -= explained.reshape(logs.shape)
+            volume = volume + log_determinant.reshape(logs.shape)
+        density = -(volume + misfit / times[:, None]) / 2
         density += _told(logs, expected) if expected is not None else _untold(logs, equal)
         if not last:
             logs = _closer(logs, density)
@@ -119,6 +133,25 @@ def contrasts(
     weight = (weight * (logs[:, 1:2] - logs[:, :1])).reshape(density.shape)
     weight *= levels.probability[:, None] / weight.sum(axis=1, keepdims=True)
     return Contrasts(values, weight.reshape(logs.shape), given)
+
+
+class _Missing:
+    """What likelihoods of components (K,) lack where combinations ``lost`` (K, f) are not known.
+
+    Both are over the noise, which is equal.
+    """
+
+    def __init__(self, measured: NDArray[Any], lost: Floats) -> None:
+        self._count = lost.shape[1]
+        self._squares = (lost[:, :, None] * lost[:, None]).reshape(len(lost), -1).T
+        self._seen = (lost * measured[:, None]).T
+
+    def __call__(self, precision: Floats) -> tuple[Floats, Floats]:
+        """Chi squared and volume (n,) that they account for, of precisions (K, n)."""
+        matrix = (self._squares @ precision).T.reshape(-1, self._count, self._count)
+        seen = (self._seen @ precision).T[..., None]
+        explained = (np.conj(seen) * np.linalg.solve(matrix, seen)).real.sum(axis=(1, 2))
+        return explained, np.linalg.slogdet(matrix)[1]
 
 
 def _sum_of_logs(values: Floats) -> Floats:
@@ -133,7 +166,8 @@ def _closer(logs: Floats, density: Floats) -> Floats:
     first = np.maximum(likely.argmax(axis=1) - 1, 0)
     last = np.minimum(POINTS - likely[:, ::-1].argmax(axis=1), POINTS - 1)
     each = np.arange(len(logs))
-    return np.linspace(logs[each, first], logs[each, last], POINTS, axis=1)
+    low, high = logs[each, first, None], logs[each, last, None]
+    return low + (high - low) * STEPS
 
 
 def _told(logs: Floats, expected: float) -> Floats:

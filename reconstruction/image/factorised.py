@@ -8,14 +8,14 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from ..arrays import Floats
 from .contrast import contrasts
-from .posterior import Field, Posterior
+from .posterior import Field
 
 BLOCK = 4
 """Side of the blocks of pixels of which one stands for all."""
 
 
-class Factorised(Posterior):
-    """The posterior of one frame, by a Cholesky factorisation; see `gaussian`.
+class Factorised:
+    """What a `Posterior` tells of one frame, by a Cholesky factorisation; see `gaussian`.
 
     ``rows`` (K, N) are spectra R, ``gram`` (K, K) is R C R^T and ``seen`` (K, N) the images of R C.
     Coefficients of infinite noise are left out.
@@ -50,6 +50,13 @@ class Factorised(Posterior):
     def own_mean(self) -> NDArray[Any]:
         """The mean: there is no other."""
         return self.mean
+
+    @property
+    def seen(self) -> NDArray[Any]:
+        """What rows (K,) see of the mean, 0 of those that are left out."""
+        seen = np.zeros(self.noise.size, self.mean.dtype)
+        seen[self._known] = self._rows @ self.mean.ravel()
+        return seen
 
     def _solved(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(cho_solve(self._factor, coefficients, check_finite=False))

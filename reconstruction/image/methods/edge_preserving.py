@@ -100,10 +100,9 @@ class EdgePreservingSolver:
         linear = self.linear
         measured, noise = linear.varying(coefficients)
         height, width = self._grid.shape
-        higher = start.mean.copy()
-        higher[:height, :width] = 0
-        low = measured - linear.model.rows @ higher.ravel()
-        first = self._model.given(low, noise, linear.expected_contrast(coefficients))
+        # Without what rows see of the frequencies that are beyond the grid.
+        low = measured - start.seen + self._model.rows @ start.mean[:height, :width].ravel()
+        first = self._model.own(low, noise, linear.expected_contrast(coefficients))
         edges = self._rounds(low, first)
         energy = self._slopes.tensors(edges).energy
         trusted = self._trusted(first)
@@ -180,38 +179,39 @@ class Slopes:
     """
 
     def __init__(self, grid: tuple[int, int], scale: tuple[float, float]) -> None:
-        self._vertical, self._horizontal = (DICTIONARY.atoms(side) for side in grid)
-        self.atoms = self._vertical, self._horizontal
-        self._down = scale[0] * _derivative(self._vertical)
-        self._along = scale[1] * _derivative(self._horizontal)
+        vertical, horizontal = (DICTIONARY.atoms(side) for side in grid)
+        self.atoms = vertical, horizontal
+        # Down and along: what makes slopes of a spectrum, from the left and from the right.
+        self._left = np.array([scale[0] * _derivative(vertical), vertical])
+        self._right = np.array([horizontal.T, scale[1] * _derivative(horizontal).T])
+        self._back = self._left.swapaxes(1, 2).copy(), self._right.swapaxes(1, 2).copy()
         self._windows = _window(grid[0]), _window(grid[1]).T
 
-    def gradient(self, spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Slopes between each pixel and the next, down and along, of a spectrum's image."""
-        down = self._down @ spectrum @ self._horizontal.T
-        return down, self._vertical @ spectrum @ self._along.T
+    def gradient(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """Slopes (2, h, w) between each pixel and the next, down and along."""
+        return np.asarray(self._left @ spectrum @ self._right)
 
     def tensors(self, spectrum: NDArray[Any]) -> Tensors:
         """Structure tensors in the Gaussian window, and on their diagonal the mean gradient."""
-        down, along = self.gradient(spectrum)
-        mean = (np.abs(down).mean() + np.abs(along).mean()) / 2
-        products = np.abs(down) ** 2, np.abs(along) ** 2, (down * np.conj(along)).real
-        vertical, horizontal, across = (
-            self._windows[0] @ product @ self._windows[1] for product in products
-        )
+        slopes = self.gradient(spectrum)
+        size = np.abs(slopes)
+        mean = size.mean()
+        products = np.array([*size**2, (slopes[0] * np.conj(slopes[1])).real])
+        vertical, horizontal, across = self._windows[0] @ products @ self._windows[1]
         return Tensors(vertical + mean**2, horizontal + mean**2, across)
 
     def stiffness(self, tensors: Tensors, weight: float) -> Linear:
         """D^T W D of spectra, D the gradient and W the inverse tensors times their mean."""
         determinant = tensors.vertical * tensors.horizontal - tensors.across**2
         scale = weight * tensors.energy.mean() / 2 / determinant
-        vertical, horizontal = scale * tensors.horizontal, scale * tensors.vertical
+        own = scale * np.array([tensors.horizontal, tensors.vertical])
         across = -scale * tensors.across
+        left, right = self._back
 
         def apply(spectrum: NDArray[Any]) -> NDArray[Any]:
-            down, along = self.gradient(spectrum)
-            back = self._down.T @ (vertical * down + across * along) @ self._horizontal
-            return back + self._vertical.T @ (across * down + horizontal * along) @ self._along
+            slopes = self.gradient(spectrum)
+            back = left @ (own * slopes + across * slopes[::-1]) @ right
+            return np.asarray(back[0] + back[1])
 
         return apply
 
