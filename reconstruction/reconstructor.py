@@ -46,14 +46,15 @@ logger = logging.getLogger(__name__)
 class Reconstructor:
     """Reconstructs frames of one recording, or of others that have the same ``setup``.
 
-    ``image``, ``ranging`` and ``depth`` name methods (see `Names`); by default those are taken that
-    fit the recording. The zero-filled image is always among the images: all others are compared
-    with it. A name ``method:dictionary`` is an image method with another dictionary than
-    its own. ``weather`` is what the user states of it: "clear", "fog", "unknown" or a visibility in
-    metres, in place of what the recording states; ranging in fog takes it as its prior, and in
-    clear air the plain ranges come first. ``min_free``: an obstacle is where the probability that
-    the corridor ahead is free falls below this. Everything that the frames share is computed here;
-    the work per frame does not depend on how many there are.
+    ``image``, ``ranging`` and ``depth`` name methods (see `Names`): of each station the first of
+    the usual ones that fits the recording, unless others are named. The zero-filled image is always
+    among the images: all others are compared with it. A name ``method:dictionary`` is an image
+    method with another dictionary than its own. ``weather`` is what the user states of it: "clear",
+    "fog", "unknown" or a visibility in metres, in place of what the recording states; ranging in
+    fog takes it as its prior, and in clear air the plain ranges come first. ``min_free``: an
+    obstacle is where the probability that the corridor ahead is free falls below this. Everything
+    that the frames share is computed here; the work per frame does not depend on how many there
+    are.
 
     Raises InputError for unknown names, methods that the recording does not suit, plans that do
     not tell the background, and ``min_free`` that is no probability above 0 and below 1.
@@ -141,7 +142,7 @@ class Reconstructor:
             coefficients = readings.decode(signal, variance)
         for shared in (coefficients.values, coefficients.noise):
             shared.setflags(write=False)  # by methods, one after the other
-        varying = readings.decoder.operator.varying
+        varying = readings.decoder.operator.varying & readings.measured
         notes = _note_of_readings(frame.first, spoilt, varying, coefficients)
         images, deviations = {}, {}
         for name in self._images:
@@ -188,7 +189,7 @@ class Reconstructor:
             unit=frame.buckets.unit,
             recording=frame.digest(self.setup),
             frame=frame.first,
-            patterns=readings.decoder.index.size,
+            patterns=readings.patterns,
             notes=notes,
         )
 
@@ -200,7 +201,7 @@ class Reconstructor:
         spoilt = readings.spoilt(signal)
         if spoilt.any():
             readings = self._imaging.of(usable & ~spoilt, frame)
-        if not readings.decoder.index.size:
+        if not readings.patterns:
             raise InputError(
                 f"frame {frame}: every pattern rests on a saturated reading, so there is "
                 "no image; record again with less light (projector power, exposure time) or a "
@@ -220,7 +221,7 @@ class Reconstructor:
         for values in (image, *([] if deviation is None else [deviation])):
             if not np.isfinite(values).all():
                 raise InputError(f"{who} gave values that are not finite")
-        if not readings.decoder.level:  # the darkest pixel is taken to be dark
+        if not readings.level:  # the darkest pixel is taken to be dark
             image = image - image.min()
         return Estimate(image, deviation, estimate.note)
 
@@ -248,7 +249,7 @@ class Reconstructor:
             or name is None
             or coupled
             or setup.buckets.unit != "electron"
-            or not readings.decoder.level
+            or not readings.level
         ):
             return None
         at = pixel_of(setup.spots.directions, setup.optics, self._shape)
@@ -271,21 +272,26 @@ def reconstruct(
 ) -> Result:
     """Reconstruct one frame of a recording; see `Reconstructor`.
 
+    Unless methods are named there are all usual ones, for the default ones to be compared with.
     Methods that carry something from frame to frame begin `LEAD` frames before it. Raises
     InputError if there is no such frame or nothing usable in it.
     """
     recording.batch(frame, frame + 1)  # told before any other
     reconstructor = Reconstructor(
         recording.setup,
-        image=image,
-        ranging=ranging,
-        depth=depth,
+        image=_or_usual(image),
+        ranging=_or_usual(ranging),
+        depth=_or_usual(depth),
         weather=weather,
         min_free=min_free,
     )
     for earlier in range(frame - lead(frame, image, ranging), frame):
         reconstructor(recording.batch(earlier, earlier + 1))
     return reconstructor(recording.batch(frame, frame + 1))
+
+
+def _or_usual(names: Names) -> Names:
+    return "usual" if names is None else names
 
 
 def _notes_without_image(rangings: Mapping[str, Ranges]) -> dict[str, str]:

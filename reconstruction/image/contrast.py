@@ -100,28 +100,27 @@ def contrasts(
     usual = spreads.mean(axis=0) if usual is None else usual
     seen = usual > 1e-12 * usual.max()
     power = np.abs(measured) ** 2
-    noise = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())
+    variances = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())
     times = np.repeat(np.maximum(levels.sigma, NOISELESS) ** 2, len(spreads))
     # At ``equal`` half of the strongest component is noise.
-    equal = (noise[seen] / usual[seen]).min() * times[:, None]
+    equal = (variances[seen] / usual[seen]).min() * times[:, None]
     most = np.maximum((power[seen] / usual[seen]).max(), equal)
     least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
     low, high = np.log(np.minimum(least, LEAST * equal)), np.log(10 * most)
     logs = low + (high - low) * STEPS
-    signal = np.concatenate([(spreads / noise).T] * levels.sigma.size, axis=1) / times
-    power /= noise
-    missing = None if lost is None else _Missing(measured / np.sqrt(noise), lost)
+    signal = np.concatenate([(spreads / variances).T] * levels.sigma.size, axis=1) / times
+    signal = np.repeat(signal, POINTS, axis=1)  # (K, L E J)
+    power /= variances
+    missing = None if lost is None else _Missing(measured / np.sqrt(variances), lost)
     for last in np.arange(ROUNDS) == ROUNDS - 1:
-        # (K, L E, J), over that of noise
-        variance = np.exp(logs) * signal[..., None]
+        variance = np.exp(logs).ravel() * signal  # over that of noise
         variance += 1
-        precision = (1 / variance).reshape(power.size, -1)
-        misfit, volume = (power @ precision).reshape(logs.shape), _sum_of_logs(variance)
+        precision = 1 / variance
+        misfit, volume = power @ precision, _sum_of_logs(variance)
         if missing is not None:
             explained, log_determinant = missing(precision)
-            misfit -= explained.reshape(logs.shape)
-            volume = volume + log_determinant.reshape(logs.shape)
-        density = -(volume + misfit / times[:, None]) / 2
+            misfit, volume = misfit - explained, volume + log_determinant
+        density = -(volume + misfit / np.repeat(times, POINTS)).reshape(logs.shape) / 2
         density += _told(logs, expected) if expected is not None else _untold(logs, equal)
         if not last:
             logs = _closer(logs, density)

@@ -8,14 +8,14 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from ..arrays import Floats
 from .contrast import contrasts
-from .posterior import Field
+from .posterior import Field, Posterior
 
 BLOCK = 4
 """Side of the blocks of pixels of which one stands for all."""
 
 
-class Factorised:
-    """What a `Posterior` tells of one frame, by a Cholesky factorisation; see `gaussian`.
+class Factorised(Posterior):
+    """The posterior of one frame, by a Cholesky factorisation; see `gaussian`.
 
     ``rows`` (K, N) are spectra R, ``gram`` (K, K) is R C R^T and ``seen`` (K, N) the images of R C.
     Coefficients of infinite noise are left out.

@@ -16,17 +16,14 @@ those around it.
 """
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
 from .noise import CERTAIN, NoiseLevels
-from .posterior import Components, Field, OwnPosterior, Posterior
-
-if TYPE_CHECKING:
-    from .factorised import Factorised
+from .posterior import Combined, Components, Field, OwnPosterior, Posterior
 
 LEAST_NOISE = 1e-6
 """Least noise over the rms of coefficients: without any the posterior is a limit."""
@@ -50,12 +47,20 @@ class _Turned(NamedTuple):
 class GaussianModel:
     """Images of a field, times v, of which ``rows`` (K, N), spectra of any length, are measured.
 
-    ``usual`` (K,): relative noise for which the eigendecomposition is made, equal noise if None.
+    ``usual`` (K,): relative noise for which the eigendecomposition is made, equal noise if None;
+    ``combined``: what sums up rows by weights (..., K), where that is faster than a product.
     """
 
-    def __init__(self, rows: Floats, field: Field, usual: Floats | None = None) -> None:
+    def __init__(
+        self,
+        rows: Floats,
+        field: Field,
+        usual: Floats | None = None,
+        combined: Combined | None = None,
+    ) -> None:
         self.field = field
         self.rows = rows
+        self._combined = combined
         self.usual = np.ones(len(rows)) if usual is None else usual
         self._fewer: tuple[bytes, Components] | None = None
 
@@ -65,7 +70,7 @@ class GaussianModel:
         noise: Floats,
         expected: float | None = None,
         levels: NoiseLevels = CERTAIN,
-    ) -> "Posterior | Factorised":
+    ) -> Posterior:
         """The posterior of coefficients (K,), not all 0, with standard deviations ``noise`` (K,).
 
         Those of which the noise is infinite are not looked at. ``expected``: median contrast v
@@ -79,7 +84,7 @@ class GaussianModel:
 
     def own(
         self, measured: NDArray[Any], noise: Floats, expected: float | None = None
-    ) -> "OwnPosterior | Factorised":
+    ) -> OwnPosterior:
         """The same of the prior's own exponent alone, and one contrast."""
         noise, relative = self._noise(measured, noise)
         if relative is None:
@@ -101,7 +106,7 @@ class GaussianModel:
 
     def _factorised(
         self, measured: NDArray[Any], noise: Floats, expected: float | None
-    ) -> "Factorised":
+    ) -> Posterior:
         from .factorised import Factorised  # SciPy takes long to import
 
         return Factorised(measured, noise, self.rows, self.gram, self.seen, self.field, expected)
@@ -119,7 +124,7 @@ class GaussianModel:
 
     @cached_property
     def _components(self) -> Components:
-        return Components(self.field, self.rows, self.usual)
+        return Components(self.field, self.rows, self.usual, combined=self._combined)
 
     @cached_property
     def gram(self) -> Floats:

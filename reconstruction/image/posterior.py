@@ -1,5 +1,6 @@
 """Gaussian fields, and what coefficients tell of one; see `gaussian`."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +11,8 @@ from ..arrays import Floats, Mask
 from .contrast import Contrasts, contrasts, shrunk
 from .noise import CERTAIN, NoiseLevels
 
+Combined = Callable[[NDArray[Any]], NDArray[Any]]
+"""Sums (..., H, W) of rows of spectra by their weights (..., K)."""
 POWERS = (1.0, 0.5, 1.5, 2.0)
 """Of the spread of components: exponents of 2, the prior's own, and 1, 3 and 4 of frequency."""
 
@@ -154,9 +157,14 @@ class Components:
     """
 
     def __init__(
-        self, field: Field, rows: Floats, relative: Floats, known: Mask | None = None
+        self,
+        field: Field,
+        rows: Floats,
+        relative: Floats,
+        known: Mask | None = None,
+        combined: Combined | None = None,
     ) -> None:
-        self.field = field
+        self.field, self._combined = field, combined
         self.shape = field.shape
         known = np.ones(len(rows), dtype=bool) if known is None else known
         rows, relative = rows[known], relative[known]
@@ -177,6 +185,8 @@ class Components:
 
     def spectrum(self, weights: NDArray[Any]) -> NDArray[Any]:
         """Sum (..., H, W) of the spectra by weights (..., K)."""
+        if self._combined is not None:
+            return self.field.variance * self._combined(weights @ self.turn)
         return np.asarray((weights @ self.spectra).reshape(*weights.shape[:-1], *self.shape))
 
     def contrasts(

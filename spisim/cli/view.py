@@ -138,15 +138,13 @@ def _show(sights: Iterator[Sight], recording: Recording, frames: int | None) -> 
 def _follow(source: str, recording: Recording, frames: int | None, methods: dict[str, Any]) -> None:
     import threading
 
-    from reconstruction.chosen_methods import USUAL_IMAGES
     from reconstruction.live import Loop, Reception
     from reconstruction.live.links import source_at
     from spisim.viewer import StreamViewer
 
     viewer = StreamViewer(recording, source)
     reception = Reception(source_at(source), recorders=[viewer.frame])
-    chosen = methods | {"image": methods["image"] or USUAL_IMAGES[0]}
-    loop = Loop(reception, results=[viewer.result], **chosen)
+    loop = Loop(reception, results=[viewer.result], **methods)
     say(f"Waiting for frames of {source}; Ctrl-C ends.")
     receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
     receiving.start()

@@ -29,7 +29,7 @@ from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
-from ..gaussian import Field, GaussianModel, Posterior
+from ..gaussian import Field, GaussianModel, OwnPosterior, Posterior
 from ..grid import Grid, at_most, band
 from ..method import Estimate, ImageSolver
 from .fitted_covariance import METHOD as FITTED_COVARIANCE
@@ -111,7 +111,7 @@ class EdgePreservingSolver:
         unevenness = 1 + trusted * (self._grid.finer_density(energy / energy.mean()) - 1)
         return spectrum, linear.variance(start) * unevenness
 
-    def _trusted(self, first: Posterior) -> float:
+    def _trusted(self, first: OwnPosterior) -> float:
         """How far edges are followed: the square of the share of gradients that is no noise.
 
         Of a prior near 1/f, x^T C^-1 x is about the energy of the gradients, up to a factor.
@@ -119,7 +119,7 @@ class EdgePreservingSolver:
         energy = float((np.abs(first.own_mean) ** 2 * self._precision).sum())
         return max(0.0, 1 - first.noise_energy / energy) ** 2 if energy > 0 else 0.0
 
-    def _rounds(self, measured: NDArray[Any], first: Posterior) -> NDArray[Any]:
+    def _rounds(self, measured: NDArray[Any], first: OwnPosterior) -> NDArray[Any]:
         """Spectrum on the grid after the last round."""
         spectrum = first.own_mean
         for _ in range(ROUNDS):
@@ -133,7 +133,7 @@ class EdgePreservingSolver:
         spectrum: NDArray[Any],
         measured: NDArray[Any],
         stiffness: Linear,
-        start: Posterior,
+        start: OwnPosterior,
     ) -> NDArray[Any]:
         """Some steps of conjugate gradients, preconditioned by the first posterior covariance P.
 
@@ -146,15 +146,16 @@ class EdgePreservingSolver:
         residual = (misfit @ rows).reshape(spectrum.shape) - stiffness(spectrum)
         step, unconditioned = start.covariance(residual), residual
         size = np.vdot(residual, step).real
-        for _ in range(STEPS):
+        for left in reversed(range(STEPS)):
             curved = unconditioned - precision * step + stiffness(step)
             length = size / np.vdot(step, curved).real
             spectrum = spectrum + length * step
-            residual = residual - length * curved
-            ready = start.covariance(residual)
-            before, size = size, np.vdot(residual, ready).real
-            step = ready + (size / before) * step
-            unconditioned = residual + (size / before) * unconditioned
+            if left:
+                residual = residual - length * curved
+                ready = start.covariance(residual)
+                before, size = size, np.vdot(residual, ready).real
+                step = ready + (size / before) * step
+                unconditioned = residual + (size / before) * unconditioned
         return spectrum
 
 

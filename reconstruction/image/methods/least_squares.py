@@ -5,7 +5,6 @@ Am. A 4, 2379 (1987)): so do the variances of the cosines that they consist of.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -39,10 +38,12 @@ class LeastSquares:
 
     def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
         """Solver of one operator's coefficients: the same for all methods that begin with it."""
-        return _compiled(operator, self.deviation)
+        found = operator.shared.get(self.deviation)
+        if found is None:
+            found = operator.shared[self.deviation] = _compiled(operator, self.deviation)
+        return found
 
 
-@lru_cache(maxsize=4)
 def _compiled(
     operator: MeasurementOperator, deviation: Deviation
 ) -> "LeastSquaresSolver | ShrinkingSolver":
@@ -73,6 +74,7 @@ class LeastSquaresSolver:
             prior.atoms.of((lowest[0], lowest[1])),
             Field(tall[:, :height], wide[:, :width], variance[:height, :width]),
             operator.usual_noise[operator.varying],
+            prior.atoms.combined if shape == operator.image_shape else None,
         )
         kept = variance[:height, :width]
         self.precision: Floats = np.divide(1, kept, out=np.zeros_like(kept), where=kept > 0)
