@@ -13,6 +13,9 @@ The constants are those of an `AnchoredPrior`. The obliquity of the field, 1.5 %
 left out.
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from ..arrays import Floats, Mask
@@ -69,6 +72,11 @@ class AnchoredImage:
 
     def __call__(self, depth_m: Floats, sigma_m: Floats) -> DepthEstimate | None:
         """The map of these depths (K,), None where there are none."""
+        found = self.log_depth(depth_m, sigma_m)
+        return None if found is None else DepthEstimate(np.exp(found.mean), found.deviation())
+
+    def log_depth(self, depth_m: Floats, sigma_m: Floats) -> "LogDepth | None":
+        """Its logarithm."""
         usable, prior = np.isfinite(depth_m) & (depth_m > 0), self._prior
         if not usable.any():
             return None
@@ -81,28 +89,39 @@ class AnchoredImage:
         share = 4 * depth_variance / (4 * depth_variance + prior.log_reflectance_deviation**2)
         residual = log_depth + share / 2 * self._at_anchors[usable]
         unexplained = (1 - share) * depth_variance
-        kriged, variance = self._krige(usable, residual, unexplained, log_sigma)
-        depth = np.exp(kriged - share / 2 * self._brightness)
+        weights, to_pixels = self._krige(usable, unexplained, log_sigma)
+        shape = self._brightness.shape
+        kriged = (residual @ weights[:-1]).reshape(shape) - share / 2 * self._brightness
         # An uncertain range may be anywhere within its deviation.
-        factor = np.where(log_sigma > prior.uncertain, np.exp(log_sigma), 1.0)
-        nearest, farthest = (depth_m / factor).min() / prior.max_nearer, (depth_m * factor).max()
-        return DepthEstimate(np.clip(depth, nearest, farthest), prior.doubt * np.sqrt(variance))
+        log_factor = np.where(log_sigma > prior.uncertain, log_sigma, 0.0)
+        nearest = (log_depth - log_factor).min() - np.log(prior.max_nearer)
+        farthest = (log_depth + log_factor).max()
 
-    def _krige(
-        self, usable: Mask, values: Floats, variance: float, sigma: Floats
-    ) -> tuple[Floats, Floats]:
-        """Ordinary kriging of values (n,) that are known up to ``sigma``; its variance."""
-        count, nugget = len(values), self._prior.nugget
+        def deviation() -> Floats:
+            told = (weights * to_pixels).sum(axis=0).reshape(shape)
+            return np.asarray(prior.doubt * np.sqrt((1 + prior.nugget) * unexplained - told))
+
+        return LogDepth(np.clip(kriged, nearest, farthest), deviation)
+
+    def _krige(self, usable: Mask, variance: float, sigma: Floats) -> tuple[Floats, Floats]:
+        """Ordinary kriging of n values that are known up to ``sigma``.
+
+        Weights (n + 1, N) of each for each pixel, and their covariances; the last of both is that
+        of the mean.
+        """
+        count, nugget = len(sigma), self._prior.nugget
         system = np.ones((count + 1, count + 1))  # the last row makes the weights sum to one
-        system[:count, :count] = variance * self._of_anchors[usable][:, usable]
-        system[:count, :count] += np.diag(sigma**2 + nugget * variance)
+        system[:count, :count] = variance * self._of_anchors[np.ix_(usable, usable)]
+        system[np.diag_indices(count)] += sigma**2 + nugget * variance
         system[count, count] = 0
         to_pixels = np.ones((count + 1, self._brightness.size))
-        to_pixels[:count] = variance * self._of_pixels[usable].reshape(count, -1)
-        weights = np.linalg.inv(system) @ to_pixels
-        told = (weights * to_pixels).sum(axis=0)
-        shape = self._brightness.shape
-        return (
-            (values @ weights[:count]).reshape(shape),
-            ((1 + nugget) * variance - told).reshape(shape),
-        )
+        of_pixels = self._of_pixels if usable.all() else self._of_pixels[usable]
+        np.multiply(of_pixels.reshape(count, -1), variance, out=to_pixels[:count])
+        return np.linalg.inv(system) @ to_pixels, to_pixels
+
+
+class LogDepth(NamedTuple):
+    """Log depth of a map (H, W), and what tells its deviation."""
+
+    mean: Floats
+    deviation: Callable[[], Floats]

@@ -6,7 +6,6 @@ constant is that of the spots, interpolated. Their laser light tells rho. Of the
 veil is taken off as far as the fog is known.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -17,7 +16,7 @@ from ..arrays import Floats, Mask
 from ..capture import Optics
 from ..layers import Channels
 from .anchored_prior import AnchoredPrior
-from .kriging import BRIGHT, AnchoredImage
+from .kriging import BRIGHT, AnchoredImage, LogDepth
 from .neighbours import wide_hats
 from .rays import pixel_of, pixel_rays, squared_distances
 
@@ -111,8 +110,11 @@ class Shown:
     @cached_property
     def percentiles(self) -> tuple[float, float, float]:
         """Brightness of the darkest, of dark and of bright pixels."""
-        told = np.percentile(self.image, (DARKEST_OF_ALL, DARK, BRIGHT))
-        return tuple(told.tolist())
+        places = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
+        below, above = np.floor(places).astype(int), np.ceil(places).astype(int)
+        ordered = np.partition(self.image, np.append(below, above), axis=None)
+        told = ordered[below] + (places - below) * (ordered[above] - ordered[below])
+        return float(told[0]), float(told[1]), float(told[2])
 
     @property
     def bright(self) -> float:
@@ -166,7 +168,7 @@ def inputs_of(shown: Shown) -> Inputs:
         (by_unveiled, sure),
         (reflectance, known),
     )
-    near = places.summed(places.near, [measured, fitted, shown.lost])
+    near = places.summed(places.near, np.array([measured, fitted, shown.lost]))
     start, unsure, plain = _anchored(shown, places)
     maps = np.array(
         [
@@ -211,9 +213,9 @@ class Places(NamedTuple):
         """Means (4,) of the pixels around the spots."""
         return np.asarray(((self.down @ image) * self.along).sum(axis=1))
 
-    def summed(self, nearness: Floats, weights: Sequence[Floats | Mask]) -> Floats:
-        """Sums (n, H, W) of maps of each spot (4, H, W) by weights, (4,) each."""
-        whole = np.array(weights, np.float64) @ nearness.reshape(4, -1)
+    def summed(self, nearness: Floats, weights: Floats) -> Floats:
+        """Sums (n, H, W) of maps of each spot (4, H, W) by weights (n, 4)."""
+        whole = weights @ nearness.reshape(4, -1)
         return whole.reshape(-1, *nearness.shape[1:])
 
     def spread(self, *told: tuple[Floats, Floats]) -> Floats:
@@ -221,8 +223,9 @@ class Places(NamedTuple):
 
         They are near 0 far from all that count.
         """
-        sums = [weight * np.nan_to_num(values) for values, weight in told]
-        both = self.summed(self.inverse, [*sums, *(weight for _, weight in told)])
+        values, weights = np.array(told).swapaxes(0, 1)
+        sums = np.where(weights > 0, values, 0) * weights
+        both = self.summed(self.inverse, np.concatenate([sums, weights]))
         return np.asarray(both[: len(told)] / (both[len(told) :] + 0.1))
 
 
@@ -270,18 +273,22 @@ def _anchored(shown: Shown, places: Places) -> tuple[Floats, Floats, Floats]:
     And log depth of that on the plain ones, or the best where there are none.
     """
     mapped = AnchoredImage(shown.image, shown.bright, places.anchors, START)
+    nowhere = np.full(shown.image.shape, shown.level)
 
-    def of(spots: Anchors) -> tuple[Floats, Floats]:
+    def of(spots: Anchors) -> LogDepth | None:
         depth_m = np.exp(spots.log_depth)
         with np.errstate(invalid="ignore"):
-            found = mapped(depth_m, spots.log_sigma * depth_m)
-        if found is None:
-            return np.full(shown.image.shape, shown.level), np.zeros(shown.image.shape)
-        assert found.deviation is not None
-        return np.log(found.depth_m), np.log(np.clip(found.deviation, *DEVIATION))
+            return mapped.log_depth(depth_m, spots.log_sigma * depth_m)
 
-    start, unsure = of(shown.best)
-    return start, unsure, of(shown.plain)[0] if shown.plain.weight.any() else start
+    best = of(shown.best)
+    if best is None:
+        start, unsure = nowhere, np.zeros(nowhere.shape)
+    else:
+        start, unsure = best.mean, np.log(np.clip(best.deviation(), *DEVIATION))
+    if not shown.plain.weight.any():
+        return start, unsure, start
+    plain = of(shown.plain)
+    return start, unsure, nowhere if plain is None else plain.mean
 
 
 def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) -> Channels:
