@@ -352,10 +352,10 @@ def test_features_are_as_many_as_their_names(weights):
 
 def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, monkeypatch):
     usual = ["learned", "anchored", "nearest"]
-    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual
+    assert list(Reconstructor(capture.setup, depth="usual")(capture.frame(0)).depths) == usual
     monkeypatch.setattr(learned, "WEIGHTS", learned.WEIGHTS.with_name("missing.npz"))
     learned.shipped.cache_clear()
-    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual[1:]
+    assert list(Reconstructor(capture.setup, depth="usual")(capture.frame(0)).depths) == usual[1:]
     learned.shipped.cache_clear()
 
 
