@@ -135,7 +135,7 @@ def _show(sights: Iterator[Sight], recording: Recording, frames: int | None) -> 
     warn(dict.fromkeys(str(warning.message) for warning in odd))
 
 
-def _follow(source: str, recording: Recording, frames: int | None, methods: dict[str, Any]) -> None:
+def _follow(source: str, recording: Recording, frames: int | None, choice: dict[str, Any]) -> None:
     import threading
 
     from reconstruction.live import Loop, Reception
@@ -144,7 +144,7 @@ def _follow(source: str, recording: Recording, frames: int | None, methods: dict
 
     viewer = StreamViewer(recording, source)
     reception = Reception(source_at(source), recorders=[viewer.frame])
-    loop = Loop(reception, results=[viewer.result], **methods)
+    loop = Loop(reception, results=[viewer.result], **choice)
     say(f"Waiting for frames of {source}; Ctrl-C ends.")
     receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
     receiving.start()

@@ -63,6 +63,12 @@ TEXTURE = 0.35
 """Brightness of a pixel over that of a spot in it, relative rms,"""
 VEIL = 0.15
 """and the same of the fog's veil."""
+SUPPORT = 2.0
+"""Where neither image nor user tells the fog, the prior over weather outweighs the readings. Sigma
+reaches to every fog with so little less log likelihood than the best (two units of support;
+A. Edwards, Likelihood, 1972),"""
+SURE_M = 0.18
+"""and a range that is less certain is none: nine in ten should be within 0.3 m."""
 FREEDOM = 4.0
 """Of Student's t, with which a pixel may differ from its spot: edges are frequent."""
 APART_M = 0.5
@@ -86,6 +92,8 @@ def underdetermined_solver(
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     tables = RootTables(spots, optics if scaled else None, response, longest_m, EXTINCTIONS_PER_M)
     log_density = log_of_surfaces if scaled else log_of_anything
+    stated = weather_of(spots)
+    told = not np.isnan(stated.visibility_m)
     noise = chi_squared_limit(PER_TARGET, normal_share(-MIN_SIGNAL))
 
     def solve(
@@ -99,19 +107,33 @@ def underdetermined_solver(
         dark = covariance.squares(*pairs.T) < noise
         backscatter = np.exp(belief.log_median[:, None] + belief.log_deviation[:, None] * NODES)
         roots = tables.roots(pairs, covariance, backscatter, log_density)
-        seen = brightness if tables.empty_pixel is not None else None
-        weight, by_root = _weights(
+        shown = brightness is not None and np.isfinite(brightness.electrons).any()
+        seen = brightness if shown and tables.empty_pixel is not None else None
+        guessed = seen is None and not told
+        weight, by_root, support = _weights(
             tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, belief, seen
         )
-        estimate = Posterior(_spot_posteriors(roots, by_root), belief.updated(weight, backscatter))
+        supported = np.zeros(support.shape, dtype=bool)
+        if guessed:
+            held = support - NODES**2 / 2 + belief.log_ratio(CLEAR)[:, None]
+            supported = held >= held.max() - SUPPORT
+        reaching = supported[roots.node, roots.draw]
+        estimate = Posterior(
+            _spot_posteriors(roots, by_root, reaching), belief.updated(weight, backscatter)
+        )
+        widest_m = SURE_M if guessed else np.inf
         statuses = tuple(
-            "saturated" if saturated[spot] else "weak" if dark[spot] else _status(each, longest_m)
-            for spot, each in enumerate(estimate.spots)
+            "saturated"
+            if saturated[k]
+            else "weak"
+            if dark[k]
+            else _status(each, longest_m, widest_m)
+            for k, each in enumerate(estimate.spots)
         )
         fog = estimate.fog.optics(EXTINCTIONS_PER_M)
         return ranges_of(estimate.spots, statuses, readings.mean(axis=1), fog), estimate.fog
 
-    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots), CLEAR), solve)
+    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, stated, CLEAR), solve)
 
 
 def _weights(
@@ -123,8 +145,8 @@ def _weights(
     backscatter: Floats,
     belief: FogBelief,
     brightness: Brightness | None,
-) -> tuple[Floats, Floats]:
-    """Posterior (K, B) of fogs, and of each root (C,) within its spot.
+) -> tuple[Floats, Floats, Floats]:
+    """Posterior (K, B) of fogs, of each root (C,) within its spot, and log likelihood (K, B).
 
     A spot without a target has the echo of fog alone, and a pixel with its veil.
     """
@@ -154,7 +176,9 @@ def _weights(
     if starts.size:
         total[:, having] += np.add.reduceat(target, starts, axis=1)
     by_spot = np.log(total).reshape(prior.size, 4, -1) + peak.reshape(4, -1)
-    evidence = by_spot[:, usable].sum(axis=1) + np.log(prior)[:, None]
+    evidence = by_spot[:, usable].sum(axis=1)
+    support = evidence.max(axis=0).reshape(fogs)
+    evidence += np.log(prior)[:, None]
     evidence += np.log(
         np.maximum(belief.share, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
     ).T.ravel()
@@ -162,7 +186,7 @@ def _weights(
     weight /= weight.sum()
     of_each = np.tile(weight, 4) / total
     by_root = np.einsum("ac,ac->c", target, of_each[:, group])
-    return weight.sum(axis=0).reshape(fogs), by_root
+    return weight.sum(axis=0).reshape(fogs), by_root, support
 
 
 def _log_density_of_fog(
@@ -193,8 +217,11 @@ def _likelihood_of_pixel(surface: Floats, veil: Floats, electrons: Floats, sigma
     return np.where(np.isfinite(likelihood) & (likelihood > 0), likelihood, 1.0)
 
 
-def _spot_posteriors(roots: Roots, by_root: Floats) -> tuple[SpotPosterior, ...]:
-    """What is known of each spot; roots that are close to each other are one alternative."""
+def _spot_posteriors(roots: Roots, by_root: Floats, reaching: Mask) -> tuple[SpotPosterior, ...]:
+    """What is known of each spot; roots that are close to each other are one alternative.
+
+    Sigma reaches to the farthest of some (C,).
+    """
     of_spot = np.bincount(roots.spot, by_root, minlength=4)
     here = np.flatnonzero(by_root > NEGLIGIBLE * of_spot[roots.spot])
     if not here.size:
@@ -210,7 +237,8 @@ def _spot_posteriors(roots: Roots, by_root: Floats) -> tuple[SpotPosterior, ...]
 
     centre, noise_m2 = mean(range_m), mean(roots.noise_m2[here])
     away_m = range_m - np.repeat(centre, np.diff(np.append(starts, here.size)))
-    sigma_m = np.sqrt(noise_m2 + mean(away_m**2))
+    farthest_m2 = np.maximum.reduceat(np.where(reaching[here], away_m**2, 0.0), starts)
+    sigma_m = np.sqrt(noise_m2 + np.maximum(mean(away_m**2), farthest_m2))
     strength, signal = mean(roots.strength[here]), mean(roots.signal[here])
     noise_m = np.sqrt(mean(roots.reading_m2[here]))
 
@@ -234,13 +262,13 @@ def _spot_posteriors(roots: Roots, by_root: Floats) -> tuple[SpotPosterior, ...]
     return tuple(of(number) for number in range(4))
 
 
-def _status(spot: SpotPosterior, longest_m: float) -> Status:
+def _status(spot: SpotPosterior, longest_m: float, widest_m: float) -> Status:
     """What a range rests on, or why there is none."""
     if not spot.alternatives or spot.target < CERTAIN or spot.strength < spot.needed:
         return "fog"
     likeliest = spot.alternatives[0]
     if likeliest.weight < CERTAIN or likeliest.range_m > longest_m - MIN_SIGNAL * likeliest.sigma_m:
         return "ambiguous"
-    if likeliest.sigma_m > LARGEST * likeliest.range_m:
+    if likeliest.sigma_m > min(widest_m, LARGEST * likeliest.range_m):
         return "fog"
     return "ok" if likeliest.sigma_m <= UNAFFECTED * spot.noise_m else "weather prior"
