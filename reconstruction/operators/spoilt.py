@@ -44,6 +44,8 @@ class SpoiltReadings:
         if self._throughput.score(signal, usable) > BEYOND_DOUBT:
             return found
         told = signal[self._usable if usable is None else usable]
+        if not told.size:
+            return found
         least = HARMFUL * _deviation(told - np.median(told))
         for group in self._groups:
             found |= group.spoilt(signal, least, usable)
