@@ -111,8 +111,8 @@ def filled(maps: Channels, multiple: int) -> Channels:
 
 
 def positive(channels: Channels) -> Channels:
-    """Rectified."""
-    return np.maximum(channels, 0)
+    """Rectified, in its place."""
+    return np.maximum(channels, 0, out=channels)
 
 
 def squares_as_channels(channels: Channels) -> Channels:

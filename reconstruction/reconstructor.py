@@ -89,6 +89,8 @@ class Reconstructor:
         if setup.optics is not None:
             rays = pixel_rays(setup.optics, setup.plan.shape)
             self._corridor = Corridor(rays)
+            if setup.spots is not None:
+                self._spots = pixel_of(setup.spots.directions, setup.optics, setup.plan.shape)
             self._stretch = np.linalg.norm(rays, axis=-1).astype(np.float32)
         logger.info(
             "methods of image: %s; of ranging: %s; of depth: %s",
@@ -252,8 +254,7 @@ class Reconstructor:
             or not readings.level
         ):
             return None
-        at = pixel_of(setup.spots.directions, setup.optics, self._shape)
-        return brightness_at(at, images[name], deviations[name])
+        return brightness_at(self._spots, images[name], deviations[name])
 
     @property
     def _shape(self) -> tuple[int, int]:

@@ -15,6 +15,7 @@ from pathlib import Path
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..errors import InputError
@@ -128,9 +129,8 @@ class Corridor:
         """
         inside = (maps <= REACH_M) & (slope * maps <= CORRIDOR_M / 2)
         near_m = np.where(inside, maps, np.inf)
-        ordered = np.argsort(near_m, axis=1)
         for most in (USUALLY_ENOUGH, slope.size):
-            few = ordered[:, :most]
+            few = _nearest(near_m, most)
             sorted_m = np.take_along_axis(near_m, few, axis=1)
             area = self._pixel * np.where(np.isfinite(sorted_m), sorted_m, 0) ** 2
             there = first[few][:, None] <= np.arange(levels)[:, None]
@@ -139,6 +139,14 @@ class Corridor:
                 break
         found = np.append(sorted_m, np.full((len(maps), 1), np.nan), axis=1)
         return np.take_along_axis(found, count, axis=1).ravel()
+
+
+def _nearest(depth_m: Floats, most: int) -> NDArray[np.intp]:
+    """The nearest pixels of each map (E, n), in their order: (E, most)."""
+    if most >= depth_m.shape[1]:
+        return np.argsort(depth_m, axis=1)
+    few = np.argpartition(depth_m, most, axis=1)[:, :most]
+    return np.take_along_axis(few, np.argsort(np.take_along_axis(depth_m, few, axis=1)), axis=1)
 
 
 def free_of(ensemble_m: Floats, prior: CorridorPrior) -> Floats:

@@ -58,7 +58,7 @@ class MeasurementOperator:
     def _level_row(self) -> Floats:
         return self.back_project((~self.varying).astype(np.float64))
 
-    @property
+    @cached_property
     def varying(self) -> NDArray[np.bool_]:
         """Rows (K,) other than the level."""
         return np.arange(self.shape[0]) != (-1 if self.level is None else self.level)
