@@ -1,8 +1,9 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from .image import (
     Coefficients,
     Estimate,
     Imaging,
+    SolverOfMany,
     UsableReadings,
 )
 from .ranging import (
@@ -108,10 +110,39 @@ class Reconstructor:
         self._check(frames)
         buckets = frames.buckets
         readings = zip(buckets.signal, buckets.variance, buckets.usable, strict=True)
-        return [
-            self._frame(frames.between(number, number + 1), *reading)
-            for number, reading in enumerate(readings)
+        decoded = [
+            self._decoded(frames.between(number, number + 1), *each)
+            for number, each in enumerate(readings)
         ]
+        if len(decoded) > 1:
+            self._imaged_together(decoded)
+        return [self._frame(each) for each in decoded]
+
+    def _decoded(
+        self, frame: Frames, signal: Floats, variance: Floats, usable: NDArray[np.bool_]
+    ) -> "_Decoded":
+        timings: dict[str, float] = {}
+        with timed(timings, "decoding"):
+            readings, spoilt = self._readings(frame.first, signal, usable)
+            coefficients = readings.decode(signal, variance)
+        for shared in (coefficients.values, coefficients.noise):
+            shared.setflags(write=False)  # by methods, one after the other
+        return _Decoded(frame, readings, coefficients, spoilt, timings, {})
+
+    def _imaged_together(self, decoded: Sequence["_Decoded"]) -> None:
+        """By those methods that are faster with several frames at once."""
+        for name in self._images:
+            solvers: dict[Any, None] = dict.fromkeys(each.readings.solver(name) for each in decoded)
+            for solver in solvers:
+                if not isinstance(solver, SolverOfMany):
+                    continue
+                same = [each for each in decoded if each.readings.solver(name) is solver]
+                timings: dict[str, float] = {}
+                with timed(timings, "all"):
+                    estimates = solver.many([each.coefficients for each in same])
+                for each, estimate in zip(same, estimates, strict=True):
+                    each.estimates[name] = estimate
+                    each.timings[f"image {name}"] = timings["all"] / len(same)
 
     def _check(self, frames: Frames) -> None:
         if not isinstance(frames, Frames) or not len(frames):
@@ -131,25 +162,16 @@ class Reconstructor:
                 f"frames of {found}, compiled for {expected}: they are of another recording"
             )
 
-    def _frame(
-        self,
-        frame: Frames,
-        signal: Floats,
-        variance: Floats,
-        usable: NDArray[np.bool_],
-    ) -> Result:
-        timings: dict[str, float] = {}
-        with timed(timings, "decoding"):
-            readings, spoilt = self._readings(frame.first, signal, usable)
-            coefficients = readings.decode(signal, variance)
-        for shared in (coefficients.values, coefficients.noise):
-            shared.setflags(write=False)  # by methods, one after the other
+    def _frame(self, decoded: "_Decoded") -> Result:
+        frame, readings, coefficients, spoilt, timings, estimates = decoded
         varying = readings.decoder.operator.varying & readings.measured
         notes = _note_of_readings(frame.first, spoilt, varying, coefficients)
         images, deviations = {}, {}
         for name in self._images:
-            with timed(timings, f"image {name}"):
-                estimate = self._image(name, readings, coefficients)
+            if name not in estimates:
+                with timed(timings, f"image {name}"):
+                    estimates[name] = readings.solver(name)(coefficients)
+            estimate = self._checked_image(name, readings, estimates[name])
             images[name] = estimate.image
             if estimate.deviation is not None:
                 deviations[name] = estimate.deviation
@@ -211,9 +233,8 @@ class Reconstructor:
             )
         return readings, spoilt
 
-    def _image(self, name: str, readings: UsableReadings, coefficients: Coefficients) -> Estimate:
+    def _checked_image(self, name: str, readings: UsableReadings, estimate: Estimate) -> Estimate:
         who = f"image method {name!r}"
-        estimate = readings.solver(name)(coefficients)
         if not isinstance(estimate, Estimate):
             raise InputError(f"{who} gave {type(estimate).__name__}, not an Estimate")
         image = checked(who, estimate.image, self._shape)
@@ -259,6 +280,17 @@ class Reconstructor:
     @property
     def _shape(self) -> tuple[int, int]:
         return self.setup.plan.shape
+
+
+class _Decoded(NamedTuple):
+    """A frame from its readings on, and the images of it that were made with those of others."""
+
+    frame: Frames
+    readings: UsableReadings
+    coefficients: Coefficients
+    spoilt: NDArray[np.bool_]
+    timings: dict[str, float]
+    estimates: dict[str, Estimate]
 
 
 def reconstruct(

@@ -15,6 +15,7 @@ the frame, v is fitted as if coefficients were independent, and the variance of 
 those around it.
 """
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -30,6 +31,8 @@ LEAST_NOISE = 1e-6
 MOST_LOST = 32
 """Coefficients of which nothing is known, at most, that are taken out of the eigendecomposition of
 all: the remaining ones have their own otherwise."""
+AT_A_TIME = 16
+"""Frames, so that what is known of their contrasts stays in the cache of a processor."""
 ALIKE = 1e-6
 """Relative difference of noise that is none."""
 
@@ -81,6 +84,25 @@ class GaussianModel:
         if relative is None:
             return self._factorised(measured, noise, expected)
         return Posterior(*self._turned(measured, noise, relative), expected, levels)
+
+    def many(
+        self, measured: NDArray[Any], rms: Floats, expected: Floats
+    ) -> Iterator[tuple[NDArray[Any], Floats, float]]:
+        """Mean, variance and contrast of frames (F, K) of the usual noise times ``rms`` (F,).
+
+        ``expected`` (F,) as for `given`.
+        """
+        for start in range(0, len(measured), AT_A_TIME):
+            some = np.s_[start : start + AT_A_TIME]
+            turned = measured[some] @ self._components.turn.T
+            found = self._components.posteriors(turned, rms[some], expected[some])
+            yield from zip(*found, strict=True)
+
+    def usual_rms(self, measured: NDArray[Any], noise: Floats) -> float | None:
+        """By what ``noise`` (K,) is larger than the usual one, None where it is another."""
+        if not np.isfinite(noise).all():
+            return None
+        return self._noise(measured, noise)[1]
 
     def own(
         self, measured: NDArray[Any], noise: Floats, expected: float | None = None

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats, Mask
-from .contrast import Contrasts, contrasts, shrunk
+from .contrast import Contrasts, contrasts, contrasts_of_frames, shrunk
 from .noise import CERTAIN, NoiseLevels
 
 Combined = Callable[[NDArray[Any]], NDArray[Any]]
@@ -145,6 +145,14 @@ class Posterior(OwnPosterior):
         return variance
 
 
+class Posteriors(NamedTuple):
+    """Of several frames: ``mean`` (F, h, w), ``contrast`` (F,) and the ``variance`` of pixels."""
+
+    mean: NDArray[Any]
+    variance: Floats
+    contrast: Floats
+
+
 class Components:
     """What varies independently in coefficients of which the noise has ``relative`` size (K,).
 
@@ -218,6 +226,21 @@ class Components:
     ) -> Contrasts:
         missing = lost if lost.shape[1] else None
         return contrasts(turned, spreads, rms**2, expected, levels, self._usual, missing)
+
+    def posteriors(self, turned: NDArray[Any], rms: Floats, expected: Floats | None) -> Posteriors:
+        """What `Posterior` is of each frame, of components (F, K) with noise ``rms`` (F,)."""
+        noise = rms[:, None] ** 2
+        known = contrasts_of_frames(turned, self.spreads, noise, expected, usual=self._usual)
+        contrast = known.given[:, :1]
+        each = shrunk(known, self.spreads, noise[..., None, None])
+        left = each.by_noise + each.between * np.abs(turned) ** 2
+        explained = (contrast * self.spread - left) * self.inverse**2 / contrast
+        told = (explained.astype(np.float32) @ self.squared).reshape(-1, *self.pixel_variance.shape)
+        return Posteriors(
+            self.spectrum(each.gain * self.inverse * turned),
+            contrast[..., None] * np.maximum(self.pixel_variance - told, 0),
+            contrast[:, 0],
+        )
 
     @cached_property
     def squared(self) -> NDArray[np.float32]:

@@ -87,6 +87,15 @@ def test_a_batch_equals_single_calls(capture):
         reconstructor(several.batch(1, 4))
 
 
+def test_a_batch_of_least_squares_is_a_product_for_all_frames(capture):
+    several = frames_of(capture, 40)
+    reconstructor = Reconstructor(several.setup, image="least-squares", ranging=(), depth=())
+    for result in reconstructor.batch(several.batch(0, 40)):
+        alone = reconstructor(several.frame(result.frame))
+        for found, expected in ((result.image, alone.image), (result.deviation, alone.deviation)):
+            np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * alone.image.max())
+
+
 def test_frames_and_captures_of_all_kinds_are_reconstructed_alike():
     whole = full_capture()
     for capture in (whole, *(replace(whole, spots=make_spots(m)) for m in ("pulsed", "dtof"))):

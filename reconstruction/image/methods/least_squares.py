@@ -4,6 +4,7 @@ The power of natural images falls with the square of spatial frequency (D. J. Fi
 Am. A 4, 2379 (1987)): so do the variances of the cosines that they consist of.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ from ..dictionaries.dct import DICTIONARY
 from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import at_most, band
 from ..method import Estimate
+from ..noise import CERTAIN
 from ..prior import Deviation, Prior
 from ..shrinking import ShrinkingSolver
 
@@ -89,6 +91,33 @@ class LeastSquaresSolver:
         if posterior is None:
             return self.flat(coefficients)
         return self.estimate(posterior.mean, self.variance(posterior), coefficients)
+
+    def many(self, frames: Sequence[Coefficients]) -> list[Estimate]:
+        """The most probable image of each of several frames, by products for all of them.
+
+        But for frames of which something is missing, or the noise is not sure.
+        """
+        plain = [number for number, each in enumerate(frames) if self._is_plain(each)]
+        found: dict[int, Estimate] = {}
+        if plain:
+            told = [self.varying(frames[number]) for number in plain]
+            rms = [self.model.usual_rms(*each) for each in told]
+            expected = [self.expected_contrast(frames[number]) for number in plain]
+            values = np.array([measured for measured, _ in told])
+            posteriors = self.model.many(values, np.array(rms), np.array(expected, np.float64))
+            for number, (mean, variance, contrast) in zip(plain, posteriors, strict=True):
+                whole = variance + contrast * self._higher
+                found[number] = self.estimate(mean, whole, frames[number])
+        return [found.get(number) or self(each) for number, each in enumerate(frames)]
+
+    def _is_plain(self, coefficients: Coefficients) -> bool:
+        measured, noise = self.varying(coefficients)
+        return (
+            bool(measured.any())
+            and coefficients.levels is CERTAIN
+            and self.model.usual_rms(measured, noise) is not None
+            and self.expected_contrast(coefficients) is not None
+        )
 
     def flat(self, coefficients: Coefficients) -> Estimate:
         """The level alone."""
