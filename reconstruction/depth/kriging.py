@@ -111,11 +111,13 @@ class AnchoredImage:
         """
         count, nugget = len(sigma), self._prior.nugget
         system = np.ones((count + 1, count + 1))  # the last row makes the weights sum to one
-        system[:count, :count] = variance * self._of_anchors[np.ix_(usable, usable)]
-        system[np.diag_indices(count)] += sigma**2 + nugget * variance
+        of_anchors, of_pixels = self._of_anchors, self._of_pixels
+        if not usable.all():
+            of_anchors, of_pixels = of_anchors[usable][:, usable], of_pixels[usable]
+        system[:count, :count] = variance * of_anchors
+        system.flat[: -1 : count + 2] += sigma**2 + nugget * variance
         system[count, count] = 0
         to_pixels = np.ones((count + 1, self._brightness.size))
-        of_pixels = self._of_pixels if usable.all() else self._of_pixels[usable]
         np.multiply(of_pixels.reshape(count, -1), variance, out=to_pixels[:count])
         return np.linalg.inv(system) @ to_pixels, to_pixels
 

@@ -118,7 +118,8 @@ def features(shown: Shown, inputs: Inputs) -> Channels:
 def of_frame(inputs: Inputs) -> dict[str, float]:
     """The `FEATURES` that differ from frame to frame."""
     bright = inputs.maps[0]
-    slopes = np.mean(np.diff(bright, axis=0) ** 2) + np.mean(np.diff(bright, axis=1) ** 2)
+    down, along = bright[1:] - bright[:-1], bright[:, 1:] - bright[:, :-1]
+    slopes = np.mean(down**2) + np.mean(along**2)
     told = dict(zip(NUMBERS, inputs.numbers.tolist(), strict=True))
     return told | {
         "spread of log brightness": float(bright.std()),

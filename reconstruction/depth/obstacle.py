@@ -38,6 +38,9 @@ LEVELS = (np.arange(6) + 0.5) / 6
 """Probabilities of nothing from which on members have nothing in a pixel."""
 USUALLY_ENOUGH = 64
 """Nearest pixels of which an obstacle mostly consists; where it does not, all are looked at."""
+LOG_DISTANCES = np.log(DISTANCES_M)
+ANYWHERE = np.clip(np.log(REACH_M / DISTANCES_M) / np.log(REACH_M / NEAREST_M), 0, 1)
+"""Probability that an obstacle of a map that tells nothing is behind each distance."""
 HALEY = 1.702
 """A logistic distribution of this slope is normal within 0.01 (D. C. Haley, 1952)."""
 FITTED = Path(__file__).with_name("corridor_priors.json")
@@ -151,11 +154,10 @@ def _nearest(depth_m: Floats, most: int) -> NDArray[np.intp]:
 
 def free_of(ensemble_m: Floats, prior: CorridorPrior) -> Floats:
     """Probability (..., K) that nothing is nearer than `DISTANCES_M`; ensembles are (..., N)."""
-    log_m = np.nan_to_num(np.log(ensemble_m), nan=np.inf) + prior.bias
-    away = (log_m[..., None, :] - np.log(DISTANCES_M)[:, None]) / prior.sigma
-    behind = (0.5 + 0.5 * np.tanh(HALEY / 2 * away)).mean(axis=-1)
-    anywhere = np.clip(np.log(REACH_M / DISTANCES_M) / np.log(REACH_M / NEAREST_M), 0, 1)
-    return np.asarray((1 - prior.outlier) * behind + prior.outlier * anywhere)
+    log_m = np.log(np.where(np.isnan(ensemble_m), np.inf, ensemble_m)) + prior.bias
+    away = (log_m[..., None, :] - LOG_DISTANCES[:, None]) * (HALEY / 2 / prior.sigma)
+    behind = 0.5 + 0.5 * np.tanh(away).mean(axis=-1)
+    return np.asarray((1 - prior.outlier) * behind + prior.outlier * ANYWHERE)
 
 
 def nearest_obstacle_m(free: Floats, min_free: float = MIN_FREE) -> float:

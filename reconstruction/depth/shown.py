@@ -6,6 +6,7 @@ constant is that of the spots, interpolated. Their laser light tells rho. Of the
 veil is taken off as far as the fog is known.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -297,7 +298,8 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) 
     The veil that the fitted fog would have, over bright pixels, beside what dark ones have: where
     that is less, there is less fog.
     """
-    best, weight = shown.best, shown.best.weight
+    best = shown.best
+    weight = best.weight
     total = max(weight.sum(), 1e-6)
     away = np.nan_to_num(best.log_depth - shown.level)
     foggy = bool(np.isfinite(shown.extinction_per_m))
@@ -308,15 +310,15 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) 
         np.count_nonzero(shown.lost) / 4,
         _mean_deviation(shown.plain),
         _mean_deviation(shown.fitted),
-        np.log(np.clip(shown.noise, 1e-4, 10)) / 4,
+        math.log(min(max(shown.noise, 1e-4), 10)) / 4,
         of_share(shown.share),
         np.log(max(shown.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
         float(foggy),
-        np.log(np.clip(shown.reach_m, 1, 100) / 10),
+        math.log(min(max(shown.reach_m, 1), 100) / 10),
         known @ reflectance / max(known.sum(), 1e-6),
         known.sum() / 4,
-        np.log1p(np.clip(in_front / shown.bright, 0, BRIGHTEST)),
-        np.log1p(np.clip(shown.percentiles[1] / shown.bright, -0.5, 1)),
+        math.log1p(min(max(in_front / shown.bright, 0), BRIGHTEST)),
+        math.log1p(min(max(shown.percentiles[1] / shown.bright, -0.5), 1)),
     ]
     return np.array(numbers, np.float32)
 
@@ -336,7 +338,7 @@ def of_share(share: float) -> float:
 def _mean_deviation(anchors: Anchors) -> float:
     """Of the log, on a scale of some units; that of a spot without a range is 1."""
     sigma = np.where(np.isfinite(anchors.log_sigma), anchors.log_sigma, 1.0)
-    return float(np.mean(np.log(np.clip(sigma, 1e-4, 1)))) / 4
+    return float(np.log(np.minimum(np.maximum(sigma, 1e-4), 1)).sum()) / sigma.size / 4
 
 
 def veil(shown: Shown, places: Places) -> float:

@@ -117,14 +117,17 @@ class GaussianModel:
 
     def _noise(self, measured: NDArray[Any], noise: Floats) -> tuple[Floats, float | None]:
         """Noise (K,) to divide by, and its size over the usual one, None where it is another."""
-        known = np.isfinite(noise)
-        usual = self.usual[known]
-        least = LEAST_NOISE * float(np.sqrt(np.mean(np.abs(measured[known] / usual) ** 2)))
+        known, usual = np.isfinite(noise), self.usual
+        if not known.all():
+            measured, usual = measured[known], usual[known]
+        size = np.abs(measured / usual)
+        least = LEAST_NOISE * float(np.sqrt(size @ size / size.size))
         noise = np.maximum(noise, least * self.usual)
-        relative = noise[known] / usual
-        if np.ptp(relative) > ALIKE * relative.max():
+        relative = (noise if known.all() else noise[known]) / usual
+        largest = relative.max()
+        if largest - relative.min() > ALIKE * largest:
             return noise, None
-        return noise, float(np.sqrt(np.mean(relative**2)))
+        return noise, float(np.sqrt(relative @ relative / relative.size))
 
     def _factorised(
         self, measured: NDArray[Any], noise: Floats, expected: float | None

@@ -196,8 +196,10 @@ class Slopes:
         """Structure tensors in the Gaussian window, and on their diagonal the mean gradient."""
         slopes = self.gradient(spectrum)
         size = np.abs(slopes)
-        mean = size.mean()
-        products = np.array([*size**2, (slopes[0] * np.conj(slopes[1])).real])
+        mean = size.sum() / size.size
+        products = np.empty((3, *size.shape[1:]))
+        products[:2] = size**2
+        products[2] = (slopes[0] * np.conj(slopes[1])).real
         vertical, horizontal, across = self._windows[0] @ products @ self._windows[1]
         return Tensors(vertical + mean**2, horizontal + mean**2, across)
 
