@@ -1,7 +1,8 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -58,6 +59,9 @@ class Reconstructor:
     that the frames share is computed here; the work per frame does not depend on how many there
     are.
 
+    ``failed`` hears of a method that raises in a frame, by its station and name, whose result then
+    goes without it; unless it is given, the error is the caller's.
+
     Raises InputError for unknown names, methods that the recording does not suit, plans that do
     not tell the background, and ``min_free`` that is no probability above 0 and below 1.
     """
@@ -71,8 +75,10 @@ class Reconstructor:
         depth: Names = None,
         weather: str | float | None = None,
         min_free: float = MIN_FREE,
+        failed: Callable[[str, Exception], None] | None = None,
     ) -> None:
         check_min_free(min_free)
+        self._failed = failed
         if weather is not None:
             setup = with_weather(setup, Weather.parsed(weather))
         self.setup, self._min_free = setup, min_free
@@ -163,25 +169,15 @@ class Reconstructor:
             )
 
     def _frame(self, decoded: "_Decoded") -> Result:
-        frame, readings, coefficients, spoilt, timings, estimates = decoded
+        frame, readings, coefficients, spoilt, timings, _ = decoded
         varying = readings.decoder.operator.varying & readings.measured
         notes = _note_of_readings(frame.first, spoilt, varying, coefficients)
-        images, deviations = {}, {}
-        for name in self._images:
-            if name not in estimates:
-                with timed(timings, f"image {name}"):
-                    estimates[name] = readings.solver(name)(coefficients)
-            estimate = self._checked_image(name, readings, estimates[name])
-            images[name] = estimate.image
-            if estimate.deviation is not None:
-                deviations[name] = estimate.deviation
-            if estimate.note is not None:
-                notes[f"image {name}"] = estimate.note
+        images, deviations = self._images_of(decoded, notes)
         brightness = self._brightness(images, deviations, readings)
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
-            with timed(timings, f"ranging {name}"):
+            with self._contained(f"ranging {name}"), timed(timings, f"ranging {name}"):
                 rangings[name] = checked_ranges(name, solve(frame.spots, brightness))
         if frame.spots is not None:
             doubts = range_doubts(rangings, frame.spots)
@@ -193,10 +189,10 @@ class Reconstructor:
         view = View(image, next(iter(rangings.values()), None), frame)
         maps: dict[str, DepthEstimate] = {}
         for name, solve_depth in self._depths.items():
-            with timed(timings, f"depth {name}"):
+            with self._contained(f"depth {name}"), timed(timings, f"depth {name}"):
                 found = solve_depth(view)
-            if found is not None:
-                maps[name] = checked_depths(f"depth method {name!r}", found, self._shape)
+                if found is not None:
+                    maps[name] = checked_depths(f"depth method {name!r}", found, self._shape)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
@@ -217,6 +213,16 @@ class Reconstructor:
             notes=notes,
         )
 
+    @contextmanager
+    def _contained(self, method: str) -> Iterator[None]:
+        """Tell whoever wants to hear of it what a method raises."""
+        try:
+            yield
+        except Exception as error:
+            if self._failed is None:
+                raise
+            self._failed(method, error)
+
     def _readings(
         self, frame: int, signal: Floats, usable: NDArray[np.bool_]
     ) -> tuple[UsableReadings, NDArray[np.bool_]]:
@@ -232,6 +238,28 @@ class Reconstructor:
                 "larger full scale"
             )
         return readings, spoilt
+
+    def _images_of(
+        self, decoded: "_Decoded", notes: dict[str, str]
+    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """Images and their deviations by method, of one at least."""
+        readings, estimates = decoded.readings, decoded.estimates
+        images: dict[str, Floats] = {}
+        deviations: dict[str, Floats] = {}
+        for name in self._images:
+            with self._contained(f"image {name}"):
+                if name not in estimates:
+                    with timed(decoded.timings, f"image {name}"):
+                        estimates[name] = readings.solver(name)(decoded.coefficients)
+                estimate = self._checked_image(name, readings, estimates[name])
+                images[name] = estimate.image
+                if estimate.deviation is not None:
+                    deviations[name] = estimate.deviation
+                if estimate.note is not None:
+                    notes[f"image {name}"] = estimate.note
+        if not images:
+            raise InputError("every method of the image has failed")
+        return images, deviations
 
     def _checked_image(self, name: str, readings: UsableReadings, estimate: Estimate) -> Estimate:
         who = f"image method {name!r}"

@@ -1,17 +1,20 @@
 """From frames as they come to results, with a reconstructor that is compiled once for a setup."""
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..chosen_methods import Names
-from ..depth import MIN_FREE
-from ..errors import InputError
+from ..chosen_methods import Names, check_names
+from ..depth import MIN_FREE, check_min_free
+from ..errors import InputError, in_words
 from ..reconstructor import Reconstructor
 from .counts import Latencies
 from .reception import POLL_S, Arrival, Reception
 from .results import Outcome, State
 from .setups import StreamSetup
+
+logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
 
@@ -19,8 +22,10 @@ STATE_EVERY_S = 1.0
 class Loop:
     """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
 
-    Methods are named as for a `Reconstructor`, and ``min_free`` is that of one, too. Raises
-    InputError for methods that the first setup does not suit, and where the reception has failed.
+    Methods are named as for a `Reconstructor`, and ``min_free`` is that of one, too. Whatever a
+    method raises costs its own part of a frame, and what a setup or a frame raises costs these
+    alone: it is counted and told. Raises InputError for unknown methods, for those that the first
+    setup of a file or pipe does not suit, and where the reception has failed.
     """
 
     def __init__(
@@ -36,6 +41,8 @@ class Loop:
         states: Sequence[Callable[[State], None]] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        check_names(image, ranging, depth)
+        check_min_free(min_free)
         self.latencies = Latencies()
         self._reception = reception
         self._methods: dict[str, Any] = {
@@ -44,6 +51,7 @@ class Loop:
             "depth": depth,
             "weather": weather,
             "min_free": min_free,
+            "failed": self._method_failed,
         }
         self._results = results
         self._states = states
@@ -51,6 +59,7 @@ class Loop:
         self._stream: StreamSetup | None = None
         self._reconstruct: Reconstructor | None = None
         self._trouble: str | None = None
+        self._logged = ""
         self._last_s = float("nan")
         self._told_s = clock()
         self._told_frames = 0
@@ -75,17 +84,17 @@ class Loop:
             self._tell()
 
     def _compile(self, stream: StreamSetup) -> None:
-        """For another setup than the last; what the first one lacks is an error."""
+        """For another setup than the last; what the first one of a file lacks is an error."""
         if stream is self._stream:
             return
         first, self._stream, self._reconstruct = self._stream is None, stream, None
         try:
             self._reconstruct = Reconstructor(stream.setup, **self._methods)
             self._trouble = None
-        except InputError as error:
-            if first:
+        except Exception as error:
+            if first and self._reception.final and isinstance(error, InputError):
                 raise
-            self._trouble = f"the setup cannot be used: {error}"
+            self._trouble = f"the setup cannot be used: {self._in_words(error)}"
 
     def _frame(self, arrival: Arrival) -> None:
         self._compile(arrival.stream)
@@ -93,13 +102,13 @@ class Loop:
         if self._reconstruct is None:
             counts.failed += 1
             return
+        self._trouble = None
         try:
             result = self._reconstruct(arrival.frame)
-        except InputError as error:
+        except Exception as error:
             counts.failed += 1
-            self._trouble = str(error)
+            self._trouble = self._in_words(error)
             return
-        self._trouble = None
         counts.reconstructed += 1
         self._last_s = arrival.received_s
         latency_s = self._clock() - arrival.received_s
@@ -108,9 +117,22 @@ class Loop:
         for tell in self._results:
             tell(outcome)
 
+    def _method_failed(self, method: str, error: Exception) -> None:
+        self._reception.counts.method_failures += 1
+        self._trouble = f"{method}: {self._in_words(error)}"
+
+    def _in_words(self, error: Exception) -> str:
+        """An error that nobody else will hear of; in the log once, however often it comes again."""
+        words = in_words(error)
+        if not isinstance(error, InputError) and words != self._logged:
+            self._logged = words
+            logger.error("%s", words, exc_info=error)
+        return words
+
     def state(self) -> State:
         """How the stream is."""
         now_s, counts = self._clock(), self._reception.counts
+        awaited, since_s = self._reception.awaited
         period_s = max(now_s - self._told_s, 1e-9)
         return State(
             counts=counts,
@@ -119,6 +141,8 @@ class Loop:
             latency_99_s=self.latencies.percentile(99),
             frames_per_s=(counts.reconstructed - self._told_frames) / period_s,
             trouble=self._trouble or self._reception.trouble or "",
+            waiting_for=awaited,
+            waiting_s=now_s - since_s,
         )
 
     def _tell(self) -> None:
