@@ -3,7 +3,7 @@
     python benchmarks/live.py [--quick] [--json] [--markdown]
 
 64 × 64 pixels, 128 exposures a frame at 15 kHz, 117 frames a second, from counts to image, ranges
-and depth with the usual methods. A process of its own sends simulated frames of the warehouse by
+and depth with the default methods. A process of its own sends simulated frames of the warehouse by
 TCP, on the same machine; its first frame leaves a few seconds after the setup, while which the
 methods are compiled. Then the same with one frame in a hundred corrupted in any one byte, one lost
 and one swapped with the next. Every result is compared with that of the same frame reconstructed
@@ -28,10 +28,8 @@ from yardstick import Yardstick
 
 import spisim
 from reconstruction import Capture, Reconstructor, Result
-from reconstruction.chosen_methods import USUAL_IMAGES
 from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
 from reconstruction.live.links.sockets import TcpListen
-from reconstruction.live.loop import SWIFT_DEPTHS
 from spisim.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "live.md"
@@ -74,7 +72,7 @@ def main() -> int:
         spisim.load_scene("warehouse"), spisim.load_instrument("paper"), spp=16, frames=DIFFERENT
     ).capture
     frames = round((QUICK_S if options.quick else SECONDS) / frame_period_s(capture.setup))
-    reconstruct = Reconstructor(capture.setup, image=USUAL_IMAGES[0], depth=SWIFT_DEPTHS)
+    reconstruct = Reconstructor(capture.setup)
     expected = [digest(reconstruct(capture.frame(n))) for n in range(DIFFERENT)]
     faults = drawn(frames, np.random.default_rng(0))
     yardstick = Yardstick()
