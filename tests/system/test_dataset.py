@@ -161,7 +161,7 @@ FULL = """
     head -c 12200000 /dev/zero > {disk}/ballast
     {command} &
     run=$!
-    trap "kill $run 2> /dev/null" EXIT
+    trap "kill $run 2> /dev/null || true" EXIT
     while kill -0 $run && ! grep -q "no space left" {log}; do sleep 0.1; done
     ls {disk}/set/samples/*/*.h5 > {before}
     {relief}
