@@ -11,8 +11,8 @@ PYTHONS   := python3.13 python3.12 python3.11 python3
 help:
 	@echo 'make demo    simulate a flight over a foggy warehouse and reconstruct it, into out/demo'
 	@echo 'make test    lint, type check and fast tests'
-	@echo 'make slow    the slow tests, an hour on two cores; with PART=3 an eighth of them'
-	@echo 'make hours   the tests that take hours: files and streams changed 100,000 times'
+	@echo 'make slow    the slow tests, half an hour on two cores; with PART=3 a fifth of them'
+	@echo 'make hours   the tests that take hours: files changed 100,000 times'
 	@echo 'make check   make test, make slow, and the path of a stranger'
 	@echo 'make docs    the documentation site, into out/site'
 	@echo 'make benchmarks  measure everything anew, hours, into the tables of the pages'
