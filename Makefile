@@ -11,7 +11,7 @@ PYTHONS   := python3.13 python3.12 python3.11 python3
 help:
 	@echo 'make demo    simulate a flight over a foggy warehouse and reconstruct it, into out/demo'
 	@echo 'make test    lint, type check and fast tests'
-	@echo 'make check   make test, the slow tests, and the path of a stranger'
+	@echo 'make check   make test, the slow tests, the path of a stranger, faults that tests should notice'
 	@echo 'make docs    the documentation site, into out/site'
 	@echo 'make benchmarks  measure everything anew, hours, into the tables of the pages'
 	@echo 'make clean   remove the virtual environment, caches and out/'
@@ -29,6 +29,7 @@ test: $(INSTALLED)
 check: test docs
 	$(BIN)/pytest -m slow
 	$(BIN)/python tools/strangers_path.py
+	$(BIN)/python tools/mutation.py
 
 docs: $(VENV)/.installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
