@@ -397,3 +397,11 @@ def test_a_material_of_a_scene_alone_may_be_replaced(tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(scene))
     own, shipped = {"scene": "own.yaml"}, {"scene": "target-plane"}
     check(planned(tmp_path, scenes=[own, shipped], materials={"my paint": "cardboard"}))
+
+
+def test_every_flight_has_a_seed_of_its_own(tmp_path: Path) -> None:
+    """Both frames of a flight share it; no other flight has it, of this plan or of another seed."""
+    poses = {"count": 2, "flight_s": 1.0}
+    plans = [planned(tmp_path, samples=240, seed=seed, poses=poses) for seed in (0, 1)]
+    seeds = [plan._pose_seed(round_) for plan in plans for round_ in range(120)]
+    assert len(set(seeds)) == len(seeds) / 2

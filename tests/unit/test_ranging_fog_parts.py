@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from reconstruction.ranging import Alternative
 from reconstruction.ranging.fog.belief import CHANGE, DRIFT, FogBelief
+from reconstruction.ranging.fog.edges import odd_spots
 from reconstruction.ranging.fog.modes import find_modes
+from reconstruction.ranging.fog.posterior import Posterior, SpotPosterior
 from reconstruction.ranging.fog.templates import STEP_M, Templates
 
 RANGE_M = 0.01 + STEP_M * np.arange(800)
@@ -68,3 +71,11 @@ def test_the_range_of_a_mode_has_the_variance_of_its_linear_model() -> None:
     np.testing.assert_allclose(near.drift, -(inner @ information[:2, 2])[0], rtol=0.03)
     left = information[2, 2] - information[2, :2] @ inner @ information[:2, 2]
     assert near.curvature == pytest.approx(np.full(near.spot.size, left), rel=0.03)
+
+
+@pytest.mark.parametrize(("misfit", "odd"), [(8.0, False), (13.0, True)])
+def test_three_readings_of_a_spot_leave_one_to_judge_it_by(misfit: float, odd: bool) -> None:
+    """Range and reflectance take two. Chance gives 10.8 or more once in a thousand times of one."""
+    spot = SpotPosterior(alternatives=(Alternative(3.0, 0.01, 1.0),), misfit=misfit)
+    known = Posterior((spot,) * 4, FogBelief(*(np.ones(1),) * 3))
+    assert odd_spots(known, 3) == (list(range(4)) if odd else [])
