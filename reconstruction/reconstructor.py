@@ -290,7 +290,10 @@ def reconstruct(
 
 def _notes_without_image(rangings: Mapping[str, Ranges]) -> dict[str, str]:
     """Of ranges that rest on a prior over weather which no image has narrowed."""
-    note = "without the image (no sigma, no level or no optics): fog may bias it by 1 to 2 sigmas"
+    note = (
+        "without the image (no sigma, no level or no optics) fog is hardly told: state the weather "
+        "for ranges that are narrower, or more of them"
+    )
     return {
         f"ranging {name}": note for name, each in rangings.items() if "weather prior" in each.status
     }

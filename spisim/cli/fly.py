@@ -65,7 +65,7 @@ def command(
     files = flight_outputs(output)
     require_outputs(files, files_read(scene, instrument, path), overwrite=overwrite)
     trajectory = load_trajectory(path, frame).faster(speed)
-    carried = instrument_with(instrument, stated=stated)
+    carried = instrument_with(instrument, stated=stated or trajectory.weather)
     place, oddities = scene_with(scene, carried.wavelength_nm, weather)
     check_clear_path(place, trajectory)
     flight = instants(place, trajectory, carried, rate, seed)

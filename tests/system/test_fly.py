@@ -72,6 +72,16 @@ def test_captures_know_pose_and_motion_of_their_instant(folder: Path, flown: Pat
     assert moved == pytest.approx(1, abs=0.02)
 
 
+def test_the_path_states_the_weather_unless_the_command_does(folder: Path) -> None:
+    (folder / "foggy.csv").write_text("# weather: 50\n" + PATH)
+    for options, stated in (((), (0, 50)), (("--weather", "clear"), (1, np.nan))):
+        output = folder / f"stated{len(options)}"
+        run = fly(folder, output, "--path", str(folder / "foggy.csv"), "--speed", "4", *options)
+        assert run.exit_code == 0, run.output
+        spots = read_capture(output / "capture-0000.h5").spots
+        assert (spots.clear_probability, spots.visibility_m) == pytest.approx(stated, nan_ok=True)
+
+
 def test_table_tells_poses_and_errors(flown: Path) -> None:
     with (flown / "flight.csv").open() as file:
         rows = list(csv.DictReader(file))
