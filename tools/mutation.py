@@ -23,6 +23,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from fnmatch import fnmatch
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -39,6 +40,8 @@ PACKAGES = ("spisim", "reconstruction")
 MIN_KILLED = 0.85
 MOST_TESTS_S = 120.0
 """Of the tests of one fault, as long as they took when measured; slower ones are left out."""
+START_S, SLOWER = 120.0, 5.0
+"""What pytest may take to start, and the tests over what they took when measured, to be in time."""
 
 
 @dataclass(frozen=True)
@@ -242,18 +245,15 @@ def tried(chosen: Sequence[Mutant], measured: Map, workers: int) -> Iterator[Ver
         if reason is not None:
             return Verdict(mutant, "equivalent", 0, 0, reason)
         every = measured.tests(mutant)
-        chosen, spent = [], 0.0
-        for test in every:
-            spent += measured.seconds[test]
-            if chosen and spent > MOST_TESTS_S:
-                break
-            chosen.append(test)
-        tree = trees.get()
+        spent_s = list(accumulate(measured.seconds[test] for test in every))
+        count = max(sum(each <= MOST_TESTS_S for each in spent_s), min(len(every), 1))
+        tests, tree = every[:count], trees.get()
         try:
-            fate = "killed" if chosen and noticed(mutant, tree, chosen) else "survived"
+            limit_s = START_S + SLOWER * (spent_s[count - 1] if tests else 0)
+            fate = "killed" if tests and noticed(mutant, tree, tests, limit_s) else "survived"
         finally:
             trees.put(tree)
-        return Verdict(mutant, fate, len(chosen), len(every) - len(chosen))
+        return Verdict(mutant, fate, len(tests), len(every) - len(tests))
 
     with ThreadPoolExecutor(workers) as pool:
         for number, verdict in enumerate(pool.map(attempt, chosen)):
@@ -261,8 +261,8 @@ def tried(chosen: Sequence[Mutant], measured: Map, workers: int) -> Iterator[Ver
             yield verdict
 
 
-def noticed(mutant: Mutant, tree: Path, tests: Sequence[str]) -> bool:
-    """Whether a test fails, or never ends, with the fault in the tree."""
+def noticed(mutant: Mutant, tree: Path, tests: Sequence[str], limit_s: float) -> bool:
+    """Whether a test fails, or they do not end in time, with the fault in the tree."""
     file = tree / mutant.file
     sound = file.read_bytes()
     listed = tree / "tests-of-a-fault.txt"
@@ -271,7 +271,7 @@ def noticed(mutant: Mutant, tree: Path, tests: Sequence[str]) -> bool:
         file.write_bytes(mutant.applied(sound))
         run = subprocess.run(
             [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", f"@{listed.name}"],
-            cwd=tree, env=_environment(tree), capture_output=True, timeout=10 * MOST_TESTS_S,
+            cwd=tree, env=_environment(tree), capture_output=True, timeout=limit_s,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return True
