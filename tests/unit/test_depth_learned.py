@@ -236,6 +236,18 @@ def test_reflectance_is_that_of_the_wall(capture):
     assert found.reach_m == pytest.approx(10.0, rel=1e-3)
 
 
+def test_light_lost_in_known_fog_is_put_back_on_the_way_out_and_back(capture):
+    view = view_of(capture)
+    plain = measure_ranges(capture.spots)
+    found = [
+        Observer.of(capture.setup)(
+            replace(view, ranges=replace(plain, fog=FogOptics(extinction_per_m, 1e-3, 0.1)))
+        ).log_reflectance
+        for extinction_per_m in (0.0, 0.05)
+    ]
+    np.testing.assert_allclose(found[1] - found[0], 2 * 0.05 * plain.range_m, rtol=1e-6)
+
+
 def test_ranges_that_know_of_fog_are_not_made_again(capture):
     view = view_of(capture)
     fog = FogOptics(0.05, 1e-3, 0.1)
