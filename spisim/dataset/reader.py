@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -18,6 +18,7 @@ from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import read_manifest
+from spisim.dataset.parameters import Parameters
 from spisim.dataset.records import Record
 from spisim.dataset.split import Split, part_of
 
@@ -40,6 +41,7 @@ class StoredSample:
     parameters: Mapping[str, Any]
     path: Path
     sidecars: tuple[Path, ...]  # files of the light itself, where the plan keeps them
+    drawn: Parameters = field(repr=False)  # for all samples of the data set
 
     @cached_property
     def capture(self) -> Capture:
@@ -47,22 +49,17 @@ class StoredSample:
         return read_capture(self.path)
 
     def array(self, name: str) -> NDArray[Any]:
-        """Array of one of the FIELDS, or the number of a parameter.
+        """Array of one of the FIELDS, or the number of a parameter: nan if only others have it.
 
-        Raises InputError if the sample has nothing of this name, or no number.
+        Raises InputError for an array that the capture lacks, and if no sample of the data set has
+        a number of this name.
         """
-        if name in FIELDS:
-            values = FIELDS[name].read(self.capture)
-        else:
-            values = np.asarray(self.parameters.get(name))
-            if values.dtype.kind not in "biuf":
-                values = None
+        if name not in FIELDS:
+            _check_names([name], self.drawn, self.path)
+            return self.drawn.number(name, self.parameters)
+        values = FIELDS[name].read(self.capture)
         if values is None:
-            numbers = [key for key, value in self.parameters.items() if _is_number(value)]
-            raise InputError(
-                f"{self.path}: no numbers under the name {name!r}: "
-                f"{nearest(name, [*FIELDS, *numbers])}"
-            )
+            raise InputError(f"{self.path}: the capture holds no {name}: {FIELDS[name].meaning}")
         return values
 
 
@@ -79,6 +76,7 @@ class DataSet(Sequence[StoredSample]):
     meta: Mapping[str, str]  # name, plan's digest, when made, by which software
     records: tuple[Record, ...]
     failed: tuple[Record, ...]
+    drawn: Parameters = field(repr=False, compare=False)  # for all finished samples
 
     def __len__(self) -> int:
         return len(self.records)
@@ -112,6 +110,7 @@ class DataSet(Sequence[StoredSample]):
             record.parameters,
             layout.own(self.folder / str(record.file)),
             tuple(layout.own(self.folder / name) for name in record.sidecars),
+            self.drawn,
         )
 
     def __iter__(self) -> Iterator[StoredSample]:
@@ -130,7 +129,7 @@ class DataSet(Sequence[StoredSample]):
         """Samples whose parameters fulfil a condition, as in `lambda p: p["scene"] == "forest"`.
 
         A sample without a parameter that the condition asks for is left out. InputError if no
-        sample has it.
+        sample of the data set has it.
         """
         kept: list[Record] = []
         missing: set[str] = set()
@@ -141,7 +140,7 @@ class DataSet(Sequence[StoredSample]):
             except KeyError as error:
                 missing.add(str(error.args[0]))
         for name in missing:
-            if all(name not in record.parameters for record in self.records):
+            if name not in self.drawn.names:
                 raise InputError(
                     f"{self.folder}: no sample has a parameter {name!r}: "
                     f"{nearest(name, self.parameter_names)}"
@@ -150,8 +149,8 @@ class DataSet(Sequence[StoredSample]):
 
     @property
     def parameter_names(self) -> list[str]:
-        """Names of all parameters, of whichever sample."""
-        return list(dict.fromkeys(name for record in self.records for name in record.parameters))
+        """Names of all parameters, of whichever sample of the data set."""
+        return self.drawn.names
 
     def split(
         self,
@@ -205,8 +204,10 @@ class DataSet(Sequence[StoredSample]):
     def arrays(self, *names: str) -> dict[str, NDArray[Any]]:
         """Stacked arrays (samples, …) of FIELDS or parameters, read from all captures.
 
-        Raises InputError for names that there are not, and where shapes differ.
+        A parameter is nan in samples that lack it. Raises InputError for names that there are not,
+        before anything is read, and where shapes differ.
         """
+        _check_names(names, self.drawn, self.folder)
         rows: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
         for sample in self:
             for name, values in rows.items():
@@ -238,8 +239,8 @@ class DataSet(Sequence[StoredSample]):
     def xarray(self, *names: str) -> xarray.Dataset:
         """Stacked arrays with named axes and units; all FIELDS of the first sample, unless named.
 
-        Numbers and words among the parameters are coordinates of the samples. InputError as
-        `arrays`, and without xarray.
+        Numbers and words among the parameters are coordinates of the samples, nan in those that
+        lack them. InputError as `arrays`, and without xarray.
         """
         xarray = needed("xarray", "data")
         names = names or tuple(
@@ -253,9 +254,9 @@ class DataSet(Sequence[StoredSample]):
             own_dims = tuple(f"{name}.{axis}" for axis in range(values.ndim - 1))
             dims, told = (own_dims, {}) if field is None else (field.dims, _told(field))
             variables[name] = (("sample", *dims), values, told)
-        coordinates = {
-            name: ("sample", [record.parameters.get(name) for record in self.records])
-            for name in self.parameter_names
+        coordinates: dict[str, Any] = {
+            name: ("sample", self._column(name))
+            for name in self.drawn.names
             if name not in names and self._is_plain(name)
         }
         coordinates["scene_name"] = ("sample", [record.scene for record in self.records])
@@ -263,15 +264,25 @@ class DataSet(Sequence[StoredSample]):
         return xarray.Dataset(variables, coordinates, dict(self.meta))
 
     def _is_plain(self, name: str) -> bool:
-        return all(
-            isinstance(record.parameters.get(name), str | int | float) for record in self.records
-        )
+        values = [record.parameters.get(name) for record in self.drawn.records]
+        there = [value for value in values if value is not None]
+        return bool(there) and all(isinstance(value, str | int | float) for value in there)
+
+    def _column(self, name: str) -> NDArray[Any]:
+        """A parameter of every sample, nan where one lacks it."""
+        if name in self.drawn.shapes:
+            rows = [self.drawn.number(name, record.parameters) for record in self.records]
+            return np.array(rows, dtype=None if rows else float)
+        words = [record.parameters.get(name) for record in self.records]
+        return np.array([np.nan if word is None else word for word in words], dtype=object)
 
     def torch(self, *names: str) -> torch.utils.data.Dataset[dict[str, torch.Tensor]]:
         """Map-style data set for a DataLoader: tensors by name, and the sample's `index`.
 
-        Names as for `arrays`; numbers become float32. InputError without torch.
+        Names as for `arrays`; numbers become float32. InputError for names that there are not,
+        and without torch.
         """
+        _check_names(names, self.drawn, self.folder)
         tensors: torch.utils.data.Dataset[dict[str, torch.Tensor]] = needed(
             "spisim.dataset.torch", "torch"
         ).Tensors(self, names)
@@ -285,16 +296,19 @@ def open_data_set(folder: str | Path) -> DataSet:
     """
     folder = Path(folder)
     meta, records = read_manifest(folder)
-    return DataSet(
-        folder,
-        meta,
-        tuple(record for record in records if record.done),
-        tuple(record for record in records if not record.done),
-    )
+    done = tuple(record for record in records if record.done)
+    failed = tuple(record for record in records if not record.done)
+    return DataSet(folder, meta, done, failed, Parameters(done))
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float)
+def _check_names(names: Iterable[str], drawn: Parameters, source: Path) -> None:
+    """InputError for a name that stands neither for an array nor for a number drawn."""
+    for name in names:
+        if name not in FIELDS and name not in drawn.shapes:
+            raise InputError(
+                f"{source}: no numbers under the name {name!r}: "
+                f"{nearest(name, [*FIELDS, *drawn.shapes])}"
+            )
 
 
 def _told(field: Any) -> dict[str, str]:
