@@ -289,7 +289,7 @@ class DataSet(Sequence[StoredSample]):
         return tensors
 
 
-def open_data_set(folder: str | Path) -> DataSet:
+def open_dataset(folder: str | Path) -> DataSet:
     """Open a data set, finished or not; a run that is under way is not disturbed.
 
     Raises InputError where there is none, and where its manifest is damaged.
