@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture, read_capture
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError, naming, nearest
 from reconstruction.notebook import picture, shown
 from spisim.dataset.extras import needed
-from spisim.dataset.fields import FIELDS
+from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.parameters import Parameters
+from spisim.dataset.planned import load_plan
 from spisim.dataset.records import Record
 from spisim.dataset.split import Split, part_of
 
@@ -49,18 +50,21 @@ class StoredSample:
         return read_capture(self.path)
 
     def array(self, name: str) -> NDArray[Any]:
-        """Array of one of the FIELDS, or the number of a parameter: nan if only others have it.
+        """Array of a field, as "depth_m" or "depth_m.anchored", or the number of a parameter.
 
+        That is nan where only other samples have the parameter.
         Raises InputError for an array that the capture lacks, and if no sample of the data set has
         a number of this name.
         """
-        if name not in FIELDS:
+        field = find_field(name)
+        if field is None:
             _check_names([name], self.drawn, self.path)
             return self.drawn.number(name, self.parameters)
-        values = FIELDS[name].read(self.capture)
-        if values is None:
-            raise InputError(f"{self.path}: the capture holds no {name}: {FIELDS[name].meaning}")
-        return values
+        with naming(self.path):
+            values = field.read(self.capture)
+            if values is None:
+                raise InputError(f"the capture holds no {name}: {field.meaning}")
+        return values.astype(field.dtype, copy=False)
 
 
 @dataclass(frozen=True)
@@ -191,6 +195,21 @@ class DataSet(Sequence[StoredSample]):
                 )
         return parts
 
+    def sequences(self) -> list[DataSet]:
+        """The samples of each flight, in order: those of one scene from its poses, one a part.
+
+        What failed, or is not selected, is missing in its part. InputError for a plan without
+        `poses`.
+        """
+        plan = load_plan(Layout(self.folder).plan).plan
+        if plan.poses.count == 1:
+            raise InputError(f"{self.folder}: its plan has no `poses`, so no sequences")
+        flights: dict[tuple[int, int], list[Record]] = {}
+        for record in self.records:
+            round_, combination = divmod(record.index, plan.combinations)
+            flights.setdefault((round_ // plan.poses.count, combination), []).append(record)
+        return [replace(self, records=tuple(flight)) for flight in flights.values()]
+
     def _key(self, record: Record, by: str) -> str:
         if by == "scene_name":
             return str(record.scene)
@@ -202,7 +221,7 @@ class DataSet(Sequence[StoredSample]):
         return repr(record.parameters[by])
 
     def arrays(self, *names: str) -> dict[str, NDArray[Any]]:
-        """Stacked arrays (samples, …) of FIELDS or parameters, read from all captures.
+        """Stacked arrays (samples, …) of fields or parameters, read from all captures.
 
         A parameter is nan in samples that lack it. Raises InputError for names that there are not,
         before anything is read, and where shapes differ.
@@ -237,7 +256,7 @@ class DataSet(Sequence[StoredSample]):
         return pandas.DataFrame(rows, index=index, columns=columns)
 
     def xarray(self, *names: str) -> xarray.Dataset:
-        """Stacked arrays with named axes and units; all FIELDS of the first sample, unless named.
+        """Stacked arrays with named axes and units; unless named, all that the first capture holds.
 
         Numbers and words among the parameters are coordinates of the samples, nan in those that
         lack them. InputError as `arrays`, and without xarray.
@@ -246,11 +265,11 @@ class DataSet(Sequence[StoredSample]):
         names = names or tuple(
             name
             for name, field in FIELDS.items()
-            if len(self) and field.read(self[0].capture) is not None
+            if len(self) and field.recorded and field.read(self[0].capture) is not None
         )
         variables = {}
         for name, values in self.arrays(*names).items():
-            field = FIELDS.get(name)
+            field = find_field(name)
             own_dims = tuple(f"{name}.{axis}" for axis in range(values.ndim - 1))
             dims, told = (own_dims, {}) if field is None else (field.dims, _told(field))
             variables[name] = (("sample", *dims), values, told)
@@ -304,7 +323,7 @@ def open_dataset(folder: str | Path) -> DataSet:
 def _check_names(names: Iterable[str], drawn: Parameters, source: Path) -> None:
     """InputError for a name that stands neither for an array nor for a number drawn."""
     for name in names:
-        if name not in FIELDS and name not in drawn.shapes:
+        if find_field(name) is None and name not in drawn.shapes:
             raise InputError(
                 f"{source}: no numbers under the name {name!r}: "
                 f"{nearest(name, [*FIELDS, *drawn.shapes])}"

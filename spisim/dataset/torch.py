@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch.utils.data import Dataset
 
 if TYPE_CHECKING:
@@ -24,7 +25,10 @@ class Tensors(Dataset[dict[str, torch.Tensor]]):
 
     def __getitem__(self, place: int) -> dict[str, torch.Tensor]:
         sample = self.samples[place]
-        tensors = {
-            name: torch.from_numpy(np.array(sample.array(name), np.float32)) for name in self.names
-        }
+        tensors = {name: as_tensor(sample.array(name)) for name in self.names}
         return tensors | {"index": torch.tensor(sample.index)}
+
+
+def as_tensor(values: NDArray[Any]) -> torch.Tensor:
+    """A copy; masks stay masks, all else becomes float32."""
+    return torch.from_numpy(values.astype(bool if values.dtype == bool else np.float32))
