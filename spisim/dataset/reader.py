@@ -18,9 +18,11 @@ from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import read_manifest
+from spisim.dataset.pack import Pack
 from spisim.dataset.parameters import Parameters
 from spisim.dataset.planned import load_plan
 from spisim.dataset.records import Record
+from spisim.dataset.rows import CaptureRows, PackedRows
 from spisim.dataset.split import Split, part_of
 
 if TYPE_CHECKING:
@@ -43,10 +45,15 @@ class StoredSample:
     path: Path
     sidecars: tuple[Path, ...]  # files of the light itself, where the plan keeps them
     drawn: Parameters = field(repr=False)  # for all samples of the data set
+    pack: Pack | None = field(repr=False, default=None)  # which has arrays in place of the capture
 
     @cached_property
     def capture(self) -> Capture:
-        """The capture; InputError, naming the file, if it is missing or damaged."""
+        """The capture; InputError, naming the file, if it is missing or damaged, and of a pack."""
+        if self.pack is not None:
+            raise InputError(
+                f"{self.pack.folder}: a pack holds arrays and no captures; open the data set"
+            )
         return read_capture(self.path)
 
     def array(self, name: str) -> NDArray[Any]:
@@ -60,6 +67,9 @@ class StoredSample:
         if field is None:
             _check_names([name], self.drawn, self.path)
             return self.drawn.number(name, self.parameters)
+        if self.pack is not None:
+            (row,) = self.pack.rows([self.index])
+            return self.pack.column(name)[row]
         with naming(self.path):
             values = field.read(self.capture)
             if values is None:
@@ -81,6 +91,7 @@ class DataSet(Sequence[StoredSample]):
     records: tuple[Record, ...]
     failed: tuple[Record, ...]
     drawn: Parameters = field(repr=False, compare=False)  # for all finished samples
+    pack: Pack | None = field(repr=False, compare=False, default=None)
 
     def __len__(self) -> int:
         return len(self.records)
@@ -115,6 +126,7 @@ class DataSet(Sequence[StoredSample]):
             layout.own(self.folder / str(record.file)),
             tuple(layout.own(self.folder / name) for name in record.sidecars),
             self.drawn,
+            self.pack,
         )
 
     def __iter__(self) -> Iterator[StoredSample]:
@@ -226,7 +238,9 @@ class DataSet(Sequence[StoredSample]):
         A parameter is nan in samples that lack it. Raises InputError for names that there are not,
         before anything is read, and where shapes differ.
         """
-        _check_names(names, self.drawn, self.folder)
+        self.check_names(names)
+        if self.pack is not None:
+            return {name: np.array(values) for name, values in self._packed(names).items()}
         rows: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
         for sample in self:
             for name, values in rows.items():
@@ -262,11 +276,7 @@ class DataSet(Sequence[StoredSample]):
         lack them. InputError as `arrays`, and without xarray.
         """
         xarray = needed("xarray", "data")
-        names = names or tuple(
-            name
-            for name, field in FIELDS.items()
-            if len(self) and field.recorded and field.read(self[0].capture) is not None
-        )
+        names = names or self._held()
         variables = {}
         for name, values in self.arrays(*names).items():
             field = find_field(name)
@@ -282,6 +292,16 @@ class DataSet(Sequence[StoredSample]):
         coordinates["sample"] = ("sample", [record.index for record in self.records])
         return xarray.Dataset(variables, coordinates, dict(self.meta))
 
+    def _held(self) -> tuple[str, ...]:
+        """Names of the arrays that the first sample holds."""
+        if self.pack is not None:
+            return tuple(self.pack.columns)
+        return tuple(
+            name
+            for name, field in FIELDS.items()
+            if len(self) and field.recorded and field.read(self[0].capture) is not None
+        )
+
     def _is_plain(self, name: str) -> bool:
         values = [record.parameters.get(name) for record in self.drawn.records]
         there = [value for value in values if value is not None]
@@ -295,29 +315,58 @@ class DataSet(Sequence[StoredSample]):
         words = [record.parameters.get(name) for record in self.records]
         return np.array([np.nan if word is None else word for word in words], dtype=object)
 
+    def rows(self, *names: str) -> Sequence[dict[str, NDArray[Any]]]:
+        """Arrays by name of one sample after the other, and its `index`: read when asked for.
+
+        Names as for `arrays`. Those of a pack are views, which cannot be written into. It can be
+        sent to other processes. InputError for names that there are not.
+        """
+        self.check_names(names)
+        if self.pack is None:
+            return CaptureRows(self, names)
+        rows = self.pack.rows([record.index for record in self.records])
+        numbers = {name: self._column(name) for name in names if find_field(name) is None}
+        return PackedRows(self.pack, names, rows, numbers)
+
+    def _packed(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+        assert self.pack is not None
+        rows = self.pack.rows([record.index for record in self.records])
+        return {
+            name: self._column(name) if find_field(name) is None else self.pack.column(name)[rows]
+            for name in names
+        }
+
+    def check_names(self, names: Iterable[str]) -> None:
+        """InputError, telling the nearest, for names of neither arrays nor numbers drawn."""
+        _check_names(names, self.drawn, self.folder)
+        for name in names:
+            if self.pack is not None and find_field(name) is not None:
+                self.pack.column(name)
+
     def torch(self, *names: str) -> torch.utils.data.Dataset[dict[str, torch.Tensor]]:
         """Map-style data set for a DataLoader: tensors by name, and the sample's `index`.
 
         Names as for `arrays`; numbers become float32. InputError for names that there are not,
         and without torch.
         """
-        _check_names(names, self.drawn, self.folder)
+        rows = self.rows(*names)
         tensors: torch.utils.data.Dataset[dict[str, torch.Tensor]] = needed(
             "spisim.dataset.torch", "torch"
-        ).Tensors(self, names)
+        ).Tensors(rows)
         return tensors
 
 
 def open_dataset(folder: str | Path) -> DataSet:
-    """Open a data set, finished or not; a run that is under way is not disturbed.
+    """Open a data set, finished or not, or a pack; a run that is under way is not disturbed.
 
-    Raises InputError where there is none, and where its manifest is damaged.
+    Raises InputError where there is none, where its manifest or what is packed is damaged, and for
+    a pack whose data set has other samples by now.
     """
     folder = Path(folder)
     meta, records = read_manifest(folder)
     done = tuple(record for record in records if record.done)
     failed = tuple(record for record in records if not record.done)
-    return DataSet(folder, meta, done, failed, Parameters(done))
+    return DataSet(folder, meta, done, failed, Parameters(done), Pack.of(folder, done))
 
 
 def _check_names(names: Iterable[str], drawn: Parameters, source: Path) -> None:

@@ -256,7 +256,7 @@ def test_tensors_are_loaded_by_workers(data: DataSet) -> None:
     assert [len(batch["index"]) for batch in batches] == [16, 16, 8]
     assert torch.cat([batch["index"] for batch in batches]).tolist() == list(range(40))
     assert batches[0]["true_depth_m"].dtype == torch.float32
-    assert batches[0]["true_depth_m"].shape == (16, 16, 16)
+    assert batches[0]["true_depth_m"].shape == (16, 1, 16, 16)
     assert batches[1]["power_w"][3] == pytest.approx(1.9)
 
 
