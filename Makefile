@@ -6,12 +6,14 @@ INSTALLED := $(VENV)/.installed
 PYTHONS   := python3.13 python3.12 python3.11 python3
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check docs benchmarks clean
+.PHONY: help demo test slow hours check docs benchmarks clean
 
 help:
 	@echo 'make demo    simulate a flight over a foggy warehouse and reconstruct it, into out/demo'
 	@echo 'make test    lint, type check and fast tests'
-	@echo 'make check   make test, the slow tests, and the path of a stranger'
+	@echo 'make slow    the slow tests, an hour on two cores; with PART=3 an eighth of them'
+	@echo 'make hours   the tests that take hours: files and streams changed 100,000 times'
+	@echo 'make check   make test, make slow, and the path of a stranger'
 	@echo 'make docs    the documentation site, into out/site'
 	@echo 'make benchmarks  measure everything anew, hours, into the tables of the pages'
 	@echo 'make clean   remove the virtual environment, caches and out/'
@@ -26,8 +28,13 @@ test: $(INSTALLED)
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2 --dist loadfile
 
-check: test docs
-	$(BIN)/pytest -m slow
+slow: $(VENV)/.installed-docs
+	$(BIN)/pytest -m slow -n 2 --dist worksteal $(addprefix --part=,$(PART))
+
+hours: $(INSTALLED)
+	$(BIN)/pytest -m hours -n 2
+
+check: test docs slow
 	$(BIN)/python tools/strangers_path.py
 
 docs: $(VENV)/.installed-docs

@@ -19,8 +19,10 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from intervals import Indices, of_figure
 from options import benchmark_options, finish
 from same_light import same_light
+from yardstick import Yardstick
 
 from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
@@ -110,18 +112,26 @@ def main() -> int:
         path.write_text(PLAN)
         planned = load_plan(path)
         parts = taken_apart(planned, amounts.taken_apart)
+        yardstick = Yardstick(laps=500, workers=2)
+        yardstick.look()
         alone = measure(planned, amounts.alone, 1)
+        yardstick.look()
         together = measure(planned, amounts.together, 2)
+        yardstick.look()
     light, same = same_light(PLAN, amounts.compared)
     table = Table(
         "Samples of 64 × 64 pixels, 128 patterns and four spots, 50 m visibility, noise share 0.5:",
         ("workers", "samples", "per minute", "median, s", "slowest, s", "peak memory, MB"),
         [alone.row(), together.row()],
     )
+    sample_s, sample_interval = yardstick.on_reference(60 / together.per_minute)
+    gain = efficiency(alone, together)
     checks = [
-        Check("samples per minute, two workers", together.per_minute, 300, at_least=True),
-        Check("efficiency of two workers", efficiency(alone, together), 0.85, at_least=True),
-        Check("growth of a worker's memory, %", growth_percent(alone, amounts.settled), 5),
+        Check(
+            "s per sample on the reference, two workers", sample_s, 0.2, interval=sample_interval
+        ),
+        Check("efficiency of two workers", gain, 0.85, True, yardstick.of_ratio(gain)),
+        memory_growth(alone, amounts.settled),
         *same,
     ]
     return finish(options, DOCS, "benchmark", around, [table, *parts, light], checks)
@@ -225,13 +235,20 @@ def efficiency(alone: Pace, together: Pace) -> float:
     return alone.arrived_s[len(together.outcomes) - 1] / (2 * together.arrived_s[-1])
 
 
-def growth_percent(alone: Pace, settled: int) -> float:
+def memory_growth(alone: Pace, settled: int) -> Check:
     """From the samples after the first ones to as many last ones: the median of their peaks.
 
     Not the largest, which more samples make larger even where nothing is kept of any.
     """
-    peaks = [outcome.peak_memory_mb or 0 for outcome in alone.outcomes]
-    return 100 * float(np.median(peaks[-settled:]) / np.median(peaks[settled : 2 * settled]) - 1)
+    peaks = np.array([outcome.peak_memory_mb or 0 for outcome in alone.outcomes])
+    first, last = peaks[settled : 2 * settled], peaks[-settled:]
+
+    def ratio(some: Indices) -> float:
+        return float(np.median(last[some]) / np.median(first[some]))
+
+    samples = np.arange(settled)
+    interval = of_figure(ratio, samples, positive=True)
+    return Check("memory of a worker, late over early", ratio(samples), 1.05, interval=interval)
 
 
 if __name__ == "__main__":

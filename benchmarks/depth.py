@@ -21,13 +21,16 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from depth_corridor import corridor_checks, reliability, roc
 from depth_judging import FROZEN, Judged, Way, judge, seconds
-from depth_sets import CAPTURES, GROUPS, PRESETS, WEATHERS, captures
+from depth_sets import CAPTURES, GROUPS, PRESETS, WEATHERS, Case, captures
+from intervals import Indices, of_figure
 from options import benchmark_options, finish
+from yardstick import processor
 
 from reconstruction.arrays import Floats
 from reconstruction.chosen_methods import USUAL_DEPTHS
@@ -92,12 +95,10 @@ def main() -> int:
     with ProcessPoolExecutor(WORKERS) as pool:
         for each in pool.map(judge, cases, chunksize=8):
             cells[each.case.group, each.case.weather, each.case.preset].append(each)
-    took = {preset: next(case for case in cases if case.preset == preset) for preset in PRESETS}
-    times = {preset: 1e3 * seconds(case, CANDIDATE, TIMED) for preset, case in took.items()}
     grouped = by_group(cells)
     tables = [*errors(cells), ratios(cells), others(cells), roc(grouped, CANDIDATE)]
     tables.append(reliability(grouped, CANDIDATE))
-    promised = [*checks(cells), *corridor_checks(grouped, CANDIDATE), *frame_times(times)]
+    promised = [*checks(cells), *corridor_checks(grouped, CANDIDATE), *frame_times(cases)]
     return finish(options, PAGE, "depth", surroundings(PACKAGES), tables, promised)
 
 
@@ -107,10 +108,14 @@ def values(judged: Sequence[Judged], way: Way, figure: str) -> Floats:
     return np.array([np.nan if value is None else value for value in told], dtype=np.float64)
 
 
+def names(judged: Sequence[Judged]) -> list[str]:
+    """Scenes of the captures."""
+    return [each.scene_name for each in judged]
+
+
 def scenes_drawn(judged: Sequence[Judged]) -> Floats:
     """How often each capture counts (RESAMPLED, n), all of a scene together."""
-    names = [f"{each.case.group} {each.case.scene}" for each in judged]
-    scenes, place = np.unique(names, return_inverse=True)
+    scenes, place = np.unique(names(judged), return_inverse=True)
     drawn = np.random.default_rng(0).multinomial(
         len(scenes), np.full(len(scenes), 1 / len(scenes)), size=RESAMPLED
     )
@@ -133,7 +138,11 @@ def ratio(judged: Sequence[Judged], way: Way, other: Way) -> tuple[float, float,
 
 def mean(judged: Sequence[Judged], way: Way, figure: str) -> float:
     """Over the captures that have one, nan without any."""
-    found = values(judged, way, figure)
+    return nan_mean(values(judged, way, figure))
+
+
+def nan_mean(found: Floats) -> float:
+    """Of what is there, nan where nothing is."""
     return float(np.nanmean(found)) if np.isfinite(found).any() else np.nan
 
 
@@ -245,35 +254,75 @@ def checks(cells: Cells) -> Iterator[Check]:
     for (group, weather, preset), judged in rows(cells):
         where = f"{group}, {weather}, {preset}"
         for reference, most in zip(REFERENCES, RATIOS.get((group, weather), ()), strict=False):
-            found, _, high = ratio(judged, CANDIDATE, REFERENCES[reference])
-            if np.isnan(found):  # of so few captures none has both maps
-                break
-            yield Check(f"AbsRel over {reference}, {where}", found, most)
-        if (group, weather) == ("unseen families", "clear") and np.isfinite(high):
-            yield Check(f"the same, upper end of the interval, {where}", high, 1.0)
+            name = f"AbsRel over {reference}, {where}"
+            found = over(name, judged, (CANDIDATE, REFERENCES[reference], "abs_rel"), most)
+            yield found
+            if weather == "clear" and group == "unseen families" and reference == "the frozen map":
+                yield replace(found, name=f"the same, surely below it, {where}", limit=1.0)
         if group == "unseen families":
-            close = mean(judged, CANDIDATE, "delta_1_25")
-            yield Check(f"δ < 1.25, {where}", float(np.nan_to_num(close)), DELTA[weather], True)
-        within = float(np.nan_to_num(mean(judged, CANDIDATE, "within_2_sigma")))
-        yield Check(f"pixels within 2 σ, {where}", within, HONEST[0], True)
-        yield Check(f"the same, at most, {where}", within, HONEST[1])
+            yield averaged(f"δ < 1.25, {where}", judged, "delta_1_25", DELTA[weather], True)
+        within = averaged(f"pixels within 2 σ, {where}", judged, "within_2_sigma", HONEST[0], True)
+        yield within
+        yield replace(within, name=f"the same, at most, {where}", limit=HONEST[1], at_least=False)
     everything = [each for judged in cells.values() for each in judged]
-    missed, before = (mean(everything, way, "obstacle_missed") for way in (CANDIDATE, FROZEN_MAP))
-    yield Check(
-        "share of obstacles missed, against that of the frozen map", missed, MISSED * before
+    yield over(
+        "obstacles missed, over those of the frozen map",
+        everything,
+        (CANDIDATE, FROZEN_MAP, "obstacle_missed"),
+        MISSED,
     )
     if mean(everything, CANDIDATE, "nothing_share") > 0:
-        brier, base = sky(everything, CANDIDATE)
-        brier = 1.0 if np.isnan(brier) else brier  # of a method that does not tell
-        yield Check("Brier score of nothing, against the base rate's", brier, base)
-        invented = mean(everything, CANDIDATE, "invented")
-        yield Check("pixels of nothing with a depth", invented, INVENTED)
+        yield brier_score(everything)
+        yield averaged("pixels of nothing with a depth", everything, "invented", INVENTED)
 
 
-def frame_times(times: dict[str, float]) -> Iterator[Check]:
-    """From counts to depth."""
-    for preset, milliseconds in times.items():
-        yield Check(f"ms per frame by the default, {preset}", milliseconds, FRAME_MS)
+def averaged(
+    name: str, judged: Sequence[Judged], figure: str, limit: float, at_least: bool = False
+) -> Check:
+    """Mean of the candidate's figure over captures."""
+    found = values(judged, CANDIDATE, figure)
+    interval = of_figure(lambda some: nan_mean(found[some]), names(judged))
+    return Check(name, nan_mean(found), limit, at_least, interval)
+
+
+def over(name: str, judged: Sequence[Judged], what: tuple[Way, Way, str], most: float) -> Check:
+    """One figure by a way over that by another, where both have it: the ratio of the means."""
+    above, below = (values(judged, way, what[2]) for way in what[:2])
+    both = np.isfinite(above) & np.isfinite(below)
+    above, below = np.where(both, above, np.nan), np.where(both, below, np.nan)
+
+    def quotient(some: Indices) -> float:
+        return nan_mean(above[some]) / (nan_mean(below[some]) or np.nan)
+
+    interval = of_figure(quotient, names(judged), positive=True)
+    return Check(name, quotient(np.arange(len(judged))), most, interval=interval)
+
+
+def brier_score(judged: Sequence[Judged]) -> Check:
+    """Over the base rate's; of a method that does not tell, it is 1."""
+    found = values(judged, CANDIDATE, "nothing_brier")
+    found = np.ones(found.shape) if np.isnan(found).all() else found
+    share = values(judged, CANDIDATE, "nothing_share")
+
+    def quotient(some: Indices) -> float:
+        rate = nan_mean(share[some])
+        return nan_mean(found[some]) / (rate * (1 - rate) or np.nan)
+
+    interval = of_figure(quotient, names(judged), positive=True)
+    name = "Brier score of nothing, over the base rate's"
+    return Check(name, quotient(np.arange(len(judged))), 1.0, interval=interval)
+
+
+def frame_times(cases: Sequence[Case]) -> Iterator[Check]:
+    """From counts to depth, beside the yardstick."""
+    for preset in PRESETS:
+        case, yardstick = next(case for case in cases if case.preset == preset), processor()
+        yardstick.look()
+        frame_s = seconds(case, CANDIDATE, TIMED)
+        yardstick.look()
+        frame_ms, interval_ms = yardstick.on_reference(1e3 * frame_s)
+        name = f"ms per frame by the default on the reference, {preset}"
+        yield Check(name, frame_ms, FRAME_MS, interval=interval_ms)
 
 
 if __name__ == "__main__":

@@ -57,6 +57,11 @@ class Judged:
     obstacle_m: float
     """The true nearest one, nan without any."""
 
+    @property
+    def scene_name(self) -> str:
+        """Captures of one are alike; scenes are drawn independently."""
+        return f"{self.case.group} {self.case.scene}"
+
 
 class Compiled:
     """What makes image, ranges, and depths by all methods that a setup suits."""

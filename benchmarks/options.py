@@ -41,9 +41,13 @@ def finish(
     tables: Sequence[Table],
     checks: Sequence[Check],
 ) -> int:
-    """Print, paste at a mark of the page if asked; 0 where every promise is kept, else 1."""
+    """Print, paste at a mark of the page if asked; 0 where every promise is kept, else 1.
+
+    Too few samples to tell count as kept in a quick run alone.
+    """
     tables = [*tables, checks_table(checks)]
     report(around, tables, checks, as_json=options.json)
     if options.markdown:
         paste(page, mark, around, tables)
-    return 0 if all(check.holds for check in checks) else 1
+    enough = (True, None) if options.quick else (True,)
+    return 0 if all(check.holds in enough for check in checks) else 1

@@ -19,9 +19,11 @@ import numpy as np
 import unseen_fogs
 import yaml
 from foglight import Cell, draw, light_of
+from intervals import of_figure, of_fraction, of_least, of_size
 from numpy.typing import NDArray
 from options import benchmark_options, finish
 from scipy.stats import binomtest
+from yardstick import Yardstick, processor
 
 from reconstruction.arrays import Floats, Mask
 from reconstruction.capture import Spots
@@ -72,8 +74,11 @@ class Way:
 class Found:
     """What a method told of all spots of a cell, each (trials,), beside what was true.
 
-    ``bound_m`` is the Cramér-Rao bound, ``frame_s`` the processor time per frame (frames,).
+    ``scene`` is the number of each spot's scene, among those of all cells, ``bound_m`` the
+    Cramér-Rao bound, ``frame_s`` the processor time per frame (frames,).
     """
+
+    scene: NDArray[np.intp]
 
     true_m: Floats
     range_m: Floats
@@ -81,6 +86,11 @@ class Found:
     valid: Mask
     bound_m: Floats
     frame_s: Floats
+
+    @property
+    def valid_scene(self) -> NDArray[np.intp]:
+        """Scenes of the valid spots."""
+        return self.scene[self.valid]
 
     @property
     def error_m(self) -> Floats:
@@ -116,13 +126,14 @@ def main() -> int:
     options = benchmark_options(__doc__, "four scenes a cell, of fewer paths", DOCS)
     scenes, paths = (QUICK_SCENES, QUICK_PATHS) if options.quick else (SCENES, PATHS)
     around = surroundings(("spisim", "mitsuba", "drjit", "numpy", "scipy"))
-    ways, found = instruments(), Results()
+    ways, found, yardstick = instruments(), Results(), processor()
     for way in ways:
         for cell in CELLS:
             found |= measured(way, cell, scenes, paths)
+            yardstick.look()
     unseen = unseen_fogs.judged(quick=options.quick)
     tables = [unseen_fogs.table(unseen), *(table(way, found, scenes) for way in ways)]
-    checks = unseen_fogs.promises(unseen) + promises(ways, found)
+    checks = unseen_fogs.promises(unseen) + promises(ways, found, yardstick)
     return finish(options, DOCS, "benchmark", around, tables, checks)
 
 
@@ -169,6 +180,7 @@ def measured(way: Way, cell: Cell, scenes: int, paths: int) -> Results:
         for each in drawn
     ]
     results = Results()
+    scene = np.repeat(1000 * cell.seed + np.arange(scenes), len(directions))
     for klx in DAYLIGHT_KLX:
         received = light.at(instrument, klx)
         mean = instrument.tof.record(received, optics, None).readings
@@ -185,6 +197,7 @@ def measured(way: Way, cell: Cell, scenes: int, paths: int) -> Results:
         for method in way.methods:
             range_m, sigma_m, valid, frame_s = _told(method, spots)
             results[way.title, method, cell.name, klx] = Found(
+                scene=np.tile(scene, draws),
                 true_m=np.tile(np.concatenate([each.range_m for each in targets]), draws),
                 range_m=range_m,
                 sigma_m=sigma_m,
@@ -270,7 +283,7 @@ def _share(hits: NDArray[np.bool_]) -> str:
     return f"{100 * hits.mean():.0f} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
-def promises(ways: Sequence[Way], found: Results) -> list[Check]:
+def promises(ways: Sequence[Way], found: Results, yardstick: Yardstick) -> list[Check]:
     """What ranging in fog is to reach."""
     checks: list[Check] = []
     for cell, limits in PROMISED.items():
@@ -279,37 +292,25 @@ def promises(ways: Sequence[Way], found: Results) -> list[Check]:
             checks += _cell_checks(where, found["fog", "fog", cell, klx], limits)
     for klx in DAYLIGHT_KLX:
         plain, fitted = (found["fog", method, CLEAR, klx] for method in ("cw", "fog"))
-        both = plain.valid & fitted.valid
-        apart = (fitted.range_m - plain.range_m)[both] / plain.sigma_m[both]
-        width = np.log(fitted.sigma_m[both] / plain.sigma_m[both])
-        where = f"fog, {CLEAR}, {klx:g} klx"
-        checks += [
-            Check(f"{where}: RMSE / bound", found["fog", "fog", CLEAR, klx].ratio, 1.1),
-            Check(f"{where}: rms difference from plain, sigmas", _rms(apart), 0.1),
-            Check(
-                f"{where}: log of sigma over plain sigma, mean absolute",
-                float(np.abs(width).mean()),
-                0.05,
-            ),
-        ]
+        checks += _clear_checks(f"fog, {CLEAR}, {klx:g} klx", plain, fitted)
     for way in ways:
-        wrong = np.concatenate(
-            [each.wrong for key, each in found.items() if key[:2] == (way.title, "fog")]
+        told = [each for key, each in found.items() if key[:2] == (way.title, "fog")]
+        wrong, scene = (
+            np.concatenate([getattr(each, name) for each in told]) for name in ("wrong", "scene")
         )
-        checks.append(Check(f"{way.title}: wrong by {WRONG_M:g} m", float(wrong.mean()), 0.005))
-    honest = [
-        float(each.within.mean())
-        for key, each in found.items()
-        if key[:2] == ("paper", "fog") and each.valid.any()
-    ]
+        name = f"{way.title}: wrong by {WRONG_M:g} m"
+        checks.append(_fraction(name, wrong, scene, 0.005))
     single = found["fog-spad", "fog", "50 m, 7–9 m", DAYLIGHT_KLX[0]]
     frames = [each.frame_s for key, each in found.items() if key[:2] == ("fog", "fog")]
+    frame_ms, interval_ms = yardstick.on_reference(1e3 * float(np.median(np.concatenate(frames))))
     return [
         *checks,
-        Check("paper: least share within 1 sigma", min(honest, default=1.0), 0.6, at_least=True),
-        Check("fog-spad, 50 m, 7–9 m, 10 klx: RMSE, m", single.rmse_m, 0.03),
-        Check("fog-spad, 50 m, 7–9 m, 10 klx: valid", float(single.valid.mean()), 0.95, True),
-        Check("fog: ms per frame", 1e3 * float(np.median(np.concatenate(frames))), 8.0),
+        _least_honest([each for key, each in found.items() if key[:2] == ("paper", "fog")]),
+        _rmse("fog-spad, 50 m, 7–9 m, 10 klx: RMSE, m", single, 0.03),
+        _fraction(
+            "fog-spad, 50 m, 7–9 m, 10 klx: valid", single.valid, single.scene, 0.95, at_least=True
+        ),
+        Check("fog: ms per frame on the reference", frame_ms, 8.0, interval=interval_ms),
     ]
 
 
@@ -317,15 +318,68 @@ def _cell_checks(
     where: str, found: Found, limits: tuple[float, float, float, tuple[float, float]]
 ) -> list[Check]:
     bias_m, rmse_m, valid, (least, most) = limits
-    share = float(found.within.mean())
-    rmse = [Check(f"{where}: RMSE, m", found.rmse_m, rmse_m)] if np.isfinite(rmse_m) else []
-    return [
-        Check(f"{where}: absolute bias, m", abs(float(found.error_m.mean())), bias_m),
-        *rmse,
-        Check(f"{where}: valid", float(found.valid.mean()), valid, at_least=True),
-        Check(f"{where}: within 1 sigma", share, least, at_least=True),
-        Check(f"{where}: within 1 sigma, most", share, most),
+    error_m, scene = found.error_m, found.valid_scene
+    bias = of_size(of_figure(lambda some: float(error_m[some].mean()), scene))
+    checks = [
+        Check(f"{where}: absolute bias, m", abs(float(error_m.mean())), bias_m, interval=bias)
     ]
+    if np.isfinite(rmse_m):
+        checks.append(_rmse(f"{where}: RMSE, m", found, rmse_m))
+    return [
+        *checks,
+        _fraction(f"{where}: valid", found.valid, found.scene, valid, at_least=True),
+        _fraction(f"{where}: within 1 sigma", found.within, scene, least, at_least=True),
+        _fraction(f"{where}: within 1 sigma, most", found.within, scene, most),
+    ]
+
+
+def _clear_checks(where: str, plain: Found, fitted: Found) -> list[Check]:
+    both = plain.valid & fitted.valid
+    apart = (fitted.range_m - plain.range_m)[both] / plain.sigma_m[both]
+    width = np.abs(np.log(fitted.sigma_m[both] / plain.sigma_m[both]))
+    error_m, bound_m = fitted.error_m, fitted.bound_m[fitted.valid]
+    over_bound = of_figure(
+        lambda some: _rms(error_m[some]) / _rms(bound_m[some]), fitted.valid_scene, positive=True
+    )
+    different = of_figure(lambda some: _rms(apart[some]), fitted.scene[both], positive=True)
+    wider = of_figure(lambda some: float(width[some].mean()), fitted.scene[both], positive=True)
+    return [
+        Check(f"{where}: RMSE / bound", fitted.ratio, 1.1, interval=over_bound),
+        Check(f"{where}: rms difference from plain, sigmas", _rms(apart), 0.1, interval=different),
+        Check(
+            f"{where}: log of sigma over plain sigma, mean absolute",
+            float(width.mean()),
+            0.05,
+            interval=wider,
+        ),
+    ]
+
+
+def _fraction(
+    name: str,
+    hits: NDArray[np.bool_],
+    scene: NDArray[np.intp],
+    limit: float,
+    *,
+    at_least: bool = False,
+) -> Check:
+    """What is promised of all is judged by those that were drawn: no sample shows the others."""
+    interval = of_fraction(hits, scene) if limit < 1 else None
+    return Check(name, float(hits.mean()), limit, at_least, interval)
+
+
+def _rmse(name: str, found: Found, limit_m: float) -> Check:
+    error_m = found.error_m
+    interval = of_figure(lambda some: _rms(error_m[some]), found.valid_scene, positive=True)
+    return Check(name, found.rmse_m, limit_m, interval=interval)
+
+
+def _least_honest(found: Sequence[Found]) -> Check:
+    """The least of several shares."""
+    told = [each for each in found if each.valid.any()]
+    least = min((float(each.within.mean()) for each in told), default=1.0)
+    interval = of_least([of_fraction(each.within, each.valid_scene) for each in told])
+    return Check("paper: least share within 1 sigma", least, 0.6, True, interval)
 
 
 if __name__ == "__main__":

@@ -20,13 +20,16 @@ from pathlib import Path
 from time import thread_time
 
 import numpy as np
+from intervals import Indices, of_figure
 from options import benchmark_options, finish
+from yardstick import processor
 
 import spisim
 from reconstruction import Reconstructor, open_capture, reconstruct, write_capture
+from reconstruction.arrays import Floats
 from reconstruction.capture import Capture, CaptureFile, Truth
 from reconstruction.capture.readings.cw import CwSpots
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.paper.checks import Check, Interval, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
 FRAMES = (1, 1_000, 10_000)
@@ -73,7 +76,8 @@ def recording(one: Capture, frames: int, folder: Path) -> Path:
 def flat(files: Sequence[CaptureFile], calls: int) -> tuple[list[Table], list[Check]]:
     """Time and memory per frame by the number of frames."""
     work = [one_by_one(file) for file in files]
-    seconds = in_turns(work, calls)
+    turns = in_turns(work, calls)
+    seconds = np.median(turns, axis=0)
     memory = [peak_memory(each) for each in work]
     rows = [
         (f"{frames:,}", f"{1e3 * time_s:.2f}", f"{memory_b / 1e6:.2f}")
@@ -84,12 +88,12 @@ def flat(files: Sequence[CaptureFile], calls: int) -> tuple[list[Table], list[Ch
         ("frames", "per frame, ms", "peak memory of a call, MB"),
         rows,
     )
-    checks = [
-        Check(f"{what} per frame at {frames:,} frames, over that at 1", values[n] / values[0], 1.1)
-        for what, values in (("time", seconds), ("memory", memory))
-        for n, frames in enumerate(FRAMES)
-        if n > 0
-    ]
+    checks = []
+    for n, frames in list(enumerate(FRAMES))[1:]:
+        where = f"per frame at {frames:,} frames, over that at 1"
+        time, interval = quotient(turns[:, n], turns[:, 0])
+        checks.append(Check(f"time {where}", time, 1.1, interval=interval))
+        checks.append(Check(f"memory {where}", memory[n] / memory[0], 1.1))
     return [table], checks
 
 
@@ -105,7 +109,7 @@ def ways(file: CaptureFile, calls: int) -> Table:
         f"batches of {BATCH}": lambda: reconstructor.batch(batch),
         "compiled for each frame": lambda: [reconstruct(file, n) for n in range(BATCH)],
     }
-    seconds = in_turns(list(work.values()), max(calls // 20, 3))
+    seconds = np.median(in_turns(list(work.values()), max(calls // 20, 3)), axis=0)
     rows = [
         (name, f"{1e3 * each / BATCH:.2f}", f"{each / seconds[0]:.2f}")
         for name, each in zip(work, seconds, strict=True)
@@ -126,8 +130,8 @@ def one_by_one(file: CaptureFile) -> Callable[[], object]:
     return work
 
 
-def in_turns(work: Sequence[Callable[[], object]], calls: int) -> list[float]:
-    """Median processor time of each."""
+def in_turns(work: Sequence[Callable[[], object]], calls: int) -> Floats:
+    """Processor times (calls, work)."""
     seconds = np.empty((calls, len(work)))
     for each in work:
         each()
@@ -136,21 +140,34 @@ def in_turns(work: Sequence[Callable[[], object]], calls: int) -> list[float]:
             began = thread_time()
             each()
             seconds[call, n] = thread_time() - began
-    return [float(value) for value in np.median(seconds, axis=0)]
+    return seconds
+
+
+def quotient(above: Floats, below: Floats) -> tuple[float, Interval]:
+    """Median of one time over that of another, of the same turns, and its interval."""
+
+    def of(some: Indices) -> float:
+        return float(np.median(above[some]) / np.median(below[some]))
+
+    turns = np.arange(len(above))
+    return of(turns), of_figure(of, turns, positive=True)
 
 
 def cold_start(folder: Path, runs: int) -> Check:
     """Least processor time of the command, from the start of Python to its end."""
     capture, out = folder / f"{FRAMES[0]}.h5", folder / "out"
     command = [sys.executable, "-m", "reconstruction", str(capture), "-o", str(out)]
-    seconds = []
+    seconds, yardstick = [], processor()
     for _ in range(runs):
+        yardstick.look()
         before = os.times()
         subprocess.run(command, check=True, capture_output=True)
         after = os.times()
         used = after.children_user + after.children_system
         seconds.append(used - before.children_user - before.children_system)
-    return Check("processor time of the command for one frame, s", min(seconds), 0.8)
+    least_s, interval = yardstick.on_reference(min(seconds))
+    name = "processor time of the command for one frame on the reference, s"
+    return Check(name, least_s, 0.8, interval=interval)
 
 
 def peak_memory(work: Callable[[], object]) -> float:

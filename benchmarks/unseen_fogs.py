@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 from depth_sets import JUDGED_BY
+from intervals import of_figure, of_fraction
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 import spisim
@@ -20,6 +22,7 @@ from reconstruction import Capture, Reconstructor, read_capture, write_capture
 from reconstruction.arrays import Floats, Mask
 from reconstruction.ranging import measure_ranges
 from spisim.paper.checks import Check, Table
+from spisim.scene import draw_scene
 
 KEPT = Path(__file__).parents[1] / "out" / "ranging" / "unseen"
 SEED = 991
@@ -38,9 +41,12 @@ MOST_WRONG, MOST_ERROR_M, MOST_WIDER = 0.01, 0.30, 3.0
 class Judged:
     """Spots of all captures of a weather, each (n,): default and plain ranges, and the truth.
 
-    ``likeliest_m`` is there where the default gives no range, too; ``apart_m`` is by how much the
-    ranges of the same readings stated clear differ from the plain ones, at most.
+    ``capture`` is the number of each spot's capture; ``likeliest_m`` is there where the default
+    gives no range, too; ``apart_m`` is by how much the ranges of the same readings stated clear
+    differ from the plain ones, at most.
     """
+
+    capture: NDArray[np.intp]
 
     true_m: Floats
     range_m: Floats
@@ -75,7 +81,9 @@ def judged(*, quick: bool) -> dict[str, Judged]:
         results[weather].append(_spots(capture))
     return {
         weather: Judged(
-            *np.concatenate([each[0] for each in spots], axis=1), max(each[1] for each in spots)
+            np.repeat(np.arange(len(spots)), [each[0].shape[1] for each in spots]),
+            *np.concatenate([each[0] for each in spots], axis=1),
+            max(each[1] for each in spots),
         )
         for weather, spots in results.items()
     }
@@ -122,7 +130,7 @@ def _simulated(number: int, weather: str) -> Capture:
     rng.random()
     fog = None if limits is None else {"visibility_m": visibility_m, "kind": kind}
     changes = {"rain": None, "snow": None, "fog": fog}
-    scene = spisim.draw_scene(family, seed, changes=changes)
+    scene = draw_scene(family, seed, changes=changes)
     return spisim.simulate(
         scene,
         spisim.load_instrument("paper"),
@@ -173,8 +181,17 @@ REACH_M = 10.0
 
 
 def _wider(each: Judged) -> float:
+    return _median_wider(*_sigmas(each)[:2])
+
+
+def _sigmas(each: Judged) -> tuple[Floats, Floats, NDArray[np.intp]]:
+    """Those of default and plain ranges where there are both, and their captures."""
     both = each.reported & np.isfinite(each.plain_sigma_m)
-    return float(np.median(each.sigma_m[both]) / np.median(each.plain_sigma_m[both]))
+    return each.sigma_m[both], each.plain_sigma_m[both], each.capture[both]
+
+
+def _median_wider(sigma_m: Floats, plain_sigma_m: Floats) -> float:
+    return float(np.median(sigma_m) / np.median(plain_sigma_m))
 
 
 def _share(hits: Mask) -> str:
@@ -186,19 +203,44 @@ def promises(results: dict[str, Judged]) -> list[Check]:
     """What default ranges are to reach where nobody states the weather, and where it is stated."""
     checks = []
     for weather, each in results.items():
-        where, away = f"paper, {weather}, weather unknown", each.deviations
+        where = f"paper, {weather}, weather unknown"
+        away, capture = each.deviations, each.capture[each.reported]
         for sigmas, (least, most) in WITHIN.items():
-            within = float((away < sigmas).mean())
+            within = away < sigmas
+            fraction, interval = float(within.mean()), of_fraction(within, capture)
             checks += [
-                Check(f"{where}: within {sigmas} sigma", within, least, at_least=True),
-                Check(f"{where}: within {sigmas} sigma, most", within, most),
+                Check(f"{where}: within {sigmas} sigma", fraction, least, True, interval),
+                Check(f"{where}: within {sigmas} sigma, most", fraction, most, False, interval),
             ]
-        error_m = float(np.median(np.abs(each.error_m)))
+        beyond = away > 3
         checks += [
-            Check(f"{where}: beyond 3 sigma", float((away > 3).mean()), MOST_WRONG),
-            Check(f"{where}: median error, m", error_m, MOST_ERROR_M),
+            Check(
+                f"{where}: beyond 3 sigma",
+                float(beyond.mean()),
+                MOST_WRONG,
+                interval=of_fraction(beyond, capture),
+            ),
+            _median_error(where, each),
             Check(f"paper, {weather}, stated clear: off the plain range, m", each.apart_m, 0.0),
         ]
         if weather != next(iter(WEATHERS)):
-            checks.append(Check(f"{where}: median sigma over the plain", _wider(each), MOST_WIDER))
+            checks.append(_median_sigma(where, each))
     return checks
+
+
+def _median_error(where: str, each: Judged) -> Check:
+    known = np.isfinite(each.true_m[each.reported])
+    error_m, capture = np.abs(each.error_m), each.capture[each.reported][known]
+    interval = of_figure(lambda some: float(np.median(error_m[some])), capture, positive=True)
+    return Check(
+        f"{where}: median error, m", float(np.median(error_m)), MOST_ERROR_M, interval=interval
+    )
+
+
+def _median_sigma(where: str, each: Judged) -> Check:
+    sigma_m, plain_sigma_m, capture = _sigmas(each)
+    interval = of_figure(
+        lambda some: _median_wider(sigma_m[some], plain_sigma_m[some]), capture, positive=True
+    )
+    name = f"{where}: median sigma over the plain"
+    return Check(name, _median_wider(sigma_m, plain_sigma_m), MOST_WIDER, interval=interval)

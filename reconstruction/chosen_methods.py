@@ -32,6 +32,15 @@ def lead(frame: int, image: Names = None, ranging: Names = None) -> int:
     return min(LEAD, frame) if carried else 0
 
 
+def check_names(image: Names, ranging: Names, depth: Names) -> None:
+    """Raise InputError for what is no method's name, before there is a recording."""
+    for name in _listed(image, (), (), bool):
+        image_method(name)
+    for methods, names in ((RANGING_METHODS, ranging), (DEPTH_METHODS, depth)):
+        for name in _listed(names, (), (), bool):
+            methods[name]
+
+
 def _carries(name: str) -> bool:
     return isinstance(image_method(name), CarryingMethod)
 

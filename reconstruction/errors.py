@@ -10,6 +10,8 @@ from pathlib import Path
 MAX_NAMES = 24
 #: Of a name, and names that are looked at: both may come from files of any size.
 MAX_LETTERS, MAX_SEARCHED = 80, 10_000
+#: Of what an error says that is not ours.
+MAX_TOLD = 500
 
 
 class InputError(ValueError):
@@ -36,6 +38,14 @@ def explain(error: OSError) -> str:
     if error.filename is None:
         return error.strerror or str(error)
     return f"{error.filename}: {error.strerror or error}"
+
+
+def in_words(error: Exception) -> str:
+    """What went wrong in one line; of an error that nobody has foreseen its kind, too."""
+    if isinstance(error, OSError):
+        return explain(error)
+    told = " ".join(str(error).split())[:MAX_TOLD]
+    return told if isinstance(error, InputError) else f"{type(error).__name__}: {told}"
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:

@@ -1,6 +1,7 @@
 """Files that exist whole or not at all, and that take the place of no one else's."""
 
 import os
+import re
 import secrets
 import shutil
 from collections.abc import Iterable, Sequence
@@ -14,6 +15,8 @@ from .errors import InputError, nearest
 MARK_WITHIN_BYTES = 4096
 #: Left free on a disk, whatever is written.
 SPARE_BYTES = 4_000_000
+#: Temporary names of files that are being written.
+_BEGUN = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,24 @@ def write_atomically(path: str | Path, content: bytes) -> None:
         if isinstance(error, OSError):  # tell of the file, not of its temporary name
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
+
+
+def whole_name(path: Path) -> Path | None:
+    """What a file will be called when it is whole; None unless `write_atomically` has begun it."""
+    begun = _BEGUN.fullmatch(path.name)
+    return path.with_name(begun[1]) if begun else None
+
+
+def remove_unfinished(paths: Iterable[Path]) -> None:
+    """Remove what killed processes had not finished writing of these files.
+
+    No other process may be writing them.
+    """
+    wanted = set(paths)
+    for folder in {path.parent for path in wanted}:
+        for path in folder.iterdir() if folder.is_dir() else ():
+            if whole_name(path) in wanted and path.is_file() and not path.is_symlink():
+                path.unlink(missing_ok=True)
 
 
 def _temporary(path: Path) -> Path:

@@ -1,7 +1,8 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -55,6 +56,9 @@ class Reconstructor:
     the corridor ahead is free falls below this. Everything that the frames share is computed here;
     the work per frame does not depend on how many there are.
 
+    ``failed`` hears of a method that raises in a frame, by its station and name, whose result then
+    goes without it; unless it is given, the error is the caller's.
+
     Raises InputError for unknown names, methods that the recording does not suit, plans that do
     not tell the background, and ``min_free`` that is no probability above 0 and below 1.
     """
@@ -68,8 +72,10 @@ class Reconstructor:
         depth: Names = None,
         weather: str | float | None = None,
         min_free: float = MIN_FREE,
+        failed: Callable[[str, Exception], None] | None = None,
     ) -> None:
         check_min_free(min_free)
+        self._failed = failed
         if weather is not None:
             setup = with_weather(setup, Weather.parsed(weather))
         self.setup, self._min_free = setup, min_free
@@ -143,20 +149,12 @@ class Reconstructor:
             shared.setflags(write=False)  # by methods, one after the other
         varying = readings.decoder.operator.varying
         notes = _note_of_readings(frame.first, spoilt, varying, coefficients)
-        images, deviations = {}, {}
-        for name in self._images:
-            with timed(timings, f"image {name}"):
-                estimate = self._image(name, readings, coefficients)
-            images[name] = estimate.image
-            if estimate.deviation is not None:
-                deviations[name] = estimate.deviation
-            if estimate.note is not None:
-                notes[f"image {name}"] = estimate.note
+        images, deviations = self._images_of(readings, coefficients, timings, notes)
         brightness = self._brightness(images, deviations, readings)
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
-            with timed(timings, f"ranging {name}"):
+            with self._contained(f"ranging {name}"), timed(timings, f"ranging {name}"):
                 rangings[name] = checked_ranges(name, solve(frame.spots, brightness))
         if frame.spots is not None:
             doubts = range_doubts(rangings, frame.spots)
@@ -168,10 +166,10 @@ class Reconstructor:
         view = View(image, next(iter(rangings.values()), None), frame)
         maps: dict[str, DepthEstimate] = {}
         for name, solve_depth in self._depths.items():
-            with timed(timings, f"depth {name}"):
+            with self._contained(f"depth {name}"), timed(timings, f"depth {name}"):
                 found = solve_depth(view)
-            if found is not None:
-                maps[name] = checked_depths(f"depth method {name!r}", found, self._shape)
+                if found is not None:
+                    maps[name] = checked_depths(f"depth method {name!r}", found, self._shape)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
@@ -192,6 +190,16 @@ class Reconstructor:
             notes=notes,
         )
 
+    @contextmanager
+    def _contained(self, method: str) -> Iterator[None]:
+        """Tell whoever wants to hear of it what a method raises."""
+        try:
+            yield
+        except Exception as error:
+            if self._failed is None:
+                raise
+            self._failed(method, error)
+
     def _readings(
         self, frame: int, signal: Floats, usable: NDArray[np.bool_]
     ) -> tuple[UsableReadings, NDArray[np.bool_]]:
@@ -207,6 +215,28 @@ class Reconstructor:
                 "larger full scale"
             )
         return readings, spoilt
+
+    def _images_of(
+        self,
+        readings: UsableReadings,
+        coefficients: Coefficients,
+        timings: dict[str, float],
+        notes: dict[str, str],
+    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """Images and their deviations by method, of one at least."""
+        images: dict[str, Floats] = {}
+        deviations: dict[str, Floats] = {}
+        for name in self._images:
+            with self._contained(f"image {name}"), timed(timings, f"image {name}"):
+                estimate = self._image(name, readings, coefficients)
+                images[name] = estimate.image
+                if estimate.deviation is not None:
+                    deviations[name] = estimate.deviation
+                if estimate.note is not None:
+                    notes[f"image {name}"] = estimate.note
+        if not images:
+            raise InputError("every method of the image has failed")
+        return images, deviations
 
     def _image(self, name: str, readings: UsableReadings, coefficients: Coefficients) -> Estimate:
         who = f"image method {name!r}"
@@ -290,7 +320,10 @@ def reconstruct(
 
 def _notes_without_image(rangings: Mapping[str, Ranges]) -> dict[str, str]:
     """Of ranges that rest on a prior over weather which no image has narrowed."""
-    note = "without the image (no sigma, no level or no optics): fog may bias it by 1 to 2 sigmas"
+    note = (
+        "without the image (no sigma, no level or no optics) fog is hardly told: state the weather "
+        "for ranges that are narrower, or more of them"
+    )
     return {
         f"ranging {name}": note for name, each in rangings.items() if "weather prior" in each.status
     }

@@ -15,6 +15,9 @@ _STEERING = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]"
 )
 
+#: Of a message: letters of a word without spaces, as names and values may be, and of all of it.
+MOST_LETTERS, MOST_CHARACTERS = 400, 4000
+
 #: How characters that this software writes are told where there is nothing but ASCII.
 _PLAIN = {
     "×": "x",
@@ -38,6 +41,17 @@ _PLAIN = {
 def printable(text: str) -> str:
     """Text in which whatever could steer a terminal, or turn its writing, is shown as an escape."""
     return _STEERING.sub(_escape, text)
+
+
+def shortened(text: str) -> str:
+    """A message whose words, and all of it, are short enough to be read: the middle is left out."""
+    words = re.sub(rf"\S{{{MOST_LETTERS + 1},}}", lambda word: _ends(word[0], MOST_LETTERS), text)
+    return _ends(words, MOST_CHARACTERS)
+
+
+def _ends(text: str, most: int) -> str:
+    """The beginning and the end of what is too long."""
+    return text if len(text) <= most else f"{text[: most // 2]}…{text[-most // 4 :]}"
 
 
 def _escape(found: re.Match[str]) -> str:

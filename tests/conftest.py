@@ -13,6 +13,8 @@ from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.operators import expose
 from spisim.transport.backend import use_threads
 
+pytest_plugins = ["parts"]
+
 SHAPE = (16, 16)
 PERIOD_S = 1 / 15_000
 

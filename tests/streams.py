@@ -52,7 +52,10 @@ class Clock:
 
 
 class Script(Source):
-    """A source that does what it is told: gives bytes, raises what it is given, waits for None."""
+    """A source that does what it is told: gives bytes, raises what it is given, waits for None.
+
+    Bytes may come with the name of their sender in front, as a pair.
+    """
 
     def __init__(self, *acts, clock=None, patient=False):
         super().__init__("script")
@@ -77,4 +80,5 @@ class Script(Source):
         if act is None:
             self._clock.wait(timeout_s)
             return b""
-        return act
+        self.sender, content = act if isinstance(act, tuple) else ("", act)
+        return content

@@ -61,7 +61,7 @@ class Stored(NamedTuple):
         Raises InputError where they do not fit it or are not allowed.
         """
         dtype = self.type_of(value)
-        if value.dtype.kind not in "iufb":
+        if value.dtype.kind not in ("iufb" if self.dtype == "bool" else "iuf"):
             raise InputError(f"{name} must hold numbers, found {value.dtype}")
         if not self.nan and not np.isfinite(value).all():
             raise InputError(f"{name} holds values that are not finite")
@@ -71,12 +71,14 @@ class Stored(NamedTuple):
             limits = np.iinfo(dtype)
             if not (value.min() >= limits.min and value.max() <= limits.max):
                 raise InputError(f"{name} holds integers beyond {8 * dtype.itemsize} bits")
-        bad = value <= 0 if self.sign == "positive" else value < 0
+        with np.errstate(over="ignore"):  # what becomes infinite is beyond its limits
+            kept = value.astype(dtype, copy=False)
+        bad = kept <= 0 if self.sign == "positive" else kept < 0
         if self.sign != "any" and bad.any():
             raise InputError(f"{name} is {value[bad].flat[0]}, must be {self.sign}")
-        if value.dtype.kind == "f":
-            self._check_limits(name, value)
-        return value.astype(dtype, copy=False)
+        if dtype.kind == "f":
+            self._check_limits(name, kept)
+        return kept
 
     def _check_limits(self, name: str, value: NDArray[Any]) -> None:
         least, most = LIMITS[self.units]

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..errors import InputError, explain
-from ..text import flush_output, json_line, printable, write_anything
+from ..text import flush_output, json_line, printable, shortened, write_anything
 from . import completion
 
 COMMANDS = {
@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _fail(message: str, as_json: bool, status: int = 2) -> int:
     """Tell an error in one line on stderr, and with --json as an object on stdout too."""
-    line = printable(" ".join(message.split("\n")))
+    line = printable(shortened(" ".join(message.split("\n"))))
     print(f"error: {line}", file=sys.stderr)
     with suppress(OSError):
         if as_json:

@@ -22,7 +22,7 @@ from ..exports import (
     write_export,
 )
 from ..text import printable
-from .reconstruct import OVERWRITE, STATIONS, names
+from .reconstruct import OVERWRITE, STATIONS, WEATHER, names
 
 EXAMPLE = "python -m reconstruction export flight.h5 -o flight.mcap"
 TELL_EVERY_S = 5.0
@@ -49,6 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     for station, methods in STATIONS.items():
         parser.add_argument(f"--{station}", metavar="METHOD", help=f"method: {', '.join(methods)}")
+    parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
 
 
@@ -60,7 +61,7 @@ def run(options: argparse.Namespace) -> None:
     frames = frames_in(options.captures)
     place = _nowhere if options.poses is None else _in_turn(options.poses, frames)
     methods = {name: names(getattr(options, name)) for name in STATIONS}
-    shots = shots_of(options.captures, place, methods)
+    shots = shots_of(options.captures, place, methods, options.weather)
     write_export(form, _told(shots, frames), options.output)
     print(printable(f"wrote {frames} frame(s) to {options.output}"))
 

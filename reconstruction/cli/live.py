@@ -5,13 +5,13 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..chosen_methods import USUAL_IMAGES
 from ..errors import InputError
 from ..image import load_pursuit
-from ..live import CaptureSource, Loop, Outcome, Reception, State
+from ..live import CaptureSource, Counts, Loop, Outcome, Reception, State
 from ..live.links import Source, is_link, source_at
 from ..live.sinks import Detached, sink_to
 from ..ranging import RANGED
@@ -25,6 +25,8 @@ SINKS = (
     "SOURCE (results), window"
 )
 
+TOLD_S = 1.0
+"""What is waited for is told when it has taken so long."""
 EXPECTED = ("received", "reconstructed", "connections")
 PURSUING = ("pursuit", "usual", "all")
 """Names that have a part of those of methods that pursue."""
@@ -73,12 +75,14 @@ def run(options: argparse.Namespace) -> None:
     sinks = [(name, sink_to(name, read, overwrite=options.overwrite)) for name in options.to]
     for _, sink in sinks:
         sink.check()
-    detached = [Detached(sink, name) for name, sink in sinks]
+    counts = Counts()
+    detached = [Detached(sink, name, counts) for name, sink in sinks]
     reception = Reception(
         source,
         waiting=options.waiting,
         window=options.reorder,
         recorders=[each.frame for each in detached],
+        counts=counts,
     )
     teller = _Teller(detached, quiet=options.quiet)
     loop = Loop(
@@ -96,10 +100,13 @@ def run(options: argparse.Namespace) -> None:
     with _running(reception, detached):
         loop.run(options.frames)
     for each in detached:
-        if each.trouble is not None:
-            raise InputError(each.trouble)
-        if each.lost:
+        if each.lost and not each.failed:
             print(printable(f"warning: {each.why}; lost {each.lost}"), file=sys.stderr)
+        if each.dropped:
+            print(printable(f"warning: {each.name}: dropped {each.dropped}"), file=sys.stderr)
+    failed = [f"{each.why}; lost {each.lost}" for each in detached if each.failed]
+    if failed:
+        raise InputError("; ".join(failed))
     if not reception.counts.reconstructed:
         raise InputError(f"{options.source}: no frame was reconstructed{_why(loop.state())}")
 
@@ -146,7 +153,8 @@ class _Teller:
     def state(self, state: State) -> None:
         if self._quiet:
             return
-        print(printable("; ".join(self._words(state))), file=sys.stderr)
+        with suppress(OSError):  # nobody reads it
+            print(printable("; ".join(self._words(state))), file=sys.stderr)
 
     def _words(self, state: State) -> Iterator[str]:
         if self._latest is None:
@@ -163,6 +171,8 @@ class _Teller:
                 yield "ranges " + ", ".join(
                     f"{range_m:.2f} m" if status in RANGED else status for range_m, status in spots
                 )
+        if state.waiting_s >= TOLD_S:
+            yield f"waiting for {state.waiting_for} for {state.waiting_s:.1f} s"
         yield from (each for each in (_amiss(state), state.trouble) if each)
         for each in self._detached:
             if each.trouble is not None:

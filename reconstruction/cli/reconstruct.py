@@ -16,14 +16,14 @@ from ..depth import DEPTH_METHODS, DISTANCES_M, MIN_FREE, REACH_M, check_min_fre
 from ..diagnostics import capture_warnings
 from ..errors import InputError, naming
 from ..evaluation import method_title, no_range
-from ..files import require_outputs
+from ..folders import output_folder
 from ..image import DICTIONARIES, IMAGE_METHODS
 from ..operators import ORDERS
 from ..outputs import outputs_in, write_outputs
 from ..ranging import RANGED, RANGING_METHODS, Ranges
 from ..reconstructor import reconstruct
 from ..result import Result
-from ..text import json_line, printable
+from ..text import json_line, printable, shortened
 
 ANY_WIDTH = 10_000
 """Characters in a line of what is no terminal."""
@@ -68,7 +68,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a capture."""
-    require_outputs(outputs_in(options.output), [options.capture], overwrite=options.overwrite)
+    outputs = outputs_in(options.output)
+    with output_folder(options.output, outputs, [options.capture], overwrite=options.overwrite):
+        reconstruct_into_folder(options)
+
+
+def reconstruct_into_folder(options: argparse.Namespace) -> None:
+    """Write what a capture shows into a folder that is held, and tell of it."""
     check_min_free(options.min_free)
     if options.order is not None and options.patterns is None:
         raise InputError("--order goes with --patterns")
@@ -90,7 +96,7 @@ def run(options: argparse.Namespace) -> None:
     warnings = capture_warnings(capture, before, result.ranges)
     warnings += result.warnings
     for warning in warnings:
-        print(printable(f"warning: {warning}"), file=sys.stderr)
+        print(printable(shortened(f"warning: {warning}")), file=sys.stderr)
     unsuited = left_out(capture.setup) if methods["depth"] is None else {}
     if options.json:
         written = {name: str(path) for name, path in files.items()}

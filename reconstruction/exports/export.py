@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..errors import InputError, nearest
 from ..files import Output, is_marked, require_folder, require_outputs
+from ..folders import locked_name
 from ..registry import Registry
 from .shot import Shot
 
@@ -83,7 +84,8 @@ def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
 
     Nor may it hold any of the ``inputs``.
     """
-    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+    nameless = folder.name in ("", "..")
+    if nameless or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise InputError(f"{folder} is not a folder; the name of a new one is needed")
     require_folder(folder)
     for path in inputs:
@@ -105,18 +107,22 @@ def write_export(form: Export, shots: Iterable[Shot], output: Path) -> None:
 
 
 def with_stage(output: Path, write: Callable[[Path], None], *, folder: bool) -> None:
-    """Let ``write`` make a file or fill a folder under a temporary name, then rename it."""
+    """Let ``write`` make a file or fill a folder under a temporary name, then rename it.
+
+    Raises InputError where another process does so under the same name.
+    """
     output = Path(output)
     stage = output.with_name(f".{output.name}.{secrets.token_hex(4)}.tmp")
     new_folders = [parent for parent in output.parents if not parent.exists()]
     output.parent.mkdir(parents=True, exist_ok=True)
     try:
-        if folder:
-            stage.mkdir()
-        write(stage)
-        if folder and output.exists():
-            shutil.rmtree(output)
-        stage.replace(output)
+        with locked_name(output):
+            if folder:
+                stage.mkdir()
+            write(stage)
+            if folder and output.exists():
+                shutil.rmtree(output)
+            stage.replace(output)
     except BaseException as error:
         shutil.rmtree(stage, ignore_errors=True) if folder else stage.unlink(missing_ok=True)
         with suppress(OSError):

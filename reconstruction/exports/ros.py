@@ -27,7 +27,10 @@ OK, WARN, ERROR, STALE = range(4)
 """level of diagnostic_msgs/DiagnosticStatus."""
 BEAM_SIGMAS = 4.0
 """The full width of a Gaussian beam to 1/e² of its peak, in standard deviations."""
-AMISS = ("lost", "late", "corrupted", "refused", "strangers", "dropped", "failed")
+AMISS = (
+    *("lost", "late", "corrupted", "refused", "strangers", "dropped", "failed"),
+    *("method_failures", "sink_failures"),
+)
 """Counts of a stream that had better not rise."""
 
 

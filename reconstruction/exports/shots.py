@@ -11,7 +11,7 @@ import numpy as np
 
 from ..capture import CaptureFile, open_capture
 from ..chosen_methods import Names
-from ..errors import naming
+from ..errors import InputError, naming
 from ..reconstructor import Reconstructor
 from .poses import Placed
 from .results import is_result, shot_of_result
@@ -40,8 +40,9 @@ def shots_of(
     captures: Sequence[Path],
     place: Place = lambda capture, frame: None,
     methods: Mapping[str, Names] | None = None,
+    weather: str | float | None = None,
 ) -> Iterator[Shot]:
-    """Reconstruct all frames of captures, one after the other, by methods of a `Reconstructor`.
+    """Reconstruct all frames of captures, by methods and with the weather of a `Reconstructor`.
 
     Results are taken as they are, a second apart.
 
@@ -52,6 +53,8 @@ def shots_of(
     next_ns = 0
     for path in captures:
         if is_result(path):
+            if weather is not None:
+                raise InputError(f"{path} holds a result; a stated weather goes with captures")
             placed = place(None, 0)
             stamp_ns = next_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             if placed is not None and placed.time_s is not None:
@@ -61,7 +64,8 @@ def shots_of(
             next_ns = stamp_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             continue
         with open_capture(path) as capture, naming(path):
-            reconstruct = Reconstructor(capture.setup, **dict[str, Any](methods or {}))
+            chosen = dict[str, Any](methods or {}, weather=weather)
+            reconstruct = Reconstructor(capture.setup, **chosen)
             begun_ns = max(_created_ns(capture), next_ns)
             period_ns = round(1e9 * _period_s(capture))
             for number in range(capture.frames):

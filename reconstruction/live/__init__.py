@@ -6,8 +6,8 @@ from .loop import Loop
 from .poses import Pose, command, pose_of
 from .reception import Arrival, Reception
 from .results import Outcome, State
-from .sending import CaptureSource, Sender, frame_period_s
-from .setups import StreamSetup, frame_payload, setup_payload
+from .sending import CaptureSource, Sender
+from .setups import StreamSetup, frame_payload, frame_period_s, setup_payload
 from .tables import packed, unpacked
 
 __all__ = [

@@ -16,10 +16,13 @@ class Counts:
     Frames are ``received`` whole and in turn; ``lost`` are those that were not there in time, of
     which ``late`` ones came after all (and are then no longer lost); ``reordered`` ones came after
     a later one and were put in turn; ``duplicated`` ones came again; ``corrupted`` ones have a
-    payload that is not what its checksum says; ``refused`` ones cannot be of their setup; of
+    payload that is not what its checksum says; ``refused`` ones, and setups, cannot be used; of
     ``strangers`` the setup is not known. ``dropped`` were too many for this machine, ``failed``
-    have nothing to be reconstructed. ``discarded_bytes`` belong to no sound message; ``foreign``
-    messages are of another version; ``restarts`` of the sender and ``connections`` to it.
+    have no result. In other frames there were ``method_failures``, and their results lack what
+    these methods tell; ``sink_failures`` are frames, results and states that a sink has not taken.
+    ``discarded_bytes`` belong to no sound message, ``ignored_bytes`` came from others than who is
+    heard; ``given_up`` messages began and did not come on; ``foreign`` ones are of another version;
+    ``restarts`` of the sender and ``connections`` to it.
     """
 
     received: int = 0
@@ -33,10 +36,14 @@ class Counts:
     strangers: int = 0
     dropped: int = 0
     failed: int = 0
+    method_failures: int = 0
+    sink_failures: int = 0
     foreign: int = 0
     restarts: int = 0
     connections: int = 0
     discarded_bytes: int = 0
+    ignored_bytes: int = 0
+    given_up: int = 0
 
 
 class Latencies:

@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from collections.abc import Callable
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -13,8 +14,8 @@ HEADER = struct.Struct("<4sBBHIIQII")
 """Magic, version, kind, run, number, bytes of payload, time, setup, CRC-32 of all before it."""
 CRC = struct.Struct("<I")
 MAX_PAYLOAD_BYTES = 2**24
-MAX_SEARCHED_BYTES = 2**16
-"""Of a damaged message: a longer one is skipped whole, as searching it may take any time."""
+MAX_BEGUN = 16
+"""Headers that are followed at a time, one within what the other announces."""
 
 
 class Kind(IntEnum):
@@ -52,66 +53,116 @@ def pack(message: Message) -> bytes:
             f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}: fewer pixels, or "
             "fewer readings of each frame"
         )
-    told = (message.run, message.number, len(payload), message.time_ns, message.setup)
+    return b"".join((header(message, len(payload)), payload, CRC.pack(zlib.crc32(payload))))
+
+
+def header(message: Message, length: int) -> bytes:
+    """The header of a message whose payload has so many bytes."""
+    told = (message.run, message.number, length, message.time_ns, message.setup)
     head = HEADER.pack(MAGIC, message.version, message.kind, *told, 0)[: -CRC.size]
-    return b"".join((head, CRC.pack(zlib.crc32(head)), payload, CRC.pack(zlib.crc32(payload))))
+    return head + CRC.pack(zlib.crc32(head))
 
 
 class Parser:
     """Finds messages in bytes as they come, in pieces of any size.
 
-    Never raises, whatever the bytes, and holds no more than one message and a piece.
-    ``discarded_bytes`` are those that belong to no sound message.
+    Never raises, whatever the bytes, and holds no more than one message and a piece. ``fits`` sees
+    each header, as a message without its payload, and how long that is: what it refuses is no
+    message. Nobody is made to wait by a header alone: a sound message within one that is not whole
+    yet shows that the latter was false, or broke off. These are ``given_up``;
+    ``discarded_bytes`` belong to no sound message.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, fits: Callable[[Message, int], bool] = lambda message, length: True) -> None:
         self.discarded_bytes = 0
+        self.given_up = 0
+        self._fits = fits
         self._bytes = bytearray()
+        self._searched = 0
+        self._begun: list[_Begun] = []
 
     def feed(self, piece: bytes) -> list[Message]:
         """Messages that a piece completes, sound or not."""
         self._bytes += piece
         messages: list[Message] = []
-        at = 0
-        while (step := self._next(at, messages)) is not None:
-            at = step
-        del self._bytes[:at]
+        while self._complete(messages) or self._search(messages):
+            pass
+        self._discard(self._begun[0].at if self._begun else self._searched)
         return messages
+
+    @property
+    def waits(self) -> bool:
+        """Whether a message has begun and is not whole."""
+        return bool(self._begun)
 
     def reset(self) -> None:
         """Drop the beginning of a message whose end will not come."""
-        self.discarded_bytes += len(self._bytes)
-        self._bytes.clear()
+        self.given_up += len(self._begun)
+        self._begun.clear()
+        self._searched = 0
+        self._discard(len(self._bytes))
 
-    def _next(self, at: int, messages: list[Message]) -> int | None:
-        """Where to go on after looking at one place, None where more bytes are needed."""
-        found = self._bytes.find(MAGIC, at)
+    def _complete(self, messages: list[Message]) -> bool:
+        """Take the first of the messages that have begun and are whole; whether there is one."""
+        whole = next((each for each in self._begun if each.end <= len(self._bytes)), None)
+        if whole is None:
+            return False
+        payload = bytes(memoryview(self._bytes)[whole.at + HEADER.size : whole.end - CRC.size])
+        if CRC.pack(zlib.crc32(payload)) != self._bytes[whole.end - CRC.size : whole.end]:
+            self._begun.remove(whole)  # what is within it is looked through all the same
+            messages.append(whole.message)
+            return True
+        self.given_up += self._begun.index(whole)
+        self._begun = [each for each in self._begun if each.at >= whole.end]
+        self._discard(whole.at)
+        size = whole.end - whole.at
+        self._forget(size)
+        messages.append(whole.message._replace(payload=payload))
+        return True
+
+    def _search(self, messages: list[Message]) -> bool:
+        """Look for the next header; whether more may follow."""
+        found = self._bytes.find(MAGIC, self._searched)
         if found < 0:
-            found = max(at, len(self._bytes) - _beginning(self._bytes))
-        self.discarded_bytes += found - at
+            self._searched = max(self._searched, len(self._bytes) - _beginning(self._bytes))
+            return False
+        self._searched = found
         if len(self._bytes) - found < HEADER.size:
-            return found if found > at else None
+            return False
+        self._searched += len(MAGIC)
         head = _header(self._bytes, found)
         if head is None:
-            return self._skip(found, len(MAGIC))
+            return True
         message, length = head
-        end = found + HEADER.size + length + CRC.size
         if message.version != VERSION:
             messages.append(message)
-            return self._skip(found, len(MAGIC))
-        if end > len(self._bytes):
-            return found if found > at else None
-        payload = bytes(memoryview(self._bytes)[found + HEADER.size : end - CRC.size])
-        if CRC.pack(zlib.crc32(payload)) != self._bytes[end - CRC.size : end]:
-            messages.append(message)
-            whole = end - found
-            return self._skip(found, len(MAGIC) if whole <= MAX_SEARCHED_BYTES else whole)
-        messages.append(message._replace(payload=payload))
-        return end
+        elif self._fits(message, length):
+            self._begun.append(_Begun(found, found + HEADER.size + length + CRC.size, message))
+            if len(self._begun) > MAX_BEGUN:
+                del self._begun[0]
+                self.given_up += 1
+        return True
 
-    def _skip(self, at: int, size: int) -> int:
+    def _discard(self, size: int) -> None:
+        """Forget bytes at the beginning that belong to no sound message."""
         self.discarded_bytes += size
-        return at + size
+        self._forget(size)
+
+    def _forget(self, size: int) -> None:
+        del self._bytes[:size]
+        self._searched = max(self._searched - size, 0)
+        self._begun = [each.moved(-size) for each in self._begun]
+
+
+class _Begun(NamedTuple):
+    """A message without its payload, from its header on to where it would end."""
+
+    at: int
+    end: int
+    message: Message
+
+    def moved(self, size: int) -> "_Begun":
+        return self._replace(at=self.at + size, end=self.end + size)
 
 
 def _header(content: bytearray, at: int) -> tuple[Message, int] | None:

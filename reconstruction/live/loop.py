@@ -1,17 +1,20 @@
 """From frames as they come to results, with a reconstructor that is compiled once for a setup."""
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..chosen_methods import USUAL_IMAGES, Names
-from ..depth import DEPTH_METHODS, MIN_FREE, lacks
-from ..errors import InputError
+from ..chosen_methods import USUAL_IMAGES, Names, check_names
+from ..depth import DEPTH_METHODS, MIN_FREE, check_min_free, lacks
+from ..errors import InputError, in_words
 from ..reconstructor import Reconstructor
 from .counts import Latencies
 from .reception import POLL_S, Arrival, Reception
 from .results import Outcome, State
 from .setups import StreamSetup
+
+logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
 SWIFT_DEPTHS = ("anchored", "nearest")
@@ -23,8 +26,9 @@ class Loop:
 
     Methods are named as for a `Reconstructor`; of the usual images there is the first alone, of the
     usual depths those of `SWIFT_DEPTHS`; ``min_free`` is that of a `Reconstructor`, too.
-    Raises InputError for methods that the first setup does not suit, and where the reception has
-    failed.
+    Whatever a method raises costs its own part of a frame, and what a setup or a frame raises
+    costs these alone: it is counted and told. Raises InputError for unknown methods, for those
+    that the first setup of a file or pipe does not suit, and where the reception has failed.
     """
 
     def __init__(
@@ -40,6 +44,8 @@ class Loop:
         states: Sequence[Callable[[State], None]] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        check_names(image, ranging, depth)
+        check_min_free(min_free)
         self.latencies = Latencies()
         self._reception = reception
         self._methods: dict[str, Any] = {
@@ -47,6 +53,7 @@ class Loop:
             "ranging": ranging,
             "weather": weather,
             "min_free": min_free,
+            "failed": self._method_failed,
         }
         self._depth = depth
         self._results = results
@@ -55,6 +62,7 @@ class Loop:
         self._stream: StreamSetup | None = None
         self._reconstruct: Reconstructor | None = None
         self._trouble: str | None = None
+        self._logged = ""
         self._last_s = float("nan")
         self._told_s = clock()
         self._told_frames = 0
@@ -79,7 +87,7 @@ class Loop:
             self._tell()
 
     def _compile(self, stream: StreamSetup) -> None:
-        """For another setup than the last; what the first one lacks is an error."""
+        """For another setup than the last; what the first one of a file lacks is an error."""
         if stream is self._stream:
             return
         first, self._stream, self._reconstruct = self._stream is None, stream, None
@@ -88,10 +96,10 @@ class Loop:
                 stream.setup, depth=self._depths(stream), **self._methods
             )
             self._trouble = None
-        except InputError as error:
-            if first:
+        except Exception as error:
+            if first and self._reception.final and isinstance(error, InputError):
                 raise
-            self._trouble = f"the setup cannot be used: {error}"
+            self._trouble = f"the setup cannot be used: {self._in_words(error)}"
 
     def _depths(self, stream: StreamSetup) -> Names:
         """Those that are named, else the swift ones that the setup suits."""
@@ -105,13 +113,13 @@ class Loop:
         if self._reconstruct is None:
             counts.failed += 1
             return
+        self._trouble = None
         try:
             result = self._reconstruct(arrival.frame)
-        except InputError as error:
+        except Exception as error:
             counts.failed += 1
-            self._trouble = str(error)
+            self._trouble = self._in_words(error)
             return
-        self._trouble = None
         counts.reconstructed += 1
         self._last_s = arrival.received_s
         latency_s = self._clock() - arrival.received_s
@@ -120,9 +128,22 @@ class Loop:
         for tell in self._results:
             tell(outcome)
 
+    def _method_failed(self, method: str, error: Exception) -> None:
+        self._reception.counts.method_failures += 1
+        self._trouble = f"{method}: {self._in_words(error)}"
+
+    def _in_words(self, error: Exception) -> str:
+        """An error that nobody else will hear of; in the log once, however often it comes again."""
+        words = in_words(error)
+        if not isinstance(error, InputError) and words != self._logged:
+            self._logged = words
+            logger.error("%s", words, exc_info=error)
+        return words
+
     def state(self) -> State:
         """How the stream is."""
         now_s, counts = self._clock(), self._reception.counts
+        awaited, since_s = self._reception.awaited
         period_s = max(now_s - self._told_s, 1e-9)
         return State(
             counts=counts,
@@ -131,6 +152,8 @@ class Loop:
             latency_99_s=self.latencies.percentile(99),
             frames_per_s=(counts.reconstructed - self._told_frames) / period_s,
             trouble=self._trouble or self._reception.trouble or "",
+            waiting_for=awaited,
+            waiting_s=now_s - since_s,
         )
 
     def _tell(self) -> None:

@@ -7,31 +7,34 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 
 
+MAX_BYTES = 2**25
+"""Of what waits, however few there may be of it."""
+
+
 class Waiting(Generic[Item]):
     """At most so many ``items`` that wait; ``dropped`` gave way to newer ones."""
 
     def __init__(self, items: int) -> None:
         self.dropped = 0
-        self._items: deque[Item] = deque()
+        self._items: deque[tuple[Item, int]] = deque()
+        self._bytes = 0
         self._most = items
         self._closed = False
         self._changed = threading.Condition()
 
-    def put(self, item: Item) -> None:
-        """One more; where there are too many, the oldest is dropped."""
+    def put(self, item: Item, size: int = 0) -> None:
+        """One more, of so many bytes; where there is too much, the oldest is dropped."""
         with self._changed:
-            if len(self._items) >= self._most:
-                self._items.popleft()
+            while self._items and self._full(size):
+                self._taken()
                 self.dropped += 1
-            self._items.append(item)
-            self._changed.notify_all()
+            self._put(item, size)
 
-    def put_in_turn(self, item: Item) -> None:
+    def put_in_turn(self, item: Item, size: int = 0) -> None:
         """One more, as soon as there is room for it or nobody takes any."""
         with self._changed:
-            self._changed.wait_for(lambda: len(self._items) < self._most or self._closed)
-            self._items.append(item)
-            self._changed.notify_all()
+            self._changed.wait_for(lambda: not (self._items and self._full(size)) or self._closed)
+            self._put(item, size)
 
     def get(self, timeout_s: float) -> Item | None:
         """The oldest; None where there is none for so long, or none any more."""
@@ -39,9 +42,17 @@ class Waiting(Generic[Item]):
             self._changed.wait_for(lambda: self._items or self._closed, timeout_s)
             if not self._items:
                 return None
-            item = self._items.popleft()
+            item = self._taken()
             self._changed.notify_all()
             return item
+
+    def clear(self) -> None:
+        """Drop all that waits."""
+        with self._changed:
+            self.dropped += len(self._items)
+            while self._items:
+                self._taken()
+            self._changed.notify_all()
 
     def close(self) -> None:
         """Nothing more will come: what waits can still be taken."""
@@ -50,7 +61,27 @@ class Waiting(Generic[Item]):
             self._changed.notify_all()
 
     @property
+    def empty(self) -> bool:
+        """Whether nothing waits."""
+        with self._changed:
+            return not self._items
+
+    @property
     def over(self) -> bool:
         """Whether it is closed and empty."""
         with self._changed:
             return self._closed and not self._items
+
+    def _full(self, size: int) -> bool:
+        """Whether there is no room for one more of so many bytes."""
+        return len(self._items) >= self._most or self._bytes + size > MAX_BYTES
+
+    def _put(self, item: Item, size: int) -> None:
+        self._items.append((item, size))
+        self._bytes += size
+        self._changed.notify_all()
+
+    def _taken(self) -> Item:
+        item, size = self._items.popleft()
+        self._bytes -= size
+        return item

@@ -1,6 +1,6 @@
 """What becomes of a frame, and the state of a stream, as tables of a message."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
@@ -33,7 +33,8 @@ class State:
     """How a stream is, at present: ``age_s`` since the last frame with a result came, nan before.
 
     ``latency_s`` and ``latency_99_s`` are median and 99th percentile of the latest frames,
-    ``frames_per_s`` is since the last state, ``trouble`` a sentence, or empty.
+    ``frames_per_s`` is since the last state, ``trouble`` a sentence, or empty; ``waiting_for`` is
+    what has been waited for these ``waiting_s``.
     """
 
     counts: Counts
@@ -42,17 +43,15 @@ class State:
     latency_99_s: float
     frames_per_s: float
     trouble: str
+    waiting_for: str = ""
+    waiting_s: float = 0.0
 
     @property
     def numbers(self) -> dict[str, Any]:
         """All of it by name."""
         return {
             **asdict(self.counts),
-            "age_s": self.age_s,
-            "latency_s": self.latency_s,
-            "latency_99_s": self.latency_99_s,
-            "frames_per_s": self.frames_per_s,
-            "trouble": self.trouble,
+            **{each.name: getattr(self, each.name) for each in fields(self)[1:]},
         }
 
 

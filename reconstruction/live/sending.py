@@ -8,7 +8,7 @@ from ..capture import Frames, Provenance, Setup, open_capture
 from ..errors import InputError
 from .framing import Kind, Message, pack
 from .links import Ended, Source
-from .setups import frame_payload, setup_payload
+from .setups import frame_payload, frame_period_s, setup_payload
 
 SETUP_EVERY_S = 1.0
 """After which a setup is sent again, for those who came later."""
@@ -39,11 +39,6 @@ class Sender:
 
     def _message(self, kind: Kind, payload: bytes, time_ns: int) -> bytes:
         return pack(Message(kind, payload, self.number, time_ns, self._run, self._id))
-
-
-def frame_period_s(setup: Setup) -> float:
-    """From one frame of a recording to the next; nan where it is not told."""
-    return setup.buckets.pattern_period_s * setup.plan.exposures
 
 
 class CaptureSource(Source):

@@ -7,6 +7,8 @@ from .counts import Counts
 MODULUS = 2**32
 REMEMBERED = 64
 """Numbers back to which a frame that was lost may be late."""
+ASTRAY = 16
+"""So many usable frames in a row, each farther back than that, show the last number to be wrong."""
 HOLD_S = 0.1
 """After so long a frame that came too early is waited for no more."""
 
@@ -18,8 +20,8 @@ class Sequence(Generic[Item]):
 
     One that comes too early is held until those before it have come, or more than ``window`` are
     held, or for `HOLD_S`: then those before it are lost. What cannot be used keeps its place. A
-    sender begins anew where its ``run`` is another; of one that does not tell, 0, where a number
-    is more than `REMEMBERED` back.
+    sender begins anew where its ``run`` is another, or `ASTRAY` numbers in a row are more than
+    `REMEMBERED` back; of one that does not tell its run, 0, where a single one is.
     """
 
     def __init__(self, counts: Counts, window: int) -> None:
@@ -30,16 +32,19 @@ class Sequence(Generic[Item]):
         self._held: dict[int, Item | None] = {}
         self._since_s = 0.0
         self._missing: dict[int, bool] = {}
+        self._astray = 0
 
     def take(self, run: int, number: int, item: Item | None, now_s: float) -> list[Item]:
         """Frames whose turn it is after this one has come, None for one that cannot be used."""
         ahead = self._ahead(number)
         given: list[Item] = []
-        if run != self._run or (run == 0 and ahead < -REMEMBERED):
+        self._astray = self._astray + (item is not None) if ahead < -REMEMBERED else 0
+        if run != self._run or self._astray >= (ASTRAY if run else 1):
             given = self.flush()
             self._counts.restarts += self._run is not None
             self._run, self._next, ahead = run, number, 0
             self._missing.clear()
+            self._astray = 0
         if ahead < 0:
             self._behind(number, usable=item is not None)
             return given

@@ -11,11 +11,17 @@ from numpy.typing import NDArray
 
 from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup, stored_fields
 from ..errors import InputError
-from .framing import MAX_PAYLOAD_BYTES
+from .framing import MAX_PAYLOAD_BYTES, Kind, Message
 from .tables import Arrays, Value, packed, unpacked
 
 READ = ("buckets", "spots", "pattern_taps")
 """Parts that hold readings."""
+MAX_FRAME_BYTES = 2**20
+MAX_PIXELS = 2**14
+"""Of an image: 128 × 128."""
+MAX_WEIGHTS = 2**23
+"""Pixels of all patterns together, or of those that are left out where these are fewer: methods
+compile matrices of so many numbers, and take a few times their 64 MiB."""
 FLAGS = "saturated"
 TOLD = {"source": "hardware", "software": "", "provenance/instrument": ""}
 """Texts that a setup may hold beside a capture's datasets, and what they are without."""
@@ -41,7 +47,9 @@ class StreamSetup:
         self.frame_bytes = sum(map(_frame_bytes, self._readings.values()))
         tables = Arrays(_with_flags(entries))
         _check_readings(entries, self.frame_bytes)
+        _check_pixels(entries)
         self.setup = read_setup(tables)
+        _check_patterns(self.setup)
         texts = {
             name: tables.text(name) if name in entries else usual for name, usual in TOLD.items()
         }
@@ -53,6 +61,11 @@ class StreamSetup:
             created="",
             instrument=texts["provenance/instrument"],
         )
+
+    @property
+    def frame_period_s(self) -> float:
+        """From one frame to the next; nan where it is not told."""
+        return frame_period_s(self.setup)
 
     def frames(self, payload: bytes, number: int) -> Frames:
         """The frame of this number; InputError unless its readings can be of this setup."""
@@ -75,6 +88,22 @@ class StreamSetup:
         )
         check_parts(frames)
         return frames
+
+
+def misfit(message: Message, length: int, stream: StreamSetup | None) -> str | None:
+    """Why a message of a ``stream`` cannot be so long, by its header; None if it can."""
+    setup, frame = message.kind == Kind.SETUP, message.kind == Kind.FRAME
+    if stream is not None and message.setup == stream.id and (setup or frame):
+        told = len(stream.payload) if setup else stream.frame_bytes
+        if length != told:
+            return f"a {Kind(message.kind).name.lower()} of {length} bytes; it should have {told}"
+    most = MAX_PAYLOAD_BYTES if setup else MAX_FRAME_BYTES
+    return f"a message of {length} bytes; at most {most}" if length > most else None
+
+
+def frame_period_s(setup: Setup) -> float:
+    """From one frame of a recording to the next; nan where it is not told."""
+    return setup.buckets.pattern_period_s * setup.plan.exposures
 
 
 def setup_payload(setup: Setup, provenance: Provenance | None = None) -> bytes:
@@ -106,8 +135,31 @@ def _check_readings(entries: Mapping[str, Value], frame_bytes: int) -> None:
     for name in ("buckets/counts", "spots/taps", "spots/counts", "pattern_taps/taps"):
         if name in entries and entries[name].shape[:1] != (0,):
             raise InputError(f"{name} has shape {entries[name].shape}; a setup has 0 frames")
-    if frame_bytes > MAX_PAYLOAD_BYTES:
-        raise InputError(f"a frame of {frame_bytes} bytes; at most {MAX_PAYLOAD_BYTES}")
+    if frame_bytes > MAX_FRAME_BYTES:
+        raise InputError(f"a frame of {frame_bytes} bytes; at most {MAX_FRAME_BYTES}")
+
+
+def _check_pixels(entries: Mapping[str, Value]) -> None:
+    """Before anything is made of them; what is no shape at all is told later."""
+    sides = entries.get("patterns/shape")
+    if sides is not None and sides.dtype.kind in "iuf" and sides.size == 2:
+        height, width = (float(side) for side in sides.ravel())
+        if height * width > MAX_PIXELS:
+            raise InputError(
+                f"patterns/shape is {height:g} x {width:g}; a stream has at most {MAX_PIXELS} "
+                "pixels"
+            )
+
+
+def _check_patterns(setup: Setup) -> None:
+    """Of each plan as many as methods have room for."""
+    for plan in setup.plans:
+        weights = min(plan.sampled, abs(plan.pixels - plan.sampled)) * plan.pixels
+        if weights > MAX_WEIGHTS:
+            raise InputError(
+                f"patterns/index has {plan.sampled} patterns of {plan.pixels} pixels; of so many "
+                f"pixels a stream has at most {MAX_WEIGHTS // plan.pixels}, or all but so many"
+            )
 
 
 def _frame_bytes(none: Value) -> int:

@@ -34,8 +34,7 @@ from . import (
     weather,
 )
 from .console import fail, warn
-
-INTERRUPTED = "interrupted; no file is left half-written"
+from .outputs import INTERRUPTED
 
 
 class Commands(TyperGroup):
@@ -67,8 +66,8 @@ def _told(as_json: bool) -> Iterator[None]:
         message, status = explain(error), 2
     except InputError as error:
         message, status = str(error), 2
-    except KeyboardInterrupt:
-        message, status = INTERRUPTED, 130
+    except KeyboardInterrupt as error:
+        message, status = str(error) or INTERRUPTED, 130
     except Exception as error:
         if _is_interrupt(error):
             message, status = INTERRUPTED, 130

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from reconstruction.text import flush_output, json_line, printable
+from reconstruction.text import flush_output, json_line, printable, shortened
 from spisim.progress import Advance, terminal_bar
 
 
@@ -34,12 +34,12 @@ def print_json(report: Mapping[str, Any]) -> None:
 
 def say(text: str, style: str | None = None) -> None:
     """Print a message; terminals break long lines, not this program."""
-    messages.print(text, style=style, soft_wrap=True)
+    messages.print(shortened(text), style=style, soft_wrap=True)
 
 
 def fail(message: str, status: int, as_json: bool) -> None:
     """Tell an error in one line on stderr, and with --json as an object on stdout too."""
-    line = " ".join(message.split("\n"))
+    line = shortened(" ".join(message.split("\n")))
     say(f"error: {line}", style="red")
     with suppress(OSError):
         if as_json:

@@ -40,7 +40,8 @@ def command(
     ranges rest on a prior over the weather and say so.
     """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture, write_outputs
-    from reconstruction.files import Output, require_outputs
+    from reconstruction.files import Output
+    from reconstruction.folders import output_folder
     from reconstruction.outputs import outputs_in
     from spisim.instrument import load_instrument
     from spisim.measurement import simulation_warnings
@@ -52,44 +53,45 @@ def command(
     from spisim.transport.light_files import write_truth
 
     own = {name: Output(output / name, kind) for name, kind in FILES.items()}
-    require_outputs([*own.values(), *outputs_in(output)], overwrite=overwrite)
-    seconds: dict[str, float] = {}
-    with timed(seconds, "load"):
-        scene = load_scene("warehouse")
-        instrument, paper = load_instrument("fog"), load_instrument("paper")
-    with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
-        simulation = simulate(
-            scene, instrument, spp=spp, seed=seed, progress=lambda done: advance(SHARE * done)
-        )
-        other = simulate(
-            scene,
-            paper,
-            spp=max(1, round(spp * (1 - SHARE) / SHARE)),
-            seed=seed,
-            progress=lambda done: advance(SHARE + (1 - SHARE) * done),
-        ).capture
-    with timed(seconds, "scene view"):
-        view = fine_view(scene, instrument)
-    capture, light = simulation.capture, simulation.transport
-    result = reconstruct(capture, ranging="fog")
-    metrics = evaluate(result, capture)
-    beside = evaluate(reconstruct(other, ranging="fog", depth=()), other)
+    files = [*own.values(), *outputs_in(output)]
+    with output_folder(output, files, overwrite=overwrite):
+        seconds: dict[str, float] = {}
+        with timed(seconds, "load"):
+            scene = load_scene("warehouse")
+            instrument, paper = load_instrument("fog"), load_instrument("paper")
+        with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
+            simulation = simulate(
+                scene, instrument, spp=spp, seed=seed, progress=lambda done: advance(SHARE * done)
+            )
+            other = simulate(
+                scene,
+                paper,
+                spp=max(1, round(spp * (1 - SHARE) / SHARE)),
+                seed=seed,
+                progress=lambda done: advance(SHARE + (1 - SHARE) * done),
+            ).capture
+        with timed(seconds, "scene view"):
+            view = fine_view(scene, instrument)
+        capture, light = simulation.capture, simulation.transport
+        result = reconstruct(capture, ranging="fog")
+        metrics = evaluate(result, capture)
+        beside = evaluate(reconstruct(other, ranging="fog", depth=()), other)
 
-    write_capture(capture, own["capture.h5"].path)
-    write_truth(own["truth.exr"].path, simulation.truths[0], {"transport": light.image})
-    pictures = write_outputs(result, capture, output)
-    write_overview(own["overview.png"].path, capture, result, view)
-    write_report(
-        own["report.html"].path,
-        capture,
-        result,
-        metrics=metrics,
-        transport=light,
-        view=view,
-        timings=seconds,
-        beside={"paper": beside},
-        title=scene.name,
-    )
+        write_capture(capture, own["capture.h5"].path)
+        write_truth(own["truth.exr"].path, simulation.truths[0], {"transport": light.image})
+        pictures = write_outputs(result, capture, output)
+        write_overview(own["overview.png"].path, capture, result, view)
+        write_report(
+            own["report.html"].path,
+            capture,
+            result,
+            metrics=metrics,
+            transport=light,
+            view=view,
+            timings=seconds,
+            beside={"paper": beside},
+            title=scene.name,
+        )
     warnings = simulation_warnings(instrument, light) + capture_warnings(capture)
     warn(warnings)
     written = [*own, *pictures]

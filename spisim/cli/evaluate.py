@@ -8,7 +8,7 @@ import typer
 from reconstruction.errors import naming
 
 from .console import print_json, warn
-from .options import CaptureArgument, FrameOption, Json, Methods, MinFree
+from .options import CaptureArgument, FrameOption, Json, Methods, MinFree, StatedWeather
 from .tables import print_errors
 
 EXAMPLE = "spisim evaluate out/demo/capture.h5 out/demo"
@@ -23,6 +23,7 @@ def command(
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
+    weather: StatedWeather = None,
     min_free: MinFree = None,
     json: Json = False,
 ) -> None:
@@ -33,7 +34,7 @@ def command(
     """
     from dataclasses import replace
 
-    from reconstruction import evaluate, read_capture, read_result, reconstruct
+    from reconstruction import InputError, evaluate, read_capture, read_result, reconstruct
     from reconstruction.cli.reconstruct import names
     from reconstruction.depth import check_min_free
     from reconstruction.diagnostics import NOT_TRACED
@@ -43,9 +44,16 @@ def command(
     if folder is None:
         with naming(capture):
             result = reconstruct(
-                recording, frame, image=names(image), ranging=names(ranging), depth=names(depth)
+                recording,
+                frame,
+                image=names(image),
+                ranging=names(ranging),
+                depth=names(depth),
+                weather=weather,
             )
     else:
+        if weather is not None:
+            raise InputError(f"--weather goes with a reconstruction; {folder} holds a result")
         file = folder / "result.h5"
         result = read_result(file)
     if min_free is not None:

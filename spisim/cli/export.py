@@ -10,7 +10,7 @@ import typer
 
 from .console import print_json, progress_bar, results, say
 from .inputs import captures_in
-from .options import Bar, Json, Methods, Overwrite
+from .options import Bar, Json, Methods, Overwrite, StatedWeather
 
 if TYPE_CHECKING:
     from reconstruction.exports import Shot
@@ -49,6 +49,7 @@ def command(
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
+    weather: StatedWeather = None,
     overwrite: Overwrite = False,
     json: Json = False,
     progress: Bar = None,
@@ -73,7 +74,7 @@ def command(
     check_export(chosen, output, files, overwrite=overwrite)
     frames = frames_in(files)
     methods = {"image": names(image), "ranging": names(ranging), "depth": names(depth)}
-    shots = shots_of(files, placed, methods)
+    shots = shots_of(files, placed, methods, weather)
     with progress_bar(f"Exporting {frames} frames", progress) as advance:
         write_export(chosen, _counted(shots, frames, advance), output)
     if json:

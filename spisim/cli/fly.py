@@ -12,13 +12,12 @@ from reconstruction.errors import naming
 from . import options as opt
 from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
-from .outputs import files_read
+from .outputs import files_read, resumed
 from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from reconstruction import Capture
     from spisim.dataset.flight import Instant
     from spisim.instrument import Instrument
     from spisim.report.flight import Sighting
@@ -56,33 +55,35 @@ def command(
     Writes capture-0000.h5 and so on, a page, an animation and a table. Captures that the
     folder has of the same flight are kept, so that an interrupted flight goes on where it was.
     """
-    from reconstruction.files import require_outputs
+    from reconstruction.files import remove_unfinished
+    from reconstruction.folders import output_folder
     from spisim.dataset.flight import instants, kept_captures
     from spisim.report.flight import flight_outputs, write_animation, write_table
     from spisim.report.flight_page import write_flight
     from spisim.scene import check_clear_path, load_trajectory
 
     files = flight_outputs(output)
-    require_outputs(files, files_read(scene, instrument, path), overwrite=overwrite)
-    trajectory = load_trajectory(path, frame).faster(speed)
-    carried = instrument_with(instrument, stated=stated)
-    place, oddities = scene_with(scene, carried.wavelength_nm, weather)
-    check_clear_path(place, trajectory)
-    flight = instants(place, trajectory, carried, rate, seed)
-    kept = kept_captures(output, flight, carried, spp)
-    with progress_bar(f"Flying {len(flight)} captures", progress) as advance:
-        seen = []
-        for instant in flight:
-            done, share = instant.number / len(flight), 1 / len(flight)
-            capture = kept.get(instant.number)
-            if capture is None:
-                capture = _record(output, instant, carried, spp, _part(advance, done, share))
-            seen.append(_look(instant, capture, output))
-            advance(done + share)
     animation, page, table = (file.path for file in files)
-    write_animation(animation, seen, rate)
-    write_flight(page, place.name, seen, rate)
-    write_table(table, seen)
+    read = files_read(scene, instrument, path)
+    with output_folder(output, files, read, overwrite=overwrite), resumed():
+        trajectory = load_trajectory(path, frame).faster(speed)
+        carried = instrument_with(instrument, stated=stated or trajectory.weather)
+        place, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        check_clear_path(place, trajectory)
+        flight = instants(place, trajectory, carried, rate, seed)
+        kept = kept_captures(output, flight, carried, spp)
+        remove_unfinished(output / instant.file for instant in flight)
+        with progress_bar(f"Flying {len(flight)} captures", progress) as advance:
+            seen = []
+            for instant in flight:
+                done, share = instant.number / len(flight), 1 / len(flight)
+                if instant.number not in kept:
+                    _record(output, instant, carried, spp, _part(advance, done, share))
+                seen.append(_look(instant, output))
+                advance(done + share)
+        write_animation(animation, seen, rate)
+        write_flight(page, place.name, seen, rate)
+        write_table(table, seen)
     warnings = _warnings(seen)
     warn(warnings)
     written = [*(output / instant.file for instant in flight), animation, page, table]
@@ -106,22 +107,26 @@ def _record(
     instrument: Instrument,
     spp: int,
     progress: Callable[[float], None],
-) -> Capture:
-    """Simulate and write the capture of an instant."""
+) -> None:
+    """Simulate and write the capture of an instant, without its time: equal ones are byte-equal."""
+    from dataclasses import replace
+
     from reconstruction import write_capture
     from spisim.simulation import simulate
 
     capture = simulate(
         instant.scene, instrument, spp=spp, seed=instant.seed, progress=progress
     ).capture
-    write_capture(capture, folder / instant.file)
-    return capture
+    provenance = replace(capture.provenance, created="")
+    write_capture(replace(capture, provenance=provenance), folder / instant.file)
 
 
-def _look(instant: Instant, capture: Capture, folder: Path) -> Sighting:
-    from reconstruction import evaluate, reconstruct
+def _look(instant: Instant, folder: Path) -> Sighting:
+    """What a capture shows, as it is read: equal whether it was kept or made."""
+    from reconstruction import evaluate, read_capture, reconstruct
     from spisim.report.flight import Sighting
 
+    capture = read_capture(folder / instant.file)
     with naming(folder / instant.file):
         result = reconstruct(capture)
     return Sighting(instant, capture, result, evaluate(result, capture))

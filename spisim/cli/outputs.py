@@ -1,13 +1,15 @@
 """What a command will write, looked at before any work."""
 
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from reconstruction.files import Output
+
+INTERRUPTED = "interrupted; no file is left half-written"
 
 #: Endings of the names of what users give a name to, by the kind that the file's mark tells.
 ENDINGS = {
@@ -46,6 +48,15 @@ def files_read(*names: str | Path) -> Iterator[Path]:
             yield path
         if path.suffix in (".yaml", ".yml") and path.is_file():
             yield from _referred(path)
+
+
+@contextmanager
+def resumed() -> Iterator[None]:
+    """Tell who interrupts a command that keeps what is done how to go on with it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{INTERRUPTED}. Run the same command again to go on") from None
 
 
 def _referred(path: Path) -> Iterator[Path]:

@@ -40,7 +40,8 @@ def command(
 
     Draws each figure as PNG.
     """
-    from reconstruction.files import Output, require_outputs, write_atomically
+    from reconstruction.files import Output, write_atomically
+    from reconstruction.folders import output_folder
     from spisim.paper import RESULTS
     from spisim.paper.checks import around_marks, checks_table, paste, report, summary, surroundings
     from spisim.report.style import file_of, plot_style
@@ -48,10 +49,10 @@ def command(
     names = list(RESULTS) if which is Which.all else [which.value]
     pictures = {name: output / f"{name}.png" for name in names}
     files = [Output(path, KIND) for path in pictures.values()]
-    require_outputs(files, [] if markdown is None else [markdown], overwrite=overwrite)
-    if markdown is not None:
-        around_marks(markdown, "paper")
-    with plot_style():
+    read = [] if markdown is None else [markdown]
+    with output_folder(output, files, read, overwrite=overwrite), plot_style():
+        if markdown is not None:
+            around_marks(markdown, "paper")
         results = {name: RESULTS[name]() for name in names}
         for name, picture in pictures.items():
             write_atomically(picture, file_of(results[name].figure, KIND, dpi=110))
@@ -60,7 +61,7 @@ def command(
     tables.append(checks_table(checks))
     around = surroundings(PACKAGES)
     if json:
-        written = [*pictures.values(), *([] if markdown is None else [markdown])]
+        written = [*pictures.values(), *read]
         print_json(summary(around, tables, checks) | {"written": written})
     else:
         report(around, tables, checks, as_json=False)

@@ -1,5 +1,6 @@
 """`spisim reconstruct`: `python -m reconstruction`, and a page about what came out."""
 
+from argparse import Namespace
 from pathlib import Path
 from typing import Annotated
 
@@ -40,25 +41,33 @@ def command(
     with commas between, the default one first, or all.
     """
     from reconstruction import evaluate, first_patterns, read_capture, read_result
-    from reconstruction.cli import main
-    from reconstruction.files import require_outputs
+    from reconstruction.cli.reconstruct import reconstruct_into_folder
+    from reconstruction.depth import MIN_FREE
+    from reconstruction.folders import output_folder
+    from reconstruction.outputs import outputs_in
     from spisim.report.capture import write_report
 
     page = output / "report.html"
-    require_outputs([named(page, "capture report")], [capture], overwrite=overwrite)
-    options = ["--output", str(output), "--frame", str(frame), *(["--json"] if json else [])]
-    options += ["--overwrite"] if overwrite else []
-    for station, names in {"image": image, "ranging": ranging, "depth": depth}.items():
-        options += [] if names is None else [f"--{station}", names]
-    changes = {"patterns": patterns, "order": order, "weather": weather, "min-free": min_free}
-    for name, value in changes.items():
-        options += [] if value is None else [f"--{name}", str(value)]
-    if status := main(["reconstruct", str(capture), *options]):
-        raise typer.Exit(status)
-    recording = read_capture(capture)
-    result = read_result(output / "result.h5")
-    known = recording.truth is not None and recording.truth.knows(frame)
-    metrics = evaluate(result, recording) if known else None
-    if patterns is not None:
-        recording = first_patterns(recording, patterns, order)
-    write_report(page, recording, result, metrics=metrics, title=capture.stem)
+    options = Namespace(
+        capture=capture,
+        output=output,
+        frame=frame,
+        patterns=patterns,
+        order=order,
+        image=image,
+        ranging=ranging,
+        depth=depth,
+        weather=weather,
+        min_free=MIN_FREE if min_free is None else min_free,
+        json=json,
+    )
+    files = [*outputs_in(output), named(page, "capture report")]
+    with output_folder(output, files, [capture], overwrite=overwrite):
+        reconstruct_into_folder(options)
+        recording = read_capture(capture)
+        result = read_result(output / "result.h5")
+        known = recording.truth is not None and recording.truth.knows(frame)
+        metrics = evaluate(result, recording) if known else None
+        if patterns is not None:
+            recording = first_patterns(recording, patterns, order)
+        write_report(page, recording, result, metrics=metrics, title=capture.stem)

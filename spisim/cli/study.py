@@ -50,7 +50,7 @@ def command(
     Run again, it makes what is missing. Exit status: 0 all done, 1 some samples failed, 2 input
     that cannot be used, 3 no space left, 130 interrupted.
     """
-    from reconstruction.files import require_outputs
+    from reconstruction.folders import output_folder
     from spisim.report.study import study_outputs, write_study
     from spisim.study import load_study, run_study, study_files
 
@@ -59,24 +59,20 @@ def command(
         planned = planned.quick()
     folder = output.absolute()
     files = [*study_files(folder, planned), *study_outputs(folder, planned)]
-    require_outputs(files, files_read(plan), overwrite=overwrite)
     executor = executors(workers, dask, timeout)
-    with (
-        explained(),
-        shown(progress) as made,
-        progress_bar("Evaluating", progress) as evaluated,
-    ):
-        finished = run_study(
-            planned,
-            folder,
-            executor,
-            retry_failed=retry_failed,
-            space_timeout_s=space_timeout,
-            say=say,
-            made=made,
-            evaluated=evaluated,
-        )
-    pages = write_study(folder, finished.results)
+    with output_folder(folder, files, files_read(plan), overwrite=overwrite), explained():
+        with shown(progress) as made, progress_bar("Evaluating", progress) as evaluated:
+            finished = run_study(
+                planned,
+                folder,
+                executor,
+                retry_failed=retry_failed,
+                space_timeout_s=space_timeout,
+                say=say,
+                made=made,
+                evaluated=evaluated,
+            )
+        pages = write_study(folder, finished.results)
     _tell(finished, (*pages, *finished.written), json)
     raise typer.Exit(1 if finished.failed else 0)
 

@@ -58,8 +58,8 @@ def instants(
 
 def kept_captures(
     folder: Path, flight: list[Instant], instrument: Instrument, spp: int
-) -> dict[int, Capture]:
-    """Captures of this very flight that are in a folder already, by number.
+) -> set[int]:
+    """Numbers of the captures of this very flight that are in a folder already.
 
     Raises InputError for captures of another flight, scene, instrument, seed or number of paths.
     """
@@ -67,16 +67,15 @@ def kept_captures(
     strangers = sorted(set(folder.glob("capture-*.h5")) - set(files))
     if strangers:
         raise InputError(f"{strangers[0]} is not of this flight; give another folder")
-    kept = {}
+    kept = set()
     for file, instant in files.items():
         if not file.exists():
             continue
-        capture = read_capture(file)
-        if different := _difference(capture, instant, instrument, spp):
+        if different := _difference(read_capture(file), instant, instrument, spp):
             raise InputError(
                 f"{file} was made with another {different}; give another folder, or remove it"
             )
-        kept[instant.number] = capture
+        kept.add(instant.number)
     return kept
 
 

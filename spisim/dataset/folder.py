@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from reconstruction import Capture
 from reconstruction.errors import InputError
+from reconstruction.files import whole_name
+from reconstruction.folders import LOCK
 from spisim.config import load_yaml
 from spisim.dataset.database import COMPANIONS
 from spisim.dataset.records import Outcome
@@ -26,12 +28,12 @@ PER_FOLDER = 1000
 #: Files beside a capture: the light's image, and its spots' histograms.
 SIDECARS = (".exr", ".npz")
 
-#: Files that `write_atomically` has begun, and those that try how much space there is.
-_UNFINISHED = re.compile(
-    r"(\.(plan\.yaml|study\.yaml|(results|summary|differences)\.csv|space)"
-    r"|samples/\d{3,}/\.\d{6,}\.(h5|exr|npz)"
-    r"|errors/\.\d{6,}\.txt"
-    r"|metrics/\d{3,}/\.\d{6,}\.json)\.[0-9a-f]{8}\.tmp"
+#: Files that runs write under temporary names first, and what tries how much space there is.
+_WRITTEN = re.compile(
+    r"plan\.yaml|space"
+    r"|samples/\d{3,}/\d{6,}\.(h5|exr|npz)"
+    r"|errors/\d{6,}\.txt"
+    r"|metrics/\d{3,}/\d{6,}\.json"
 )
 _NO_LINKS = "{} is a link; a data set holds none, so that its folder is all that it touches"
 _FOLDERS = ("samples", "errors", "metrics")
@@ -61,7 +63,7 @@ class Layout:
     @property
     def lock(self) -> Path:
         """Held by the process that runs the data set."""
-        return self.folder / ".lock"
+        return self.folder / LOCK
 
     @property
     def samples(self) -> Path:
@@ -121,11 +123,14 @@ class Layout:
     def _is_own(self, name: str) -> bool:
         own = {self.plan.name, self.lock.name, *_FOLDERS}
         own |= {self.manifest.name + ending for ending in ("", *COMPANIONS)}
-        return name in own or bool(_UNFINISHED.fullmatch(name) or _DAMAGED.fullmatch(name))
+        return (
+            name in own or self.is_unfinished(self.folder / name) or bool(_DAMAGED.fullmatch(name))
+        )
 
     def is_unfinished(self, path: Path) -> bool:
         """Whether a file has the temporary name of one that a process of a run was writing."""
-        return bool(_UNFINISHED.fullmatch(self.relative(path)))
+        whole = whole_name(path)
+        return whole is not None and bool(_WRITTEN.fullmatch(self.relative(whole)))
 
     def remove_leftovers(self) -> None:
         """Remove what processes of runs that were killed had not finished writing.

@@ -13,7 +13,7 @@ import yaml
 
 from reconstruction import read_capture
 from reconstruction.errors import InputError
-from reconstruction.files import require_folder, write_atomically
+from reconstruction.files import write_atomically
 from spisim.config import load_yaml, read_text
 from spisim.dataset.database import COMPANIONS
 from spisim.dataset.folder import (
@@ -26,7 +26,6 @@ from spisim.dataset.folder import (
     has_its_size,
     origin_of,
 )
-from spisim.dataset.lock import locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.pack import INDEX
 from spisim.dataset.plan import Keep
@@ -43,37 +42,32 @@ SOFTWARE = f"spisim {__version__}"
 def opened(
     planned: PlannedSet, folder: Path, say: Say, is_sound: Sound = has_its_size
 ) -> Iterator[Manifest]:
-    """Manifest of a folder that fits the plan, locked for this process.
+    """Manifest of a folder that fits the plan; the caller holds the folder.
 
     What a run needs to start again is put in order: leftovers of killed processes go, samples
     whose files are gone or not sound are to be made again, captures that the manifest does not know
     are added to it, and a manifest that is damaged or lost is rebuilt from the captures.
 
-    Raises InputError where the folder cannot be written, holds links or is somebody's for other
-    things, another run holds it, it holds samples of another plan or more of them than planned, or
-    captures that are not of this data set.
+    Raises InputError where the folder holds links or is somebody's for other things, it holds
+    samples of another plan or more of them than planned, or captures that are not of this data set.
     """
     layout = Layout(folder)
-    require_folder(folder)
     _check_is_free(planned, layout)  # before anything is written
-    folder.mkdir(parents=True, exist_ok=True)
-    with locked(layout.lock):
-        _check_is_free(planned, layout)  # another run may have begun meanwhile
-        with _manifest(planned, layout, say) as manifest:
-            _check_same_files(planned, manifest, layout)
-            layout.remove_leftovers()  # now that the folder is known to be this data set's
-            _check_size(manifest.indices(), planned, layout)
-            lost = _forget_lost(manifest, layout, say, is_sound)
-            _adopt(planned, manifest, layout, say, lost)
-            text = planned.text.encode()
-            if not layout.plan.exists() or layout.plan.read_bytes() != text:
-                write_atomically(layout.plan, text)
-            _tell_of_other_software(manifest, say)
-            manifest.note({"samples": str(planned.plan.size)})
-            try:
-                yield manifest
-            finally:
-                layout.remove_leftovers()
+    with _manifest(planned, layout, say) as manifest:
+        _check_same_files(planned, manifest, layout)
+        layout.remove_leftovers()  # now that the folder is known to be this data set's
+        _check_size(manifest.indices(), planned, layout)
+        lost = _forget_lost(manifest, layout, say, is_sound)
+        _adopt(planned, manifest, layout, say, lost)
+        text = planned.text.encode()
+        if not layout.plan.exists() or layout.plan.read_bytes() != text:
+            write_atomically(layout.plan, text)
+        _tell_of_other_software(manifest, say)
+        manifest.note({"samples": str(planned.plan.size)})
+        try:
+            yield manifest
+        finally:
+            layout.remove_leftovers()
 
 
 def _check_is_free(planned: PlannedSet, layout: Layout) -> None:

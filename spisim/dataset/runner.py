@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from reconstruction.errors import InputError
+from reconstruction.folders import locked_folder
 from spisim.dataset.folder import Layout, Sound, has_its_size
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import Say, opened
@@ -69,10 +70,14 @@ def run_dataset(
     others are made again. Samples that failed stay so unless they are to be tried again; one that
     took its worker with it is tried once more in any case.
 
-    Raises InputError as `opened` does, and where workers write into another folder of the same
-    name; OutOfSpace after waiting for space for too long.
+    Raises InputError as `locked_folder` and `opened` do, and where workers write into another
+    folder of the same name; OutOfSpace after waiting for space for too long.
     """
-    with opened(planned, folder, say, is_sound) as manifest, executor:
+    with (
+        locked_folder(folder),
+        opened(planned, folder, say, is_sound) as manifest,
+        executor,
+    ):
         run = _Run(Layout(folder), manifest, planned.plan.size, space_timeout_s, say)
         progress(run.state)
         to_do = manifest.to_do(planned.plan.size, failed_too=retry_failed)

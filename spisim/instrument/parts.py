@@ -13,7 +13,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 from scipy.special import erf
 
@@ -59,6 +66,20 @@ class Spectrum(Section):
         return float(erf(high) - erf(low)) / 2
 
 
+#: Of a projector: light is traced for each of them.
+MAX_PIXELS = 2**20
+
+
+def _few_pixels(shape: tuple[int, int]) -> tuple[int, int]:
+    if shape[0] * shape[1] > MAX_PIXELS:
+        raise PydanticCustomError(
+            "pixels",
+            "should have at most {most} pixels, such as 1024 × 1024, not {pixels}",
+            {"most": MAX_PIXELS, "pixels": shape[0] * shape[1]},
+        )
+    return shape
+
+
 class Projector(Section):
     """The LED array and its patterns, seen from the scene as a pinhole.
 
@@ -66,8 +87,8 @@ class Projector(Section):
     `in_band_fraction`.
     """
 
-    shape: tuple[Count, Count]
-    """[rows, columns] of virtual pixels, which are square."""
+    shape: Annotated[tuple[Count, Count], AfterValidator(_few_pixels)]
+    """[rows, columns] of virtual pixels, which are square; 1024 × 1024 of them at most."""
     fov_deg: Annotated[Number, Field(gt=0, lt=180)]
     """Full angle across the width."""
     power_w: Positive

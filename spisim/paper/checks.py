@@ -8,9 +8,10 @@ import json
 import os
 import platform
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -52,23 +53,59 @@ class Table:
         return {"title": self.title, "rows": rows}
 
 
+Interval = Callable[[float], tuple[float, float]]
+"""What holds a true figure with a confidence, such as 0.95."""
+HELD, FAILED = 0.95, 0.999
+"""How sure a promise is to be kept, and to be broken: of a hundred kept ones, none fails."""
+
+
 @dataclass(frozen=True)
 class Check:
-    """A figure that the project promises: at least, or at most, a limit."""
+    """A figure that the project promises: at least, or at most, a limit.
+
+    One of which only some samples were drawn has an `interval`; without one it is exact.
+    """
 
     name: str
     value: float
     limit: float
     at_least: bool = False
+    interval: Interval | None = None
 
     @property
-    def holds(self) -> bool:
-        """Whether the promise is kept."""
-        return self.value >= self.limit if self.at_least else self.value <= self.limit
+    def holds(self) -> bool | None:
+        """Whether the promise is kept; None where the samples are too few to tell."""
+        if self.interval is None:
+            return self._kept(self.value)
+        if all(map(self._kept, self.interval(HELD))):
+            return True
+        return None if any(map(self._kept, self.interval(FAILED))) else False
+
+    def _kept(self, value: float) -> bool:
+        return value >= self.limit if self.at_least else value <= self.limit
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready."""
-        return {"name": self.name, "value": self.value, "limit": self.limit, "holds": self.holds}
+        interval = self.interval and [
+            each if isfinite(each) else None for each in self.interval(HELD)
+        ]
+        return {
+            "name": self.name,
+            "value": self.value,
+            "interval": interval,
+            "limit": self.limit,
+            "holds": self.holds,
+        }
+
+    def measured(self) -> str:
+        """The figure and its interval in words."""
+        if self.interval is None:
+            return f"{self.value:.3g}"
+        low, high = self.interval(HELD)
+        return f"{self.value:.3g} ({low:.3g} to {high:.3g})"
+
+
+VERDICTS = {True: "holds", False: "FAILS", None: "cannot tell"}
 
 
 def checks_table(checks: Sequence[Check]) -> Table:
@@ -76,9 +113,9 @@ def checks_table(checks: Sequence[Check]) -> Table:
     rows = [
         (
             check.name,
-            f"{check.value:.3g}",
+            check.measured(),
             f"{'≥' if check.at_least else '≤'} {check.limit:g}",
-            "holds" if check.holds else "FAILS",
+            VERDICTS[check.holds],
         )
         for check in checks
     ]

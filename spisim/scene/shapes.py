@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from trimesh.exchange.ply import load_ply
 
 from reconstruction.arrays import Floats
 from reconstruction.errors import InputError, LimitError
@@ -72,14 +73,25 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
     if suffix == ".obj":
         check_obj_indices(path.read_bytes(), f"mesh {path.name!r}")
     try:
-        mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
+        mesh = _read_ply(path) if suffix == ".ply" else _read(path)
     # trimesh's parsers raise whatever their parsing runs into.
     except Exception:
         raise InputError(f"mesh {path.name!r} cannot be read: damaged, or not {suffix}") from None
-    if isinstance(mesh, trimesh.Scene):
-        mesh = mesh.to_mesh()
     check_mesh(mesh, path.name)
     return mesh
+
+
+def _read(path: Path) -> trimesh.Trimesh:
+    mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
+    return mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
+
+
+def _read_ply(path: Path) -> trimesh.Trimesh:
+    """Without trimesh's way over a scene, which copies a mesh three times."""
+    with path.open("rb") as file:
+        parts = load_ply(file, skip_materials=True)
+    parts.pop("metadata", None)  # the whole file once more
+    return trimesh.Trimesh(**parts, process=False)
 
 
 def texture_coordinates(mesh: trimesh.Trimesh) -> Floats | None:

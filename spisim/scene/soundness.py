@@ -53,13 +53,12 @@ def _original(thing: SceneObject) -> trimesh.Trimesh:
 
 
 def warn_of_odd_sizes(scene: Scene) -> None:
-    """One SceneWarning that names every object of a size or at a place that no drone meets."""
+    """One SceneWarning that names whatever is of a size or at a position that no drone meets."""
     sizes = {thing.name: float(thing.mesh.extents.max()) for thing in scene.objects}
-    away = {thing.name: float(np.abs(thing.mesh.bounds).max()) for thing in scene.objects}
+    away = {"the drone": float(np.abs(scene.drone_pose[:3, 3]).max())}
+    away |= {repr(thing.name): float(np.abs(thing.mesh.bounds).max()) for thing in scene.objects}
     told = [f"{name!r} is {size:.3g} m wide" for name, size in sizes.items() if size < THIN_M]
-    told += [
-        f"{name!r} is {far:.3g} m from the origin" for name, far in away.items() if far > FAR_M
-    ]
+    told += [f"{name} is {far:.3g} m from the origin" for name, far in away.items() if far > FAR_M]
     if told:
         warnings.warn(
             f"scene {scene.name!r}: {', '.join(told)}; all lengths are metres, and `scale: 0.001` "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,8 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError, naming, nearest
+from reconstruction.ranging.weather import Weather
 from spisim.config import find_named, read_text, shipped
 from spisim.scene.description import Moment
 from spisim.scene.model import Scene, Vector3
@@ -34,6 +36,8 @@ UNIT_TOLERANCE = 0.01
 LARGEST = 1e10
 #: Between two times, in seconds.
 SHORTEST_S = 1e-6
+#: A comment that states the weather of the flight, as an instrument's file may.
+WEATHER = re.compile(r"#\s*weather\s*[:=]\s*(.*)", re.IGNORECASE)
 #: A path is followed in straight steps of at most this length.
 STEP_M = 0.05
 
@@ -43,17 +47,22 @@ class Trajectory:
     """A flight from 0 to `duration_s`, through poses at given times.
 
     Positions (3,) in the world are a natural cubic spline, orientations (world from optical frame)
-    a spline of continuous angular acceleration.
+    a spline of continuous angular acceleration. `weather` is what ranges take for granted of it,
+    "clear", "fog", "unknown" or a visibility in metres; None: nothing is stated.
     """
 
     positions_m: CubicSpline
     orientations: RotationSpline
+    weather: str | None = None
 
     @classmethod
-    def through(cls, times_s: Floats, positions_m: Floats, turns: Rotation) -> Trajectory:
+    def through(
+        cls, times_s: Floats, positions_m: Floats, turns: Rotation, weather: str | None = None
+    ) -> Trajectory:
         """Through positions (n, 3) and rotations (n,), at rising times (n,); n is 2 or more."""
         times = times_s - times_s[0]
-        return cls(CubicSpline(times, positions_m, bc_type="natural"), RotationSpline(times, turns))
+        path = CubicSpline(times, positions_m, bc_type="natural")
+        return cls(path, RotationSpline(times, turns), weather)
 
     @property
     def duration_s(self) -> float:
@@ -69,7 +78,10 @@ class Trajectory:
         """The same path in 1 / `factor` of the time."""
         times = self.times_s
         return Trajectory.through(
-            times / factor, np.asarray(self.positions_m(times)), self.orientations(times)
+            times / factor,
+            np.asarray(self.positions_m(times)),
+            self.orientations(times),
+            self.weather,
         )
 
     def pose(self, time_s: float) -> Floats:
@@ -123,16 +135,18 @@ def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
     Either CSV with a header, `t,x,y,z,qx,qy,qz,qw` (s, m, unit quaternion) or
     `t,x,y,z,look_x,look_y,look_z` (the point looked at, with the world's z up), or the format of
     the TUM RGB-D benchmark: lines `timestamp tx ty tz qx qy qz qw`. Lines that begin with # are
-    comments. `frame` is what the quaternions turn into the world, one of `FRAMES`.
+    comments, but `# weather: fog` states what ranges take for granted: clear, fog, unknown or a
+    visibility in metres. `frame` is what the quaternions turn into the world, one of `FRAMES`.
 
     Raises InputError, naming file and line, for a file that cannot be read or has other columns,
-    what is no finite number, times that do not rise, quaternions that are not of unit length, a way
-    point that looks at itself or straight up or down, and fewer than two poses.
+    what is no finite number or no weather, times that do not rise, quaternions that are not of unit
+    length, a way point that looks at itself or straight up or down, and fewer than two poses.
     """
     file = find_named(str(path), shipped("scenes"), "flight", (".csv", ".txt", ".tum"))
     if frame not in FRAMES:
         raise InputError(f"unknown frame {frame!r}: {nearest(frame, FRAMES)}")
-    numbers, columns, values = _read(file)
+    text = read_text(file, "CSV or TUM poses")
+    numbers, columns, values = _read(file, text)
     if len(values) < 2:
         raise InputError(f"{file}: a flight needs 2 poses or more, not {len(values)}")
     table = np.array(values)
@@ -147,12 +161,28 @@ def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
         turns = _towards(file, numbers, table)
     else:
         turns = _of_quaternions(file, numbers, table[:, 4:]) * FRAMES[frame]
-    return Trajectory.through(table[:, 0], table[:, 1:4], turns)
+    return Trajectory.through(table[:, 0], table[:, 1:4], turns, _weather(file, text))
 
 
-def _read(file: Path) -> tuple[list[int], tuple[str, ...], list[list[float]]]:
+def _weather(file: Path, text: str) -> str | None:
+    """What the comments of a file state of the weather; None: nothing."""
+    stated: dict[str, int] = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        if found := WEATHER.fullmatch(line.strip()):
+            with naming(f"{file}, line {number}"):
+                Weather.parsed(found[1])
+            stated[found[1]] = number
+    if len(stated) > 1:
+        raise InputError(
+            f"{file}, line {max(stated.values())}: the weather was stated before, and otherwise: "
+            f"{' and '.join(map(repr, stated))}"
+        )
+    return next(iter(stated), None)
+
+
+def _read(file: Path, text: str) -> tuple[list[int], tuple[str, ...], list[list[float]]]:
     """Line numbers, names of the columns, and rows of a file."""
-    lines = list(_lines(file))
+    lines = list(_lines(text))
     if not lines:
         raise InputError(f"{file}: the file is empty")
     columns: tuple[str, ...] = POSES
@@ -171,8 +201,7 @@ def _read(file: Path) -> tuple[list[int], tuple[str, ...], list[list[float]]]:
     return [n for n, _ in lines], columns, rows
 
 
-def _lines(file: Path) -> Iterator[tuple[int, str]]:
-    text = read_text(file, "CSV or TUM poses")
+def _lines(text: str) -> Iterator[tuple[int, str]]:
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield number, line.strip()

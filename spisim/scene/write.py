@@ -18,6 +18,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from reconstruction.errors import InputError
 from reconstruction.files import Output, is_marked, mark, require_outputs
+from reconstruction.folders import locked_name
 from spisim.scene.load import load_scene
 from spisim.scene.model import Scene
 from spisim.scene.shapes import texture_coordinates
@@ -78,7 +79,9 @@ def check_meshes(folder: Path, inputs: Iterable[Path] = ()) -> None:
 
 
 def mesh_folder(output: Path) -> Path:
-    """The folder of the meshes of a scene file."""
+    """The folder of the meshes of a scene file. Raises InputError where that has no name."""
+    if not output.name:
+        raise InputError(f"{output} is a folder; the name of a file is needed")
     return output.with_name(f"{output.stem}-meshes")
 
 
@@ -93,25 +96,26 @@ def write_scene(
 
     `fields` name the files of `meshes` and `arrays`, which are written into a folder beside the
     scene file; `.png` of arrays are grey pictures of 8 or 16 bits. `header` is a comment. Raises
-    InputError for a scene that does not load; then, and when interrupted, nothing is left behind
-    and older files stay.
+    InputError for a scene that does not load, and where another process writes a scene of this
+    name; then, and when interrupted, nothing is left behind and older files stay.
     """
     folder, arrays = mesh_folder(output), arrays or {}
     new_folders = [parent for parent in output.parents if not parent.exists()]
     output.parent.mkdir(parents=True, exist_ok=True)
     stage = output.with_name(f".{output.stem}.{secrets.token_hex(4)}.tmp")
     try:
-        (stage / folder.name).mkdir(parents=True)
-        for name, mesh in meshes.items():
-            (stage / folder.name / name).write_bytes(_ply(mesh))
-        for name, array in arrays.items():
-            packed = _png(array) if name.endswith(".png") else _npy(array)
-            (stage / folder.name / name).write_bytes(packed)
-        staged = stage / output.name
-        text = _text(fields, {*meshes, *arrays}, folder.name, header)
-        staged.write_text(text, encoding="utf-8")
-        scene, odd = _loaded(staged, output)
-        _put_in_place(stage, output, folder)
+        with locked_name(output):
+            (stage / folder.name).mkdir(parents=True)
+            for name, mesh in meshes.items():
+                (stage / folder.name / name).write_bytes(_ply(mesh))
+            for name, array in arrays.items():
+                packed = _png(array) if name.endswith(".png") else _npy(array)
+                (stage / folder.name / name).write_bytes(packed)
+            staged = stage / output.name
+            text = _text(fields, {*meshes, *arrays}, folder.name, header)
+            staged.write_text(text, encoding="utf-8")
+            scene, odd = _loaded(staged, output)
+            _put_in_place(stage, output, folder)
     except BaseException:
         shutil.rmtree(stage, ignore_errors=True)
         for parent in new_folders:

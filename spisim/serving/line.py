@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from reconstruction.live import Message, Parser
+from reconstruction.live import Kind, Message
 from reconstruction.live.links import Ended, Outlet, Source
+from reconstruction.live.poses import POSE
+from reconstruction.live.senders import Senders
 
 AGAIN_S = 0.5
 POLL_S = 0.05
@@ -16,7 +19,8 @@ class Line:
     """Opens an outlet, and again when it breaks, and the source that commands come from.
 
     These may be one. Where `lasting`, whoever is at the other end may go and come again; else
-    OSError is raised then, as where there is nobody to come.
+    OSError is raised then, as where there is nobody to come. Commands are heard from one sender at
+    a time.
     """
 
     def __init__(
@@ -27,17 +31,19 @@ class Line:
         lasting: bool,
         say: Callable[[str], None],
         wait: Callable[[float], object],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         outlet.check()
         if source is not None and source is not outlet:
             source.check()
         self.over = False
-        self.parser = Parser()
+        self.senders = Senders(_fits)
         self._outlet = outlet
         self._source = source
         self._lasting = lasting
         self._say = say
         self._wait = wait
+        self._clock = clock
         self._open = False
 
     @property
@@ -55,6 +61,7 @@ class Line:
                 if self._source is not None and self._source is not self._outlet:
                     self._source.open()
                 self._open = True
+                self.senders.reset(self._clock())
             except OSError as error:
                 if not self._lasting:
                     raise
@@ -79,12 +86,24 @@ class Line:
         if self._source is None or self.over:
             return []
         try:
-            return self.parser.feed(self._source.receive(timeout_s))
+            piece = self._source.receive(timeout_s)
         except Ended:
             self.over = True
+            return []
         except OSError as error:
             self._break(error)
-        return []
+            return []
+        now_s = self._clock()
+        messages = self.senders.feed(self._source.sender, piece, now_s)
+        if any(each.kind == Kind.COMMAND and each.payload is not None for each in messages):
+            self.senders.accept(now_s)
+        connected = self._source is self._outlet or self.senders.heard == self._source.sender
+        return [each for each in messages if connected or each.kind != Kind.END]
+
+    def give_way(self) -> None:
+        """Let in who else has called, where nothing has come for long from who is there."""
+        if self._open and self._outlet.wanted and self.senders.quiet(self._clock()):
+            self._break(TimeoutError("no command comes, and somebody else calls"))
 
     @property
     def is_open(self) -> bool:
@@ -100,7 +119,12 @@ class Line:
 
     def _break(self, error: OSError) -> None:
         self._open = False
-        self.parser.reset()
+        self.senders.reset(self._clock())
         if not self._lasting:
             raise error
         self._say(f"{self.address}: {(error.strerror or str(error)).lower()}.")
+
+
+def _fits(message: Message, length: int) -> bool:
+    """Whether it is a command or an end, by its header."""
+    return length <= {Kind.COMMAND: POSE.size, Kind.END: 0}.get(Kind(message.kind), -1)

@@ -91,7 +91,7 @@ class FlightRecord:
 def record_outputs(path: Path) -> list[Output]:
     """A capture, and beside it the path."""
     capture = Output(path, "simulated capture", (".h5", ".hdf5"))
-    return [capture, Output(path.with_suffix(".csv"), KIND)]
+    return [capture, Output(path.parent / f"{path.stem}.csv", KIND)]
 
 
 def flown(motions: list[Motion]) -> str:

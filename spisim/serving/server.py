@@ -120,6 +120,7 @@ class Server:
     def run_in_step(self) -> None:
         """A frame for each command that asks for the next one, until the flight is over."""
         while not self._ended():
+            self._line.give_way()
             if self._line.open():
                 self._line.send(self._sender.setup(self._stamp))
             for message in self._line.messages(POLL_S):
@@ -168,7 +169,7 @@ class Server:
 
     def _take(self, message: Message) -> bool:
         """Do as a message says; whether it is a sound command."""
-        self.tally.discarded_bytes = self._line.parser.discarded_bytes
+        self.tally.discarded_bytes = self._line.senders.discarded_bytes
         if message.version != VERSION:
             self._refuse(f"it is of version {message.version}; this program reads {VERSION}")
         elif message.payload is None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from reconstruction.errors import InputError
 from reconstruction.files import Output, mark, write_atomically
+from reconstruction.folders import locked_folder
 from spisim.dataset.folder import Layout
 from spisim.dataset.opening import Say
 from spisim.dataset.preview import check
@@ -82,29 +83,32 @@ def run_study(
     The folder is that of the data set. `executor` is asked twice for those who work: for captures
     and for metrics. `made` and `evaluated` are told the progress.
 
-    Raises InputError and OutOfSpace as `run_dataset`, and InputError where all samples failed.
+    Raises InputError and OutOfSpace as `run_dataset`, and InputError where all samples failed. The
+    folder is held until the tables are written.
     """
-    if not Layout(folder).plan.exists():  # whatever an earlier run made was sound
-        activate()  # before every process finds out by itself that light cannot be traced
-        check(planned.data_set)
-    state = run_dataset(
-        planned.data_set,
-        folder,
-        executor(Maker(planned.data_set, folder)),
-        retry_failed=retry_failed,
-        space_timeout_s=space_timeout_s,
-        say=say,
-        progress=made,
-    )
-    data, evaluations = evaluate_all(
-        folder, executor, evaluated, named_methods(planned.study.metrics)
-    )
-    if not any(each.metrics for each in evaluations.values()):
-        reasons = [record.error for record in data.failed]
-        reasons += [evaluation.error for evaluation in evaluations.values()]
-        raise InputError(f"{folder}: all samples failed; the first one because: {reasons[0]}")
-    results = results_of(planned, (*data.records, *data.failed), evaluations)
-    return Finished(results, state, _write(results, folder))
+    with locked_folder(folder):
+        if not Layout(folder).plan.exists():  # whatever an earlier run made was sound
+            activate()  # before every process finds out by itself that light cannot be traced
+            check(planned.data_set)
+        state = run_dataset(
+            planned.data_set,
+            folder,
+            executor(Maker(planned.data_set, folder)),
+            retry_failed=retry_failed,
+            space_timeout_s=space_timeout_s,
+            say=say,
+            progress=made,
+        )
+        data, evaluations = evaluate_all(
+            folder, executor, evaluated, named_methods(planned.study.metrics)
+        )
+        if not any(each.metrics for each in evaluations.values()):
+            reasons = [record.error for record in data.failed]
+            reasons += [evaluation.error for evaluation in evaluations.values()]
+            reasons += ["the code that evaluates changed meanwhile"]
+            raise InputError(f"{folder}: all samples failed; the first one because: {reasons[0]}")
+        results = results_of(planned, (*data.records, *data.failed), evaluations)
+        return Finished(results, state, _write(results, folder))
 
 
 def _write(results: Results, folder: Path) -> tuple[Path, ...]:

@@ -17,6 +17,7 @@ from spisim.viewer.pictures import draw_pictures
 from spisim.viewer.readings import draw_readings, style_ranges
 from spisim.viewer.sights import Sight
 from spisim.viewer.space import Space
+from spisim.viewer.window import open_window
 
 KIND = "recording of Rerun"
 SUFFIX = ".rrd"
@@ -47,14 +48,14 @@ def check_viewer() -> None:
 class Recording:
     """Frames in a recording of Rerun, at their times: begun, and saved or shown until closed.
 
-    Raises InputError without Rerun.
+    Raises InputError without Rerun, and where its window cannot be opened.
     """
 
     def __init__(self, path: Path | None = None) -> None:
         self._rerun = rr = library()
         self._stream = rr.RecordingStream(mark(KIND))
         if path is None:
-            rr.spawn(recording=self._stream)
+            rr.connect_grpc(open_window(), recording=self._stream)
         else:
             rr.save(path, recording=self._stream)
         self._space = Space(rr, self._stream)
@@ -78,6 +79,13 @@ class Recording:
         draw_readings(self._rerun, stream, sight)
 
     def close(self) -> None:
-        """Write what is left, and let go of the file or viewer."""
-        self._stream.flush()
-        self._stream.disconnect()
+        """Write what is left, and let go of the file or viewer.
+
+        Raises InputError where the viewer was closed meanwhile.
+        """
+        try:
+            self._stream.flush()
+        except RuntimeError as error:
+            raise InputError(f"the viewer did not take all frames: {error}") from None
+        finally:
+            self._stream.disconnect()

@@ -10,7 +10,6 @@ from typing import Any
 
 from reconstruction import Capture, Reconstructor, Result, read_capture
 from reconstruction.capture import Frames, FrameTruth, Setup
-from reconstruction.chosen_methods import Names
 from reconstruction.errors import InputError, naming
 from reconstruction.exports import Shot
 from spisim.dataset.reader import DataSet
@@ -39,13 +38,14 @@ class Sight:
 
 
 def sights_of_captures(
-    paths: Iterable[Path], methods: Mapping[str, Names] | None = None
+    paths: Iterable[Path], choice: Mapping[str, Any] | None = None
 ) -> Iterator[Sight]:
     """All frames of captures, those of a flight in its time, others one after the other.
 
-    Raises InputError, naming the capture, for what cannot be read or reconstructed.
+    ``choice`` is of methods and weather, as a `Reconstructor` takes them. Raises InputError,
+    naming the capture, for what cannot be read or reconstructed.
     """
-    eyes = _Eyes(methods or {})
+    eyes = _Eyes(choice or {})
     next_ns = 0
     for path in paths:
         capture = read_capture(path)
@@ -56,13 +56,11 @@ def sights_of_captures(
                 next_ns = sight.shot.stamp_ns + period_ns - period_ns // 2
 
 
-def sights_of_samples(
-    samples: DataSet, methods: Mapping[str, Names] | None = None
-) -> Iterator[Sight]:
+def sights_of_samples(samples: DataSet, choice: Mapping[str, Any] | None = None) -> Iterator[Sight]:
     """All frames of the samples of a data set, one sample a second; InputError as of captures."""
     if not samples:
         raise InputError(f"{samples.folder}: there is no finished sample to look at")
-    eyes = _Eyes(methods or {})
+    eyes = _Eyes(choice or {})
     for place, sample in enumerate(samples):
         title = f"sample {sample.index}, {sample.scene_name}"
         with naming(sample.path):
@@ -72,14 +70,14 @@ def sights_of_samples(
 class _Eyes:
     """Sees captures, and remembers what their scenes have in common."""
 
-    def __init__(self, methods: Mapping[str, Names]) -> None:
-        self._methods: dict[str, Any] = dict(methods)
+    def __init__(self, choice: Mapping[str, Any]) -> None:
+        self._choice = dict(choice)
         self._stock = Stock()
 
     def of(self, capture: Capture, title: str, folder: Path, begun_ns: int) -> Iterator[Sight]:
         """Frames of a capture, the first at `begun_ns` unless it is of a flight."""
         scene = self._scene(capture, title, folder)
-        reconstruct = Reconstructor(capture.setup, **self._methods)
+        reconstruct = Reconstructor(capture.setup, **self._choice)
         period_s = _period_s(capture.setup)
         for number in range(capture.frames):
             since_s = (number + 0.5) * period_s

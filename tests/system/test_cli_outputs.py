@@ -3,19 +3,25 @@
 import shlex
 import shutil
 import tarfile
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
+from typer.main import get_command
 
 from badinputs import snapshot
 from commands import mistake, spisim
 from datasets import make_set
+from holders import held
 from reconstruction import Capture
 from reconstruction.cli import main as rig
 from reconstruction.files import is_marked
 from scenefiles import MINIMAL
+from spisim.cli import app
 from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder
 from spisim.transport.light_files import write_histograms
@@ -60,11 +66,88 @@ def test_a_second_output_that_cannot_be_written_is_told_at_once(
     assert [path.name for path in tmp_path.iterdir()] == [second]
 
 
-@pytest.mark.parametrize("command", ["simulate", "transport", "picture"])
-def test_the_current_folder_is_no_output(command: str) -> None:
-    run = spisim(command, "warehouse", "-o", ".")
-    assert run.exit_code == 2
-    assert "is a folder" in run.stderr
+@pytest.mark.parametrize("output", [".", "/", ""])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "simulate warehouse -o",
+        "transport warehouse -o",
+        "picture warehouse -o",
+        "scenes draw targets -o",
+        "scenes export warehouse -o",
+        "serve warehouse --record",
+    ],
+)
+def test_a_folder_without_a_name_is_no_file(command: str, output: str) -> None:
+    assert "is a folder" in mistake(*command.split(), output)
+
+
+def test_an_export_is_no_folder_without_a_name(place: Path) -> None:
+    (place / "empty").mkdir()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place / "empty")
+        assert "the name of a new one is needed" in mistake("export", "../capture.h5", "-o", ".")
+
+
+#: Commands that write a folder, or a file with a folder beside it, by what they hold meanwhile.
+HOLDERS = {
+    "out/.lock": [
+        "demo -o out",
+        "reconstruct capture.h5 -o out",
+        "fly scene.yaml --path path.csv -o out",
+        "study fog-and-rain -o out",
+        "paper table2 -o out",
+        "dataset run plan.yaml -o out",
+        "dataset export set -o out",
+    ],
+    ".out.lock": ["export capture.h5 -o out", "dataset export set -o out --format rgbd"],
+    ".out.yaml.lock": ["scenes draw targets -o out.yaml", "scenes import wall.ply -o out.yaml"],
+    ".out.sdf.lock": ["scenes export scene.yaml -o out.sdf"],
+}
+RIG = ["reconstruct capture.h5 -o out", "live capture.h5 --to out"]
+
+
+@pytest.mark.parametrize(
+    ("lock", "command"), [(lock, command) for lock in HOLDERS for command in HOLDERS[lock]]
+)
+def test_what_another_program_writes_into_is_refused(
+    lock: str, command: str, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(place)
+    (place / "plan.yaml").write_text("name: some\nsamples: 1\nscenes: [{family: targets}]\n")
+    trimesh.creation.box().export(place / "wall.ply")
+    with held(place / lock):
+        before = snapshot(place)
+        told = mistake(*command.split())
+        assert "process 123 on there is writing into it; wait for it or end it" in told
+        assert snapshot(place) == before
+
+
+@pytest.mark.parametrize("command", RIG)
+def test_the_rig_refuses_it_too(
+    command: str,
+    place: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(place)
+    with held(place / "out/.lock"):
+        assert rig(command.split()) == 2
+        assert "process 123 on there is writing into it" in capsys.readouterr().err
+
+
+def test_every_command_that_writes_a_folder_is_tried() -> None:
+    tried = {command.partition(" -o")[0] for commands in HOLDERS.values() for command in commands}
+
+    def verbs(group: Any, name: str = "") -> Iterator[str]:
+        for word, command in getattr(group, "commands", {}).items():
+            yield from verbs(command, f"{name}{word} ")
+            metavars = [each.metavar for each in command.params if "-o" in each.opts]
+            if {"DIR", "OUT"} & set(metavars):
+                yield f"{name}{word}"
+
+    for verb in verbs(get_command(app)):
+        assert any(each.startswith(verb) for each in tried), verb
 
 
 def test_brackets_in_names_are_no_markup(tmp_path: Path) -> None:

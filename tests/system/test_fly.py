@@ -72,6 +72,16 @@ def test_captures_know_pose_and_motion_of_their_instant(folder: Path, flown: Pat
     assert moved == pytest.approx(1, abs=0.02)
 
 
+def test_the_path_states_the_weather_unless_the_command_does(folder: Path) -> None:
+    (folder / "foggy.csv").write_text("# weather: 50\n" + PATH)
+    for options, stated in (((), (0, 50)), (("--weather", "clear"), (1, np.nan))):
+        output = folder / f"stated{len(options)}"
+        run = fly(folder, output, "--path", str(folder / "foggy.csv"), "--speed", "4", *options)
+        assert run.exit_code == 0, run.output
+        spots = read_capture(output / "capture-0000.h5").spots
+        assert (spots.clear_probability, spots.visibility_m) == pytest.approx(stated, nan_ok=True)
+
+
 def test_table_tells_poses_and_errors(flown: Path) -> None:
     with (flown / "flight.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -102,14 +112,17 @@ def test_the_page_has_every_capture(flown: Path) -> None:
 
 
 def test_an_interrupted_flight_goes_on(folder: Path, flown: Path) -> None:
-    first, middle = flown / "capture-0000.h5", flown / "capture-0001.h5"
-    before, kept_time = middle.read_bytes(), first.stat().st_mtime_ns
-    middle.unlink()
+    before = {path.name: path.read_bytes() for path in flown.iterdir()}
+    first = flown / "capture-0000.h5"
+    kept_time = first.stat().st_mtime_ns
+    for name in ("capture-0001.h5", "flight.gif"):
+        (flown / name).unlink()
+        (flown / f".{name}.0123abcd.tmp").write_bytes(before[name][:100])
     run = fly(folder, flown, "--json")
     assert run.exit_code == 0, run.output
     assert json.loads(run.stdout)["kept"] == 2
     assert first.stat().st_mtime_ns == kept_time
-    assert len(middle.read_bytes()) == len(before)
+    assert {path.name: path.read_bytes() for path in flown.iterdir()} == before
 
 
 @pytest.mark.parametrize(

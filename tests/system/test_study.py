@@ -113,6 +113,9 @@ def test_run_again_it_makes_only_what_is_missing(folder: Path) -> None:
     before = (out / "report.html").read_bytes()
     lost = list(metrics)[2]
     lost.unlink()
+    begun = [out / ".report.html.0123abcd.tmp", out / "plots/.range_bias_m.svg.0123abcd.tmp"]
+    for path in begun:
+        path.touch()
     run = study(folder, out, "--json")
     assert run.exit_code == 0, run.output
     assert json.loads(run.stdout)["made"] == 0
@@ -120,6 +123,7 @@ def test_run_again_it_makes_only_what_is_missing(folder: Path) -> None:
     changed = [path for path, time in metrics.items() if path.stat().st_mtime_ns != time]
     assert changed == [lost]
     assert (out / "report.html").read_bytes() == before
+    assert not any(path.exists() for path in begun)
 
 
 def test_other_metrics_need_no_new_captures(folder: Path, tmp_path: Path) -> None:

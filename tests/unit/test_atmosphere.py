@@ -70,6 +70,7 @@ def test_unknown_names_point_to_the_nearest() -> None:
         ((-0.1, 1), "extinction_per_m"),
         ((math.nan, 1), "extinction_per_m"),
         ((math.inf, 1), "extinction_per_m"),
+        ((1e9, 1), "extinction_per_m should be 0 to 10000"),
         ((0.1, 1.2), "albedo"),
         ((0.1, math.nan), "albedo"),
     ],

@@ -19,7 +19,7 @@ from reconstruction.outputs.result_file import result_bytes
 from reconstruction.reconstructor import reconstruct
 
 FAST = {"captures": 1_000, "results": 250, "mat 7.3": 250, "mat 5": 1_000, "npz": 1_000}
-SLOW = 100_000
+MANY = 100_000
 
 
 def small_capture():
@@ -116,9 +116,9 @@ def test_changed_files_are_read_or_refused(bases, kind, tmp_path):
     survive(attempts(bases, kind, tmp_path), seeds, readable=[tmp_path], writable=[tmp_path])
 
 
-@pytest.mark.slow
+@pytest.mark.hours
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", READERS)
 def test_many_changed_files_are_read_or_refused(bases, kind, tmp_path):
-    seeds = range(FAST[kind], SLOW)
+    seeds = range(FAST[kind], MANY)
     survive(attempts(bases, kind, tmp_path), seeds, readable=[tmp_path], writable=[tmp_path])

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from commands import spisim
 from reconstruction import Capture, write_capture
 from reconstruction.cli import main as rig
+from reconstruction.text import shortened
 from scenefiles import MINIMAL
 from spisim.cli import app, complete
 from spisim.cli.inputs import scene_with
@@ -65,6 +66,29 @@ def test_the_rig_tells_errors_alike(
     assert error.count("\n") == 1
     assert told in error
     assert told in json.loads(out)["error"]
+
+
+@pytest.mark.parametrize("arguments", ["materials {}", "doctor --{}", "simulate {} -o c.h5"])
+def test_what_is_wrong_is_told_in_a_few_words_however_long_it_is(arguments: str) -> None:
+    run = spisim(*arguments.format("a" * 70_000).split(), "--json")
+    assert run.exit_code == 2
+    assert "a" * 100 in run.stderr
+    assert len(run.stderr) < 1000
+    assert len(run.stdout) < 1000
+
+
+def test_the_rig_does_not_echo_endless_names(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rig(["a" * 70_000, "-o", "r"]) == 2
+    assert "a" * 100 in (told := capsys.readouterr().err)
+    assert len(told) < 1000
+
+
+def test_of_an_endless_message_beginning_and_end_are_told() -> None:
+    told = shortened(f"first {'word ' * 10_000} last")
+    assert len(told) < 5000
+    assert told.startswith("first word")
+    assert told.endswith("word  last")
+    assert shortened("as it is") == "as it is"
 
 
 @pytest.mark.parametrize("command", ["budget paper", "materials", "scenes list targets"])

@@ -54,7 +54,7 @@ keep: {transport: true}
 KEEPS = f"{PLAN.replace('5', '2')}keep: {{histograms: true}}\n"
 FEW, FAST, MANY = range(250), range(1000), range(100_000)
 seeds = pytest.mark.parametrize(
-    "seeds", [FAST, pytest.param(MANY, marks=pytest.mark.slow)], ids=["1000", "100000"]
+    "seeds", [FAST, pytest.param(MANY, marks=pytest.mark.hours)], ids=["1000", "100000"]
 )
 
 
@@ -102,7 +102,7 @@ MODELS: dict[str, tuple[Callable[[], list[Path]], Any]] = {
 
 @pytest.mark.parametrize("kind", MODELS)
 @pytest.mark.parametrize(
-    "seeds", [FEW, pytest.param(MANY, marks=pytest.mark.slow)], ids=["250", "100000"]
+    "seeds", [FEW, pytest.param(MANY, marks=pytest.mark.hours)], ids=["250", "100000"]
 )
 def test_files_of_fields(tmp_path: Path, seeds: range, kind: str) -> None:
     find, model = MODELS[kind]

@@ -15,10 +15,10 @@ import spisim.dataset
 from commands import mistake
 from datasets import change, make_set, put_captures
 from reconstruction import Capture, InputError, write_capture
+from reconstruction.folders import holder, locked_folder
 from runs import PLAN, Run, rows, write_plan
 from spisim.dataset import verify, write_shards
 from spisim.dataset.folder import Layout, has_its_content, origin_of
-from spisim.dataset.lock import holder, locked
 from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.planned import PlannedSet
 from spisim.dataset.runner import has_space
@@ -223,20 +223,23 @@ def test_a_lock_does_not_write_through_links(tmp_path: Path, key: Path) -> None:
     lock = tmp_path / "set" / ".lock"
     lock.parent.mkdir()
     lock.symlink_to(key)
-    with pytest.raises(InputError, match=r"\.lock is a link"), locked(lock):
+    with pytest.raises(InputError, match=r"\.lock is a link"), locked_folder(lock.parent):
         pass
     with pytest.raises(InputError, match=r"\.lock is a link"):
         holder(lock)
     lock.unlink()
     lock.hardlink_to(key)
-    with pytest.raises(InputError, match=r"\.lock is not the lock of a data set"), locked(lock):
+    with (
+        pytest.raises(InputError, match=r"\.lock is not a lock of spisim"),
+        locked_folder(lock.parent),
+    ):
         pass
     assert key.read_text() == "-----BEGIN KEY-----\n"
 
 
 def test_a_pipe_is_no_lock_and_no_capture(own: Path) -> None:
     os.mkfifo(own / ".lock")
-    with pytest.raises(InputError, match=r"\.lock is not a regular file"), locked(own / ".lock"):
+    with pytest.raises(InputError, match=r"\.lock is not a regular file"), locked_folder(own):
         pass
     (own / "samples/000/000001.h5").unlink()
     os.mkfifo(own / "samples/000/000001.h5")

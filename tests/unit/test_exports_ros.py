@@ -22,8 +22,9 @@ from reconstruction.depth import pixel_rays
 from reconstruction.exports import Shot, shots_of
 from reconstruction.exports.poses import OPTICAL_IN_BODY
 from reconstruction.exports.ros import STALE, WARN, ranging_status, state_message
-from reconstruction.live import Counts, Loop, Reception, State
+from reconstruction.live import Counts, Loop, Reception, Sender, State
 from reconstruction.live.sinks import sink_to
+from reconstruction.live.sinks.mcap import McapRecord
 from spisim.dataset.shots import placed
 from streams import Clock, Script, film, messages
 
@@ -226,6 +227,23 @@ def test_a_stream_can_be_recorded_so(recording, results, tmp_path):
     assert {each.key: each.value for each in stream.values}["lost"] == "1"
     sink_to(str(tmp_path / "live.mcap")).check()  # its own file it replaces
     assert "/tf" not in {topic for topic, _, _ in told}  # nobody knows where a rig is
+
+
+def test_stamps_that_ros_has_no_numbers_for_are_those_of_receipt(recording, tmp_path):
+    """As of a clock that counts from 1900: it was a file of nothing."""
+    sender, ntp_ns = Sender(recording.setup, run=1), 3_973_000_000 * 10**9
+    stamps = [ntp_ns, 5, 2**64 - 1]
+    content = [sender.setup()]
+    content += [sender.frame(recording.frame(n), stamp) for n, stamp in enumerate(stamps)]
+    sink = McapRecord(tmp_path / "live.mcap", clock_ns=lambda: 7)
+    reception = Reception(Script(*content), waiting=100)
+    loop = Loop(reception, results=[sink.result])
+    reception.run()
+    loop.run()
+    sink.close()
+    told = decoded(tmp_path / "live.mcap")
+    images = [message for topic, message, _ in told if topic == "/camera/image"]
+    assert [stamp_ns(each.header) for each in images] == [7, 5, 7]
 
 
 def test_files_of_others_are_not_replaced(recording, tmp_path, capsys):

@@ -122,7 +122,7 @@ def test_mutants(outside: Path, name: str) -> None:
     survived(partial(attack, name, TREES[name], outside, whole=250), outside, range(1000))
 
 
-@pytest.mark.slow
+@pytest.mark.hours
 @pytest.mark.parametrize("name", TREES)
 def test_many_mutants(outside: Path, name: str) -> None:
     survived(partial(attack, name, TREES[name], outside, whole=100), outside, range(100_000))

@@ -35,6 +35,7 @@ def test_exposure_defaults_to_the_pattern_period_and_may_be_shorter(tmp_path: Pa
         (("fov_deg: 20", "fov_deg: 180"), ["projector.fov_deg", "less than 180"]),
         (("shape: [64, 64]", "shape: [64, 60]"), ["plan", "60"]),
         (("shape: [64, 64]", "shape: [64]"), ["projector.shape[1]", "missing"]),
+        (("shape: [64, 64]", "shape: [4096, 4096]"), ["projector.shape", "at most 1048576 pixels"]),
         (("patterns: 127", "patterns: 5000"), ["plan", "5000"]),
         (("patterns: 127", "patterns: 0"), ["plan.patterns", "greater than 0"]),
         (("patterns: 127", "patterns: 1000\n  interleave: 9"), ["plan: interleave 9", "1..4096"]),

@@ -238,6 +238,23 @@ def test_a_sink_that_failed_to_the_end_is_an_error(path, tmp_path, monkeypatch, 
     assert "a.h5: flight.h5: No space left on device" in capsys.readouterr().err
 
 
+def test_a_sink_that_failed_at_times_is_an_error_too(path, tmp_path, monkeypatch, capsys):
+    """And the others have what they should."""
+    from reconstruction.live.sinks.lines import JsonLines
+
+    def odd(self, outcome):
+        if outcome.result.frame == 1:
+            raise ValueError("Out of range float values")
+
+    monkeypatch.setattr(JsonLines, "result", odd)
+    copy = tmp_path / "copy.h5"
+    sinks = ["--to", str(tmp_path / "a.jsonl"), "--to", str(copy)]
+    assert main(["live", str(path), *sinks, "--quiet"]) == 2
+    told = capsys.readouterr().err
+    assert "a.jsonl: ValueError: Out of range float values; lost 1" in told
+    assert read_capture(copy).frames == 4
+
+
 def test_nothing_but_what_the_rig_has_is_loaded(path):
     code = (
         "import sys; from reconstruction.cli import main; "

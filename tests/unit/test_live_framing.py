@@ -4,6 +4,7 @@ import gc
 import struct
 import sys
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from captures import full_capture
 from reconstruction import InputError
 from reconstruction.live import Kind, Message, Parser, pack
-from reconstruction.live.framing import HEADER, MAGIC, MAX_PAYLOAD_BYTES, MAX_SEARCHED_BYTES
+from reconstruction.live.framing import HEADER, MAGIC, MAX_BEGUN, MAX_PAYLOAD_BYTES, header
 from streams import messages
 
 MESSAGES = [
@@ -79,14 +80,55 @@ def test_a_message_that_lacks_bytes_does_not_take_the_next_one_with_it():
     assert found[-3:] == [MESSAGES[0]] * 3
 
 
-def test_a_long_damaged_message_is_skipped_whole():
-    """Or else a stranger could have it searched for ever."""
-    inner = pack(MESSAGES[0])
-    spoilt = bytearray(pack(Message(Kind.FRAME, inner * (MAX_SEARCHED_BYTES // len(inner) + 1))))
-    spoilt[-1] ^= 1
-    found, parser = parsed(bytes(spoilt) + inner)
-    assert [each.payload is None for each in found] == [True, False]
-    assert parser.discarded_bytes == len(spoilt)
+def announced(length):
+    """A header that is right, of a message that never comes."""
+    return header(Message(Kind.SETUP), length)
+
+
+def test_a_header_of_16_mib_keeps_nothing_from_whoever_is_behind_it():
+    """32 bytes, and nobody would hear of 16 MiB of frames."""
+    for piece in (7, 1200, 2**20):
+        found, parser = parsed(announced(MAX_PAYLOAD_BYTES) + b"".join(map(pack, MESSAGES)), piece)
+        assert found == MESSAGES
+        assert (parser.given_up, parser.discarded_bytes) == (1, HEADER.size)
+        assert not parser.waits
+
+
+def test_headers_within_what_others_announce_are_followed_so_far():
+    found, parser = parsed(announced(10_000) * 3 + b"x" * 500 + pack(MESSAGES[1]), 33)
+    assert found == [MESSAGES[1]]
+    assert parser.given_up == 3
+
+
+def test_what_does_not_fit_is_not_waited_for():
+    seen = []
+
+    def fits(message, length):
+        seen.append((message.kind, message.payload, length))
+        return length < 100
+
+    parser = Parser(fits)
+    assert parser.feed(announced(100)) == []
+    assert not parser.waits
+    assert parser.feed(pack(MESSAGES[0])) == [MESSAGES[0]]
+    assert seen == [(Kind.SETUP, None, 100), (Kind.SETUP, None, 45)]
+
+
+def test_work_grows_with_the_bytes_however_headers_are_nested(monkeypatch):
+    """Else a stranger could have the same ones looked at for ever."""
+    summed = 0
+    crc32 = zlib.crc32
+
+    def counting(content):
+        nonlocal summed
+        summed += len(content)
+        return crc32(content)
+
+    monkeypatch.setattr("reconstruction.live.framing.zlib", SimpleNamespace(crc32=counting))
+    content = b"".join(announced(20_000 - 32 * n) for n in range(500)) * 6
+    _, parser = parsed(content, 1000)
+    assert summed < (MAX_BEGUN + 2) * len(content)
+    assert len(parser._bytes) < 21_000
 
 
 def test_another_version_is_told_once_for_each_message():
@@ -96,8 +138,7 @@ def test_another_version_is_told_once_for_each_message():
 
 def test_lengths_and_kinds_that_cannot_be_are_no_header():
     for length, kind in ((MAX_PAYLOAD_BYTES + 1, 1), (2**32 - 1, 2), (0, 0), (0, 99)):
-        head = struct.pack("<4sBBHIIQI", MAGIC, 1, kind, 0, 0, length, 0, 0)
-        found, _ = parsed(head + struct.pack("<I", zlib.crc32(head)) + pack(MESSAGES[3]))
+        found, _ = parsed(header(Message(kind), length) + pack(MESSAGES[3]))
         assert found == [MESSAGES[3]]
     with pytest.raises(InputError, match="at most"):
         pack(Message(Kind.FRAME, b"\0" * (MAX_PAYLOAD_BYTES + 1)))

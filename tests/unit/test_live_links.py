@@ -44,8 +44,10 @@ def calling(port):
 def test_tcp_carries_bytes_and_its_end_is_a_break_that_can_be_mended(listening):
     outlet = calling(listening.port)
     listening.open()
-    outlet.send(b"x" * 300_000)
+    sending = threading.Thread(target=outlet.send, args=(b"x" * 300_000,))
+    sending.start()
     assert all_of(listening, 300_000) == b"x" * 300_000
+    sending.join(SAFETY_S)
     outlet.close()
     with pytest.raises(ConnectionError, match="closed"):
         listening.receive(SAFETY_S)
@@ -75,6 +77,32 @@ def test_a_close_wakes_who_waits_for_a_stalled_reader(listening):
     outlet.close()
     assert failed.wait(SAFETY_S)
     sending.join(SAFETY_S)
+
+
+def test_who_takes_nothing_is_gone(listening, monkeypatch):
+    """Or else it would have the only place for ever."""
+    monkeypatch.setattr("reconstruction.live.links.sockets.STALLED_S", 0.1)
+    stalled = calling(listening.port)
+    listening.open()
+    assert not listening.wanted
+    with pytest.raises(TimeoutError, match=r"takes nothing for 0\.1 s"):
+        listening.send(b"x" * 2**24)
+    other = calling(listening.port)
+    assert listening.wanted
+    listening.open()
+    other.send(b"here")
+    assert all_of(listening, 4) == b"here"
+    assert listening.sender.startswith("127.0.0.1:")
+    for each in (stalled, other):
+        each.close()
+
+
+def test_a_machine_that_vanishes_is_noticed(listening):
+    outlet = calling(listening.port)
+    listening.open()
+    for each in (outlet._socket, listening._socket):
+        assert each.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+    outlet.close()
 
 
 def test_a_port_in_use_is_told(listening):
@@ -113,6 +141,7 @@ def test_udp_carries_messages_in_pieces(capture):
             got += len(piece)
             found += parser.feed(piece)
     assert [each.kind for each in found] == [1, 2, 2, 3]
+    assert source.sender == f"127.0.0.1:{outlet._socket.getsockname()[1]}"
     source.close()
     outlet.close()
 

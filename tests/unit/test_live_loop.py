@@ -1,6 +1,7 @@
 """From frames to results: the same as from memory, whatever becomes of sinks and setups."""
 
 import gc
+import struct
 import sys
 import threading
 from dataclasses import replace
@@ -10,7 +11,7 @@ import pytest
 
 from reconstruction import InputError, Reconstructor, make_plan
 from reconstruction.depth import DISTANCES_M
-from reconstruction.live import Loop, Reception, Sender
+from reconstruction.live import Counts, Loop, Reception, Sender
 from reconstruction.live.results import result_entries
 from reconstruction.live.sinks import Detached
 from reconstruction.live.sinks.sink import Sink
@@ -25,10 +26,11 @@ def recording(capture):
     return film(capture, 6)
 
 
-def looped(told, *, clock=None, **options):
+def looped(told, *, clock=None, patient=False, **options):
     """A loop after a stream has come in, and what it told."""
     clock = clock or Clock()
-    reception = Reception(Script(*told, clock=clock), clock=clock, waiting=1000)
+    source = Script(*told, clock=clock, patient=patient)
+    reception = Reception(source, clock=clock, waiting=1000)
     results, states = [], []
     loop = Loop(reception, results=[results.append], states=[states.append], clock=clock, **options)
     reception.run()
@@ -97,11 +99,14 @@ def test_a_new_setup_is_compiled_and_a_bad_one_is_a_trouble(recording, capture):
     same(results[-1].result, Reconstructor(other.setup, image="edge-preserving")(other.frame(0)))
 
 
-def test_a_bad_first_setup_is_an_error(capture):
+def test_a_bad_first_setup_of_a_file_is_an_error_and_of_a_link_a_trouble(capture):
     plan = capture.plan
     bad = replace(capture, plan=replace(plan, polarity=np.ones(plan.exposures, np.int8)))
     with pytest.raises(InputError, match="background"):
-        looped(messages(bad))
+        looped(messages(bad), patient=True)
+    loop, _, states = looped(messages(bad))
+    assert loop.state().counts.failed == 1
+    assert "background" in states[-1].trouble
 
 
 def test_a_frame_without_anything_usable_is_told_and_the_next_is_fine(recording):
@@ -109,6 +114,62 @@ def test_a_frame_without_anything_usable_is_told_and_the_next_is_fine(recording)
     loop, results, _ = looped(messages(recording))
     assert [each.result.frame for each in results] == [0, 1, 3, 4, 5]
     assert loop.state().counts.failed == 1
+
+
+def test_a_method_that_raises_anything_costs_its_own_part_of_a_frame(recording, monkeypatch):
+    """Not the frame, and not the stream."""
+    made = Reconstructor(recording.setup, image="edge-preserving")
+    solver = type(
+        made._imaging.of(np.ones(recording.plan.exposures, bool)).solver("edge-preserving")
+    )
+    solve, calls = solver.__call__, []
+
+    def singular(self, coefficients):
+        calls.append(1)
+        if len(calls) in (2, 3):
+            raise np.linalg.LinAlgError("Singular matrix")
+        return solve(self, coefficients)
+
+    monkeypatch.setattr(solver, "__call__", singular)
+    loop, results, _ = looped(messages(recording))
+    counts = loop.state().counts
+    assert (counts.reconstructed, counts.failed, counts.method_failures) == (6, 0, 2)
+    assert [next(iter(each.result.images)) for each in results[:4]] == [
+        "edge-preserving", "zero-filled", "zero-filled", "edge-preserving"
+    ]  # fmt: skip
+    assert results[1].result.ranges is not None
+
+
+def test_what_a_frame_raises_is_told_and_the_next_is_fine(recording, monkeypatch):
+    batch = Reconstructor.batch
+
+    def odd(self, frames):
+        if frames.first == 2:
+            raise MemoryError("no room")
+        return batch(self, frames)
+
+    monkeypatch.setattr(Reconstructor, "batch", odd)
+    loop, results, _ = looped(messages(recording))
+    assert [each.result.frame for each in results] == [0, 1, 3, 4, 5]
+    assert loop.state().counts.failed == 1
+
+
+def test_a_setup_that_raises_anything_is_a_trouble(recording, monkeypatch):
+    def broken(*args, **named):
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("reconstruction.live.loop.Reconstructor", broken)
+    loop, results, _ = looped(messages(recording))
+    assert results == []
+    assert loop.state().counts.failed == 6
+    assert loop.state().trouble.startswith("the setup cannot be used: ZeroDivisionError: division")
+
+
+def test_names_are_checked_before_anything_comes(recording):
+    reception = Reception(Script())
+    for station, name in (("image", "zero-fill"), ("ranging", "fogg"), ("depth", "neerest")):
+        with pytest.raises(InputError, match="did you mean"):
+            Loop(reception, **{station: name})
 
 
 def test_the_last_result_ages_and_latency_is_told(recording):
@@ -229,16 +290,44 @@ def test_memory_is_flat_whatever_happens(capture, monkeypatch):
     assert sink.taken[-1].result.frame == 1469
 
 
-def test_a_sink_that_fails_is_told_and_tried_again():
+@pytest.mark.parametrize(
+    "error",
+    [OSError(28, "No space left on device"), InputError("no such folder"), ValueError("nan"),
+     struct.error("int too large"), MemoryError()],
+)  # fmt: skip
+def test_a_sink_that_raises_anything_is_told_and_tried_again(error):
     class Failing(Sink):
-        def state(self, state):
-            if state:
-                raise state
+        taken = ()
 
-    detached = Detached(Failing(), "disk")
-    for error in (OSError(28, "No space left on device"), InputError("no such folder")):
-        detached._try(lambda error=error: detached._sink.state(error))
-        assert detached.trouble.startswith("disk: ")
-    assert detached.trouble == "disk: no such folder"
-    detached._try(lambda: detached._sink.state(None))
+        def result(self, outcome):
+            if outcome == 2:
+                raise error
+            self.taken = (*self.taken, outcome)
+
+    counts = Counts()
+    sink = Failing()
+    detached = Detached(sink, "disk", counts)
+    detached.start()
+    for number in range(1, 5):
+        detached.result(number)
+    detached.close()
+    assert sink.taken == (1, 3, 4)
     assert detached.trouble is None
+    assert detached.failed
+    assert detached.why.startswith("disk: ")
+    assert (detached.lost, counts.sink_failures) == (1, 1)
+
+
+def test_a_sink_that_does_not_end_is_given_up(monkeypatch):
+    monkeypatch.setattr("reconstruction.live.sinks.detached.CLOSING_S", 0.05)
+    sink = Stalling()
+    detached = Detached(sink, "stalling")
+    detached.start()
+    for number in range(4):
+        detached.result(number)
+    assert sink.stuck.wait(SAFETY_S)
+    detached.close()
+    assert detached.failed
+    assert "does not come to an end" in detached.why
+    assert detached.dropped == 3
+    sink.may.set()

@@ -17,10 +17,10 @@ def recording(capture):
     return film(capture, 8)
 
 
-def received(*acts, clock=None, **options):
+def received(*acts, clock=None, patient=False, **options):
     """A reception after its source has done all of this, and the numbers of its frames."""
     clock = clock or Clock()
-    source = Script(*acts, clock=clock)
+    source = Script(*acts, clock=clock, patient=patient)
     options.setdefault("waiting", 1000)
     reception = Reception(source, clock=clock, wait=clock.wait, **options)
     reception.run()
@@ -68,7 +68,7 @@ def test_a_source_that_dies_within_a_message_is_tried_again(recording):
     reception.run()
     assert reception.trouble is None
     assert reception.counts.connections == 2
-    assert counted(reception) == {"lost": 2, "discarded_bytes": 50}
+    assert counted(reception) == {"lost": 2, "discarded_bytes": 50, "given_up": 1}
     assert reception.counts.received == 6
 
 
@@ -130,7 +130,7 @@ def test_a_frame_of_another_length_is_refused(recording):
     told[4] = pack(short)
     reception, numbers = received(*told)
     assert numbers == [0, 1, 2, 4, 5, 6, 7]
-    assert counted(reception) == {"refused": 1}
+    assert counted(reception) == {"refused": 1, "lost": 1, "discarded_bytes": len(told[4])}
 
 
 def test_too_many_frames_push_out_the_oldest(recording):
@@ -193,11 +193,14 @@ def test_a_frame_that_came_early_is_given_when_nothing_follows(recording):
         (Message(Kind.SETUP, b"\x01au1\x00\0"), "its setup cannot be used: patterns/basis is miss"),
     ],
 )
-def test_another_language_is_an_error_at_first_and_a_trouble_later(recording, first, message):
-    reception, numbers = received(pack(first), *messages(recording))
+def test_another_language_is_an_error_of_a_file_and_a_trouble_of_a_link(recording, first, message):
+    reception, numbers = received(pack(first), *messages(recording), patient=True)
     assert message in str(reception.failure)
     assert str(reception.failure).startswith("script: ")
     assert numbers == []
+    reception, numbers = received(pack(first), *messages(recording))
+    assert reception.failure is None
+    assert numbers == list(range(8))
     told = messages(recording)
     clock = Clock()
     source = Script(*told[:3], pack(first), *told[3:], clock=clock)

@@ -7,7 +7,7 @@ import pytest
 
 from reconstruction.live.counts import ROLLING, Counts, Latencies
 from reconstruction.live.queues import Waiting
-from reconstruction.live.sequence import HOLD_S, REMEMBERED, Sequence
+from reconstruction.live.sequence import ASTRAY, HOLD_S, REMEMBERED, Sequence
 
 
 def taken(numbers, window=1, run=1):
@@ -45,6 +45,18 @@ def taken(numbers, window=1, run=1):
 )
 def test_what_is_given_and_counted(numbers, given, counted):
     assert taken(numbers) == (given, counted)
+
+
+def test_one_false_number_does_not_make_all_that_follow_late():
+    """A frame of the same run, far ahead: what comes in turn after it is behind it for ever."""
+    counts = Counts()
+    turn = Sequence(counts, 1)
+    given = []
+    for now_s, number in enumerate([1, 2, 10**6, *range(3, 100)]):
+        given += turn.take(1, number, number, now_s)
+        given += turn.overdue(now_s)
+    assert given == [1, 2, 3, 10**6, *range(4 + ASTRAY - 1, 100)]
+    assert counts.restarts == 1
 
 
 def test_a_wider_window_waits_for_more():
@@ -128,6 +140,20 @@ def test_who_puts_in_turn_waits_for_room_and_not_after_the_end():
     assert waiting.get(60) == 4
     assert waiting.over
     assert waiting.get(60) is None
+
+
+def test_what_waits_is_bounded_in_bytes_too(monkeypatch):
+    monkeypatch.setattr("reconstruction.live.queues.MAX_BYTES", 1000)
+    waiting = Waiting(100)
+    for number in range(5):
+        waiting.put(number, 400)
+    assert waiting.dropped == 3
+    waiting.put(5, 2000)  # alone, as it is
+    assert (waiting.get(0), waiting.get(0)) == (5, None)
+    waiting.put(6, 400)
+    waiting.clear()
+    assert waiting.get(0) is None
+    assert waiting.dropped == 6
 
 
 def test_latencies_are_of_the_latest_frames():

@@ -7,6 +7,7 @@ import pytest
 
 from captures import full_capture, make_spots
 from reconstruction import InputError, Reconstructor
+from reconstruction.capture import Setup
 from reconstruction.capture.schema import stored_fields
 from reconstruction.live import StreamSetup, frame_payload, packed, setup_payload, unpacked
 from reconstruction.operators import make_plan
@@ -94,15 +95,18 @@ def repacked(told):
         ({"patterns/basis": "hadamrd"}, "did you mean 'hadamard'"),
         ({"patterns/index": None}, "patterns/index is missing"),
         ({"patterns/shape": np.array([15, 16])}, "power"),
+        ({"patterns/shape": np.array([1024, 1024])}, "a stream has at most 16384 pixels"),
+        ({"patterns/shape": np.array([2.0**40, 2.0**40])}, "a stream has at most 16384 pixels"),
         ({"buckets/counts": np.zeros((0, 7))}, r"buckets/counts has shape \(0, 7\)"),
         ({"buckets/counts": np.zeros((1, 256))}, "a setup has 0 frames"),
         ({"spots/taps": np.zeros((0, 4, 5))}, "spots/"),
         ({"spots/method": "sw"}, "spots/method: unknown"),
         ({"spots/directions": np.zeros((4, 3))}, "unit vectors"),
         ({"buckets/exposure_time_s": -1.0}, "must be positive"),
+        ({"buckets/exposure_time_s": np.int64(2**60)}, "exposure_time_s is 1.15292e.18, must be w"),
         ({"source": "moon"}, "source is 'moon'; allowed: hardware, simulation"),
         ({"patterns/order": np.zeros(3)}, "expected a scalar"),
-        ({"rig/film": np.zeros((0, 2**23), np.float64)}, "at most 16777216"),
+        ({"rig/film": np.zeros((0, 2**23), np.float64)}, "a frame of 67111312 bytes; at most"),
     ],
 )
 def test_what_is_wrong_with_a_setup_is_named(capture, change, message):
@@ -110,6 +114,23 @@ def test_what_is_wrong_with_a_setup_is_named(capture, change, message):
     told = {n: v for n, v in told.items() if n not in change or change[n] is not None}
     with pytest.raises(InputError, match=message):
         StreamSetup(repacked(told))
+
+
+@pytest.mark.parametrize(
+    ("side", "patterns", "fits"),
+    [(64, 2048, True), (64, 4096, True), (128, 512, True), (128, 513, False), (128, 16384, True)],
+)
+def test_patterns_are_as_many_as_methods_have_room_for(side, patterns, fits):
+    plan = make_plan((side, side), patterns, polarity="single-ended")
+    none = np.zeros((0, plan.exposures))
+    recorded = full_capture()
+    buckets = replace(recorded.buckets, counts=none, saturated=none.astype(bool))
+    setup = Setup(plan=plan, optics=None, buckets=buckets, spots=None, pattern_taps=None)
+    if fits:
+        assert StreamSetup(setup_payload(setup)).setup.plan.sampled == patterns
+    else:
+        with pytest.raises(InputError, match=r"at most 512, or all but so many"):
+            StreamSetup(setup_payload(setup))
 
 
 @pytest.mark.parametrize(

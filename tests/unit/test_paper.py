@@ -72,7 +72,8 @@ def test_paper_draws_and_checks(tmp_path: Path) -> None:
     run = spisim("paper", "fig2", "-o", tmp_path / "figures", "--json")
     assert run.exit_code == 0, run.stderr
     report = json.loads(run.stdout)
-    assert {tuple(check) for check in report["checks"]} == {("name", "value", "limit", "holds")}
+    keys = ("name", "value", "interval", "limit", "holds")
+    assert {tuple(check) for check in report["checks"]} == {keys}
     assert all(check["holds"] for check in report["checks"])
     assert "No single T_int" in " ".join(run.stdout.split())
     picture = tmp_path / "figures" / "fig2.png"

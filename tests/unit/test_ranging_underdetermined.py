@@ -48,6 +48,14 @@ def measure(
     return ranging_method("fog", spots).compile(between(spots, 0, 0), optics)(spots, brightness)
 
 
+def pictured(spots: Spots, reflectance: float = 0.3) -> Ranges:
+    """With the image that clear air makes of the targets."""
+    optics = told_optics(load_instrument("paper"))
+    (seen,) = bucket_optics(optics, spots)
+    surface = optics.pixel_electrons * reflectance / np.pi * np.diag(overlap(seen, RANGES)[0])
+    return measure(spots, optics, Brightness(surface, 0.05 * surface))
+
+
 @cache
 def drawn(count: int, seed: int) -> list[tuple[np.ndarray, Ranges, Ranges]]:
     """True, default and plain ranges of weather, surfaces and ranges as the prior has them."""
@@ -88,16 +96,16 @@ def test_sigma_holds_what_the_readings_leave_open_of_the_fog() -> None:
 
 
 def test_the_status_says_what_a_range_rests_on() -> None:
-    found = measure(record(extinction_per_m=0.02))
+    found = measure(record([2.0, 2.5, 3.0, 3.5], extinction_per_m=0.02))
     assert "weather prior" in found.status
     assert found.valid.tolist() == [status in RANGED for status in found.status]
-    near = measure(record([1.0, 1.0, 1.0, 1.0]))
-    assert near.status == ("ok",) * 4  # so near and so bright that no fog matters
+    near = measure(stated(record([1.0, 1.0, 1.0, 1.0]), "clear"))
+    assert near.status == ("ok",) * 4
 
 
 def test_in_clear_air_sigma_is_a_little_wider_than_the_plain_one() -> None:
     spots = record()
-    found, plain = measure(spots), measure_ranges(spots)
+    found, plain = pictured(spots), measure_ranges(spots)
     assert found.valid.all()
     assert (np.abs(found.range_m - plain.range_m) < found.sigma_m + plain.sigma_m).all()
     assert (found.sigma_m >= 0.95 * plain.sigma_m).all()
@@ -114,11 +122,10 @@ def test_stated_clear_the_plain_ranges_come_first() -> None:
 def test_a_stated_visibility_tells_the_fog() -> None:
     spots = record(extinction_per_m=0.05)
     unknown, known = measure(spots), measure(stated(spots, 3.9 / 0.05))
-    both = unknown.valid & known.valid
-    assert both.sum() >= 3
+    assert known.valid.sum() >= 3
     assert known.fog.log_sigma < 0.7 * unknown.fog.log_sigma
     assert known.fog.extinction_per_m == pytest.approx(0.05, rel=0.3)
-    assert (np.abs(known.range_m - RANGES) < 3 * known.sigma_m)[both].all()
+    assert (np.abs(known.range_m - RANGES) < 3 * known.sigma_m)[known.valid].all()
     assert measure(stated(spots, "fog")).fog.extinction_per_m > unknown.fog.extinction_per_m
 
 
@@ -134,6 +141,31 @@ def test_the_image_tells_the_fog_that_two_numbers_cannot() -> None:
         for gain in (1.0, 2.5)
     )
     assert 2 * dim < bright
+
+
+@pytest.mark.parametrize("extinction_per_m", [0.0, 0.01, 0.05, 0.16])
+def test_without_an_image_sigma_holds_any_fog(extinction_per_m: float) -> None:
+    """Not only on average over the prior: of one fog, too. Ranges that are less sure are none."""
+    rng = np.random.default_rng(5)
+    away, wrong = [], 0
+    solve = ranging_method("fog", record()).compile(between(record(), 0, 0))
+    for number in range(25):
+        ranges_m = rng.uniform(2, 8, 4)
+        found = solve(
+            record(
+                ranges_m,
+                number,
+                reflectances=rng.uniform(0.1, 0.8, 4),
+                extinction_per_m=extinction_per_m,
+                backscatter_per_sr=BACKSCATTER_PER_SR,
+            )
+        )
+        error_m = np.abs(found.range_m - ranges_m)[found.valid]
+        away.extend(error_m / found.sigma_m[found.valid])
+        wrong += np.count_nonzero(error_m > 0.3)
+    assert wrong == 0
+    assert np.mean(np.array(away) < 1) > 0.5
+    assert np.mean(np.array(away) < 2) > 0.85
 
 
 def test_an_image_says_nothing_of_spots_outside_of_it() -> None:

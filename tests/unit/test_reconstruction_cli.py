@@ -306,6 +306,19 @@ def test_a_full_disk_leaves_nothing_half_written(capture, tmp_path, monkeypatch)
     assert not (tmp_path / "out").exists()
 
 
+def test_a_depth_map_of_truth_values_is_none(capture, tmp_path):
+    path = tmp_path / "result.h5"
+    path.write_bytes(result_bytes(reconstruct(capture)))
+    (method,) = list(read_result(path).depths)[:1]
+    with changed(path) as file:
+        near = file[f"depths/{method}"][()] > 3
+        del file[f"depths/{method}"]
+        file[f"depths/{method}"] = near
+        file[f"depths/{method}"].attrs["units"] = "m"
+    with pytest.raises(InputError, match=rf"depths/{method} must hold numbers, found bool"):
+        read_result(path)
+
+
 def test_a_foreign_file_is_no_result(path, tmp_path):
     with pytest.raises(InputError, match=r"not a result \(attribute 'format' is 'spisim-capture'"):
         read_result(path)

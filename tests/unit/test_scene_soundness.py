@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from reconstruction.errors import InputError
-from scenefiles import Load, with_objects
+from scenefiles import MINIMAL, Load, with_objects
 from spisim.scene import SceneWarning, soundness
 
 
@@ -74,6 +74,11 @@ def test_room_is_sound_only_around_the_drone(load: Load) -> None:
     elsewhere = "name: room, mesh: room.ply, translate_m: [50, 0, 0], material: brick"
     with pytest.warns(SceneWarning, match=r"'room' \(inside out\)"):
         load(with_objects(elsewhere))
+
+
+def test_a_drone_beyond_all_distances_is_told(load: Load) -> None:
+    with pytest.warns(SceneWarning, match=r"the drone is 1e\+12 m from the origin"):
+        load(MINIMAL.replace("position_m: [0, 0, 1]", "position_m: [-1.0e+12, 0, 1]"))
 
 
 @pytest.mark.parametrize(

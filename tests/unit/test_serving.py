@@ -10,6 +10,7 @@ import pytest
 from reconstruction.errors import InputError
 from reconstruction.live import Kind, Message, Parser, Pose, command, pack
 from reconstruction.live.links import Ended, Outlet, Source
+from reconstruction.live.senders import QUIET_S
 from scenefiles import MINIMAL
 from spisim.scene import load_trajectory
 from spisim.serving import Drone, Follower, Gust, Line, PathKeys, PoseKeys, Server
@@ -206,7 +207,7 @@ def serve(capture, wire, clock=None, costs_s=(), **options):
         return SimpleNamespace(frame=taken.frame(number % 8), motion=motion, number=number)
 
     said = []
-    line = Line(wire, wire, lasting=True, say=said.append, wait=clock.wait)
+    line = Line(wire, wire, lasting=True, say=said.append, wait=clock.wait, clock=clock)
     pilot = SimpleNamespace(trouble=None, told=[])
 
     def go(told, time_s, duration_s):
@@ -262,6 +263,64 @@ def test_in_step_there_is_a_frame_for_each_command(capture):
     assert (tally.frames, tally.repeated, tally.refused, tally.corrupted) == (3, 1, 3, 1)
     assert "it asks for frame 9; the next is 2" in said[0]
     assert "a pose of 4 bytes" in said[1]
+
+
+def test_in_step_a_caller_that_says_nothing_gives_way_to_one_that_does(capture):
+    clock = Clock()
+
+    class Shared(Wire):
+        """Nothing comes until somebody else is let in, who has called already."""
+
+        wanted = True
+
+        def open(self):
+            super().open()
+            self.wanted = self.opened < 2
+
+        def receive(self, timeout_s):
+            clock.wait(timeout_s)
+            return b"" if self.opened < 2 else super().receive(timeout_s)
+
+    wire = Shared(command(None, 0))
+    server, _, said = serve(capture, wire, clock)
+    began_s = clock.now_s
+    server.run_in_step()
+    assert wire.opened == 2
+    assert QUIET_S < clock.now_s - began_s < QUIET_S + 1
+    assert said == ["wire: no command comes, and somebody else calls."]
+    assert [each.kind for each in wire.messages] == [Kind.SETUP, Kind.SETUP, Kind.FRAME]
+
+
+def test_commands_come_from_one_sender_at_a_time(capture):
+    """And a header of a long message keeps none of them, nor does somebody else end the flight."""
+    header = Message(Kind.COMMAND, b"x" * 2**16)
+    outlet, datagrams = Wire(), Wire()
+    acts = [
+        ("them", pack(Message(Kind.END))),
+        ("me", pack(header)[:2000]),
+        ("me", command(None, 0)),
+    ]
+    acts += [
+        ("them", command(POSE, 1)),
+        ("them", pack(Message(Kind.END))),
+        ("me", command(POSE, 1)),
+    ]
+
+    def receive(timeout_s):
+        if not acts:
+            raise Ended
+        datagrams.sender, content = acts.pop(0)
+        return content
+
+    datagrams.receive = receive
+    clock = Clock()
+    line = Line(outlet, datagrams, lasting=True, say=print, wait=clock.wait, clock=clock)
+    line.open()
+    told = []
+    while not line.over:
+        told += line.messages(0)
+    assert [(each.kind, each.number) for each in told] == [(Kind.COMMAND, 0), (Kind.COMMAND, 1)]
+    assert line.senders.ignored_bytes == len(command(POSE, 1)) + len(pack(Message(Kind.END)))
 
 
 def test_in_step_it_ends_with_its_commands(capture):

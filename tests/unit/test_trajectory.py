@@ -99,6 +99,17 @@ def test_csv_and_tum_say_the_same(tmp_path: Path) -> None:
     assert one.pose(0.3) == pytest.approx(look_at((0, 0.3, 1), (0, 9, 1), (0, 0, 1)), abs=1e-12)
 
 
+def test_a_file_states_the_weather_of_its_flight(tmp_path: Path) -> None:
+    assert load_trajectory(written(tmp_path, WAY_POINTS)).weather is None
+    flight = load_trajectory(written(tmp_path, "#  Weather: 50\n" + WAY_POINTS))
+    assert flight.faster(2).weather == "50"
+    twice = WAY_POINTS + "# weather: fog\n# weather: clear\n"
+    with pytest.raises(InputError, match=r"line 7: .* stated before, .* 'fog' and 'clear'"):
+        load_trajectory(written(tmp_path, twice))
+    with pytest.raises(InputError, match=r"line 6: weather is 'foggy'; allowed: .*clear, fog"):
+        load_trajectory(written(tmp_path, WAY_POINTS + "# weather: foggy\n"))
+
+
 def test_quaternions_of_the_optical_frame(tmp_path: Path) -> None:
     pose = look_at((0, 0, 1), (3, 2, 0.5), (0, 0, 1))
     quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat()

@@ -1,6 +1,7 @@
 """The viewer: what is in a recording of Rerun, read back by its own tools, and what is refused."""
 
 import re
+import socket
 import subprocess
 import sys
 import warnings
@@ -14,8 +15,9 @@ from typer.testing import CliRunner
 from captures import make_spots
 from datasets import make_set
 from exported import with_scene
-from reconstruction import write_capture
+from reconstruction import InputError, write_capture
 from spisim.cli import app
+from spisim.viewer import Recording, window
 from spisim.viewer.readings import phasors_of
 from spisim.viewer.sights import sights_of_captures
 from streams import film, messages
@@ -144,6 +146,52 @@ def test_without_a_display_it_says_how_to_save(folder, monkeypatch):
     run = view(folder / "hall.h5")
     assert run.exit_code == 2
     assert "there is no display to open the viewer on; --save FILE.rrd" in run.output
+
+
+@pytest.fixture
+def unreachable(monkeypatch):
+    """A display that nobody serves, and no program in PATH."""
+    pytest.importorskip("rerun")
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", ":4242")
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(window, "_listens", lambda port: False)
+
+
+def test_a_display_that_cannot_be_reached_is_told(folder, unreachable):
+    run = view(folder / "hall.h5")
+    assert run.exit_code == 2, run.output
+    assert "the viewer cannot be opened: " in run.stderr
+    assert "--save FILE.rrd" in run.stderr
+    assert run.stderr.count("\n") == 1
+
+
+def test_the_viewer_listens_to_this_machine_alone(unreachable):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    run = subprocess.run(window.command(port), capture_output=True, text=True, timeout=600)
+    said = re.findall(r"Listening for gRPC connections on ([\d.]+):(\d+)", run.stdout + run.stderr)
+    assert said == [("127.0.0.1", str(port))]
+
+
+class Gone:
+    """A stream to a viewer that was closed."""
+
+    def flush(self):
+        raise RuntimeError("connection severed")
+
+    def disconnect(self):
+        pass
+
+
+def test_a_viewer_that_is_closed_meanwhile_is_told(tmp_path):
+    pytest.importorskip("rerun")
+    recording = Recording(tmp_path / "a.rrd")
+    recording._stream.disconnect()
+    recording._stream = Gone()
+    with pytest.raises(InputError, match="the viewer did not take all frames: connection severed"):
+        recording.close()
 
 
 @pytest.mark.parametrize(

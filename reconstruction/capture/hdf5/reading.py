@@ -96,7 +96,7 @@ class Tables(ABC):
     def numbers(self, name: str, units: str = "1") -> NDArray[Any]:
         """A dataset of numbers."""
         values = self.get(name, units)
-        if values.dtype.kind not in "iufb":
+        if values.dtype.kind not in "iuf":
             raise InputError(f"{name} must hold numbers, found {values.dtype}")
         return values
 

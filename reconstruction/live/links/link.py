@@ -23,6 +23,11 @@ class Link:
     def open(self) -> None:
         """Open it where it is not open from the beginning, or again; waits a second at most."""
 
+    @property
+    def wanted(self) -> bool:
+        """Whether somebody else waits for the place of who is connected: `open` lets it in."""
+        return False
+
     def close(self) -> None:
         """Close it, from any thread: whoever waits for it is woken."""
 
@@ -32,6 +37,10 @@ class Source(Link, ABC):
 
     patient: ClassVar[bool] = False
     """Whether whoever sends waits for whoever reads, so that nothing need be dropped."""
+    forgeable: ClassVar[bool] = False
+    """Whether anybody can send in the name of another."""
+    sender: str = ""
+    """Who sent what was received last, where there may be several."""
 
     @abstractmethod
     def receive(self, timeout_s: float) -> bytes:

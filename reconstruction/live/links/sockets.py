@@ -4,12 +4,22 @@ import select
 import socket
 from contextlib import suppress
 from errno import EADDRINUSE
+from typing import Any
 
 from ...errors import InputError
 from .link import PIECE_BYTES, Outlet, Source
 
 PATIENCE_S = 1.0
 """For a connection to come about."""
+STALLED_S = 10.0
+"""After which the other side of a connection is taken to be gone: it takes nothing, or its machine
+does not answer."""
+KEEPALIVE = {"TCP_KEEPIDLE": 2, "TCP_KEEPALIVE": 2, "TCP_KEEPINTVL": 1, "TCP_KEEPCNT": 3} | {
+    "TCP_USER_TIMEOUT": round(1e3 * STALLED_S)
+}
+"""Options, as far as a system has them, by which a machine that vanished is noticed; s and ms."""
+MAX_UNSENT_BYTES = 2**17
+"""What waits to be sent: more would be old when it comes, and hide for long that nobody reads."""
 DATAGRAM_BYTES = 1200
 """What passes every path in one piece: the 1280 bytes of IPv6 (RFC 8200, section 5), less headers.
 """
@@ -28,21 +38,34 @@ class Tcp(Source, Outlet):
         self._take(socket.create_connection(self._place, PATIENCE_S))
 
     def receive(self, timeout_s: float) -> bytes:
-        content = _received(_required(self._socket), timeout_s)
-        if content == b"":
+        connected = _required(self._socket)
+        if not _ready(connected, timeout_s):
+            return b""
+        content = connected.recv(PIECE_BYTES)
+        if not content:
             raise ConnectionResetError("the other side has closed the connection")
-        return content or b""
+        return content
 
     def send(self, content: bytes) -> None:
-        _required(self._socket).sendall(content)
+        connected, rest = _required(self._socket), memoryview(content)
+        while rest:
+            try:
+                rest = rest[connected.send(rest) :]
+            except TimeoutError:
+                raise TimeoutError(f"the other side takes nothing for {STALLED_S:g} s") from None
 
     def close(self) -> None:
         _close(self._socket)
         self._socket = None
 
     def _take(self, connected: socket.socket) -> None:
-        connected.settimeout(None)
-        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connected.settimeout(STALLED_S)
+        connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        options = KEEPALIVE | {"TCP_NODELAY": 1, "TCP_NOTSENT_LOWAT": MAX_UNSENT_BYTES}
+        for name, value in options.items():
+            if hasattr(socket, name):
+                connected.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+        self.sender = _told(connected.getpeername())
         self._socket = connected
 
 
@@ -73,6 +96,11 @@ class TcpListen(Tcp):
         except TimeoutError:
             raise TimeoutError("nobody has called yet") from None
 
+    @property
+    def wanted(self) -> bool:
+        """Whether somebody has called and is not served yet."""
+        return self._listener is not None and bool(select.select([self._listener], [], [], 0)[0])
+
     def close(self) -> None:
         super().close()
         _close(self._listener)
@@ -81,6 +109,8 @@ class TcpListen(Tcp):
 
 class UdpListen(Source):
     """Datagrams that come to a port."""
+
+    forgeable = True
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
@@ -100,7 +130,12 @@ class UdpListen(Source):
         self.check()
 
     def receive(self, timeout_s: float) -> bytes:
-        return _received(_required(self._socket), timeout_s) or b""
+        bound = _required(self._socket)
+        if not _ready(bound, timeout_s):
+            return b""
+        content, sender = bound.recvfrom(PIECE_BYTES)
+        self.sender = _told(sender)
+        return content
 
     def close(self) -> None:
         _close(self._socket)
@@ -132,16 +167,21 @@ class Udp(Outlet):
         self._socket = None
 
 
-def _received(connected: socket.socket, timeout_s: float) -> bytes | None:
-    """What has come, None if nothing has for so long.
+def _ready(opened: socket.socket, timeout_s: float) -> bool:
+    """Whether anything can be read within so long.
 
     Another thread may send meanwhile: a timeout of the socket would be that of both.
     """
     try:
-        ready = select.select([connected], [], [], timeout_s)[0]
+        return bool(select.select([opened], [], [], timeout_s)[0])
     except ValueError:
         raise ConnectionResetError("the connection is closed") from None
-    return connected.recv(PIECE_BYTES) if ready else None
+
+
+def _told(place: tuple[Any, ...]) -> str:
+    """An address of a socket in words."""
+    host, port = place[:2]
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _required(opened: socket.socket | None) -> socket.socket:

@@ -1,32 +1,41 @@
 """Sinks that may stall without anything else waiting for them."""
 
+import logging
 import threading
 from collections.abc import Callable
 from functools import partial
 
-from ...errors import InputError, explain, naming
+from ...errors import InputError, in_words, naming
+from ..counts import Counts
 from ..queues import Waiting
 from ..reception import Arrival
 from ..results import Outcome, State
 from .sink import Sink
 
+logger = logging.getLogger(__name__)
+
+COUNTING = threading.Lock()
+"""Several sinks may fail at once."""
 CLOSING_S = 5.0
 """For what still waits, once the stream has ended."""
 
 
 class Detached:
-    """A sink in a thread of its own.
+    """A sink in a thread of its own: an error of any kind costs what it was to take alone.
 
-    ``trouble`` is what goes wrong, None if nothing does; so many frames and results are ``lost``,
-    the last one for ``why``.
+    ``trouble`` is what goes wrong, None if nothing does; so many frames and results are ``lost``.
+    ``why`` it went wrong last stays; it ``failed`` where that is not just that nobody listens.
+    ``counts`` are those of the stream.
     """
 
-    def __init__(self, sink: Sink, name: str) -> None:
+    def __init__(self, sink: Sink, name: str, counts: Counts | None = None) -> None:
         self.trouble: str | None = None
         self.lost = 0
         self.why = ""
-        self._sink = sink
+        self.failed = False
         self.name = name
+        self._sink = sink
+        self._counts = counts or Counts()
         self._work: Waiting[Callable[[], None]] = Waiting(sink.waiting)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -35,13 +44,19 @@ class Detached:
         """What it was too slow to take, and misses."""
         return 0 if self._sink.skips else self._work.dropped
 
+    @property
+    def alive(self) -> bool:
+        """Whether it takes what comes."""
+        return self._thread.is_alive()
+
     def start(self) -> None:
         """Begin to take."""
         self._thread.start()
 
     def frame(self, arrival: Arrival) -> None:
         """One more frame."""
-        self._work.put(partial(self._keep, partial(self._sink.frame, arrival)))
+        size = len(arrival.message.payload or b"")
+        self._work.put(partial(self._keep, partial(self._sink.frame, arrival)), size)
 
     def result(self, outcome: Outcome) -> None:
         """One more result."""
@@ -55,8 +70,12 @@ class Detached:
         """Take what still waits, for a while."""
         self._work.close()
         self._thread.join(CLOSING_S)
-        self._sink.abandon()
-        self._thread.join(CLOSING_S)
+        if self.alive:
+            self._work.clear()
+            self._sink.abandon()
+            self._thread.join(CLOSING_S)
+        if self.alive:
+            self._note(TimeoutError(f"it does not come to an end within {2 * CLOSING_S:g} s"))
 
     def _run(self) -> None:
         while not self._work.over:
@@ -68,22 +87,25 @@ class Detached:
     def _keep(self, work: Callable[[], None]) -> None:
         """Take a frame or a result, of which it is told how many are lost."""
         self._try(work)
-        if self.trouble is not None:
-            self.lost += 1
-            self.why = self.trouble
+        self.lost += self.trouble is not None
 
     def _try(self, work: Callable[[], None]) -> None:
         try:
-            with naming(self.name):
-                _told(work)
-        except InputError as error:
-            self.trouble = str(error)
+            work()
+        except Exception as error:
+            self._note(error)
         else:
             self.trouble = None
 
-
-def _told(work: Callable[[], None]) -> None:
-    try:
-        work()
-    except OSError as error:
-        raise InputError(explain(error)) from None
+    def _note(self, error: Exception) -> None:
+        try:
+            with naming(self.name):
+                raise InputError(in_words(error))
+        except InputError as named:
+            self.trouble = self.why = str(named)
+        if self._sink.fleeting and isinstance(error, OSError):
+            return
+        self.failed = True
+        logger.error("%s", self.why, exc_info=error)
+        with COUNTING:
+            self._counts.sink_failures += 1

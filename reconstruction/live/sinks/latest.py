@@ -2,9 +2,11 @@
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
-from ...files import Output, mark, require_outputs, write_atomically
+from ...files import Output, mark, write_atomically
+from ...folders import output_folder
 from ...outputs import outputs_in, write_outputs
 from ...text import json_line
 from ..results import Outcome, State
@@ -16,7 +18,10 @@ STATE, KIND = "state.json", "state of a stream"
 
 
 class LatestResult(Sink):
-    """What a reconstruction leaves, once a second, and how the stream is. Each file is whole."""
+    """What a reconstruction leaves, once a second, and how the stream is. Each file is whole.
+
+    The folder is held until it is closed.
+    """
 
     waiting = 2
     skips = True
@@ -33,12 +38,15 @@ class LatestResult(Sink):
         self._read = read
         self._overwrite = overwrite
         self._clock = clock
+        self._held = ExitStack()
         self._written_s = -float("inf")
         self._latest: Outcome | None = None
 
     def check(self) -> None:
         outputs = [*outputs_in(self._folder), Output(self._folder / STATE, KIND)]
-        require_outputs(outputs, self._read, overwrite=self._overwrite)
+        self._held.enter_context(
+            output_folder(self._folder, outputs, self._read, overwrite=self._overwrite)
+        )
 
     def result(self, outcome: Outcome) -> None:
         self._latest = outcome
@@ -52,7 +60,8 @@ class LatestResult(Sink):
         write_atomically(self._folder / STATE, json_line(report).encode() + b"\n")
 
     def close(self) -> None:
-        self._write()
+        with self._held:
+            self._write()
 
     def _write(self) -> None:
         if self._latest is not None:

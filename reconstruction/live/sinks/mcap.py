@@ -12,9 +12,13 @@ from ..results import Outcome, State
 from ..setups import StreamSetup
 from .sink import Sink
 
+MAX_STAMP_NS = 2**31 * 10**9
+"""Seconds are integers of 32 bits: 2038."""
+
 
 class McapRecord(Sink):
-    """Stamps are of the sender's clock where it tells any, times of receipt of this machine's."""
+    """Times of receipt are of this machine's clock; stamps of the sender's, where it tells one that
+    ROS has numbers for."""
 
     def __init__(
         self,
@@ -39,7 +43,8 @@ class McapRecord(Sink):
     def result(self, outcome: Outcome) -> None:
         now_ns = self._now_ns()
         setup = outcome.stream.setup
-        shot = Shot.of(outcome.result, setup, outcome.time_ns or now_ns)
+        told = 0 < outcome.time_ns < MAX_STAMP_NS
+        shot = Shot.of(outcome.result, setup, outcome.time_ns if told else now_ns)
         file = self._opened()
         if outcome.stream is not self._stream:
             self._stream = outcome.stream

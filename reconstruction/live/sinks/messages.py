@@ -14,6 +14,8 @@ from .sink import Sink
 class MessageSink(Sink):
     """Sends each result and state; while nobody is there, they are gone."""
 
+    fleeting = True
+
     def __init__(self, outlet: Outlet, clock: Callable[[], float] = time.monotonic) -> None:
         self._outlet = outlet
         self._clock = clock

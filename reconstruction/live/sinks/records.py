@@ -11,6 +11,7 @@ import numpy as np
 from ...capture import Capture, write_capture
 from ...capture.file import KINDS
 from ...capture.schema import stored_fields
+from ...errors import InputError, in_words
 from ...files import Output, is_marked, require_outputs
 from ..framing import Kind, Message, pack
 from ..links import Outlet
@@ -71,9 +72,11 @@ class CaptureRecord(Sink):
         self._require()
 
     def frame(self, arrival: Arrival) -> None:
-        if self._arrivals and not self._belongs(arrival):
-            self._next_part()
-        self._arrivals.append(arrival)
+        try:
+            if self._arrivals and not self._belongs(arrival):
+                self._next_part()
+        finally:
+            self._arrivals.append(arrival)
         if len(self._arrivals) % FRAMES_BETWEEN == 0:
             self._write()
         most = min(FRAMES_OF_A_PART, BYTES_OF_A_PART // arrival.stream.frame_bytes)
@@ -92,10 +95,16 @@ class CaptureRecord(Sink):
         return len(plans) == 1 or arrival.message.number == last.message.number + 1
 
     def _next_part(self) -> None:
-        self._write()
-        self._arrivals = []
-        self._begun = False
-        self._number += 1
+        """Begin another part, whatever becomes of this one: what it cannot hold costs it alone."""
+        try:
+            self._write()
+        except (InputError, OSError) as error:
+            lost = len(self._arrivals)
+            raise InputError(f"{in_words(error)}; its {lost} frames are lost") from None
+        finally:
+            self._arrivals = []
+            self._begun = False
+            self._number += 1
 
     @property
     def _part(self) -> Path:

@@ -7,12 +7,14 @@ from ..results import Outcome, State
 
 
 class Sink:
-    """Takes what it is there for, and ignores the rest; raises OSError or InputError."""
+    """Takes what it is there for, and ignores the rest; what it raises costs that alone."""
 
     waiting: ClassVar[int] = 16
     """How many may wait for it, before the oldest are dropped."""
     skips: ClassVar[bool] = False
     """Whether it is there for the newest alone, and the others are not missed."""
+    fleeting: ClassVar[bool] = False
+    """Whether what cannot be sent is no failure, as nobody need be there to take it."""
 
     def check(self) -> None:
         """Raise InputError where it can never take anything."""

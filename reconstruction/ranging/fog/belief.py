@@ -62,6 +62,12 @@ class FogBelief:
         mean = self.share @ self.log_median
         return float(np.sqrt(self.share @ (self.log_deviation**2 + (self.log_median - mean) ** 2)))
 
+    def log_ratio(self, unstated: float) -> Floats:
+        """Logarithm (K,) of the probabilities over those where nothing is stated."""
+        nothing = np.full(self.share.size, (1 - unstated) / (self.share.size - 1))
+        nothing[0] = unstated
+        return np.log(np.maximum(self.share, 1e-300) / nothing)
+
     def optics(self, extinction_per_m: Floats) -> FogOptics:
         """The fog itself, of the extinctions (K,) that have these probabilities."""
         return FogOptics(

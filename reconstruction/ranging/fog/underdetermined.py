@@ -68,6 +68,12 @@ VEIL = 0.15
 BEYOND = 0.05
 """Prior probability of a target that is as far again as phases tell apart, and looks near: that of
 spots up to there in drawn worlds."""
+SUPPORT = 2.0
+"""Where neither image nor user tells the fog, the prior over weather outweighs the readings. Sigma
+reaches to every fog with so little less log likelihood than the best (two units of support;
+A. Edwards, Likelihood, 1972),"""
+SURE_M = 0.18
+"""and a range that is less certain is none: nine in ten should be within 0.3 m."""
 FREEDOM = 4.0
 """Of Student's t, with which a pixel may differ from its spot: edges are frequent."""
 APART_M = 0.5
@@ -132,6 +138,8 @@ def underdetermined_solver(
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     tables = _tables(spots, optics if scaled else None, response, reach_m)
     log_density = log_of_surfaces if scaled else log_of_anything
+    stated = weather_of(spots)
+    told = not np.isnan(stated.visibility_m)
     noise = chi_squared_limit(PER_TARGET, normal_share(-MIN_SIGNAL))
 
     def solve(
@@ -145,22 +153,34 @@ def underdetermined_solver(
         dark = _squares(pairs, covariance) < noise
         backscatter = np.exp(belief.log_median[:, None] + belief.log_deviation[:, None] * NODES)
         roots = _roots(tables, pairs @ [1, 1j], covariance, backscatter, longest_m, log_density)
-        seen = brightness if tables.pixel_fog is not None else None
-        weight, by_root = _weights(
+        shown = brightness is not None and np.isfinite(brightness.electrons).any()
+        seen = brightness if shown and tables.pixel_fog is not None else None
+        guessed = seen is None and not told
+        weight, by_root, support = _weights(
             tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, belief, seen
         )
+        supported = np.zeros(support.shape, dtype=bool)
+        if guessed:
+            held = support - NODES**2 / 2 + belief.log_ratio(CLEAR)[:, None]
+            supported = held >= held.max() - SUPPORT
+        reaching = supported[roots.node, roots.draw]
         estimate = Posterior(
-            tuple(_spot_posterior(roots, by_root, spot) for spot in range(4)),
+            tuple(_spot_posterior(roots, by_root, reaching, spot) for spot in range(4)),
             belief.updated(weight, backscatter),
         )
+        widest_m = SURE_M if guessed else np.inf
         statuses = tuple(
-            "saturated" if saturated[spot] else "weak" if dark[spot] else _status(each, longest_m)
-            for spot, each in enumerate(estimate.spots)
+            "saturated"
+            if saturated[k]
+            else "weak"
+            if dark[k]
+            else _status(each, longest_m, widest_m)
+            for k, each in enumerate(estimate.spots)
         )
         fog = estimate.fog.optics(EXTINCTIONS_PER_M)
         return ranges_of(estimate.spots, statuses, readings.mean(axis=1), fog), estimate.fog
 
-    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots), CLEAR), solve)
+    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, stated, CLEAR), solve)
 
 
 def _tables(
@@ -283,8 +303,8 @@ def _weights(
     backscatter: Floats,
     belief: FogBelief,
     brightness: Brightness | None,
-) -> tuple[Floats, Floats]:
-    """Posterior (K, B) of fogs, and of each root (C,) within its spot.
+) -> tuple[Floats, Floats, Floats]:
+    """Posterior (K, B) of fogs, of each root (C,) within its spot, and log likelihood (K, B).
 
     A spot without a target has the echo of fog alone, and a pixel with its veil.
     """
@@ -316,6 +336,7 @@ def _weights(
     total = np.exp(empty - peak)
     np.add.at(total, index, relative)
     evidence = (peak + np.log(total))[usable].sum(axis=0)
+    support = evidence.max(axis=-1)
     evidence = evidence + np.log(np.maximum(belief.share, 1e-300))[:, None, None]
     evidence = evidence + np.log(WEIGHTS / WEIGHTS.sum())[:, None]
     if aside.size > 1:
@@ -324,7 +345,7 @@ def _weights(
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
     by_root = (relative / total[index] * weight[roots.node, roots.draw]).sum(axis=-1)
-    return weight.sum(axis=-1), by_root
+    return weight.sum(axis=-1), by_root, support
 
 
 def _log_likelihood_of_pixel(
@@ -342,7 +363,8 @@ def _log_likelihood_of_pixel(
     return np.where(np.isfinite(likelihood), likelihood, 0.0)
 
 
-def _spot_posterior(roots: _Roots, by_root: Floats, spot: int) -> SpotPosterior:
+def _spot_posterior(roots: _Roots, by_root: Floats, reaching: Mask, spot: int) -> SpotPosterior:
+    """Roots of one spot by alternatives; sigma reaches to the farthest of some (C,)."""
     here = np.flatnonzero(roots.spot == spot)
     weight = by_root[here]
     here = here[weight > NEGLIGIBLE * weight.sum()]
@@ -357,7 +379,10 @@ def _spot_posterior(roots: _Roots, by_root: Floats, spot: int) -> SpotPosterior:
         return np.asarray(np.bincount(branch, weight * values) / total)
 
     centre, noise_m2 = mean(range_m), mean(roots.noise_m2[here])
-    sigma_m = np.sqrt(noise_m2 + mean((range_m - centre[branch]) ** 2))
+    away_m2 = (range_m - centre[branch]) ** 2
+    farthest_m2 = np.zeros(total.size)
+    np.maximum.at(farthest_m2, branch, np.where(reaching[here], away_m2, 0.0))
+    sigma_m = np.sqrt(noise_m2 + np.maximum(mean(away_m2), farthest_m2))
     best = int(total.argmax())
     return SpotPosterior(
         alternatives=tuple(
@@ -371,14 +396,14 @@ def _spot_posterior(roots: _Roots, by_root: Floats, spot: int) -> SpotPosterior:
     )
 
 
-def _status(spot: SpotPosterior, longest_m: float) -> Status:
+def _status(spot: SpotPosterior, longest_m: float, widest_m: float) -> Status:
     """What a range rests on, or why there is none."""
     if not spot.alternatives or spot.target < CERTAIN or spot.strength < spot.needed:
         return "fog"
     likeliest = spot.alternatives[0]
     if likeliest.weight < CERTAIN or likeliest.range_m > longest_m - MIN_SIGNAL * likeliest.sigma_m:
         return "ambiguous"
-    if likeliest.sigma_m > LARGEST * likeliest.range_m:
+    if likeliest.sigma_m > min(widest_m, LARGEST * likeliest.range_m):
         return "fog"
     return "ok" if likeliest.sigma_m <= UNAFFECTED * spot.noise_m else "weather prior"
 

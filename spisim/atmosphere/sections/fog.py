@@ -10,12 +10,12 @@ from pydantic_core import PydanticCustomError
 
 from spisim.atmosphere.droplets import GammaSizes, LogNormalSizes, Particles
 from spisim.atmosphere.fog import agreed_visibility, fog
-from spisim.atmosphere.medium import Atmosphere, explicit
+from spisim.atmosphere.medium import MAX_EXTINCTION_PER_M, Atmosphere, explicit
 from spisim.atmosphere.mie_phase import PHASES, PhaseName
 from spisim.atmosphere.phase import Blend, Phase, henyey_greenstein
 from spisim.atmosphere.table import tabulate
 from spisim.atmosphere.weather import Weather
-from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section
+from spisim.config import Fraction, Name, Number, Positive, Section
 from spisim.config.files import read_columns
 
 
@@ -137,7 +137,7 @@ class Fog(Weather):
     """Sizes of its own in place of a `kind`."""
     definition: str = "koschmieder"
     """What visibility means: a contrast of 2 % (koschmieder) or of 5 % (mor)."""
-    extinction_per_m: NonNegative | None = None
+    extinction_per_m: Annotated[Number, Field(ge=0, le=MAX_EXTINCTION_PER_M)] | None = None
     """Extinction, for a medium by its coefficients."""
     albedo: Fraction = 1.0
     """Share of the light met that is scattered; goes with `extinction_per_m`."""

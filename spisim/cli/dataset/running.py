@@ -11,6 +11,7 @@ import typer
 from reconstruction.errors import InputError
 
 from ..console import say
+from ..outputs import resumed
 
 if TYPE_CHECKING:
     from spisim.dataset.workers import Executor, Make
@@ -46,14 +47,12 @@ def executors(
 
 @contextmanager
 def explained() -> Iterator[None]:
-    """Exit statuses and messages of runs that are interrupted or find no space."""
+    """Message of runs that are interrupted; message and exit status of those without space."""
     from spisim.dataset.runner import OutOfSpace
 
     try:
-        yield
+        with resumed():
+            yield
     except OutOfSpace as error:
         say(f"error: {error}", style="red")
         raise typer.Exit(OUT_OF_SPACE) from None
-    except KeyboardInterrupt:
-        say("interrupted; no file is left half-written. Run the same command again to go on")
-        raise typer.Exit(130) from None

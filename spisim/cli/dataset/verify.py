@@ -17,8 +17,8 @@ def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
     """
     from dataclasses import asdict
 
+    from reconstruction.folders import holder
     from spisim.dataset.folder import Layout
-    from spisim.dataset.lock import holder
     from spisim.dataset.verify import verify
 
     runner = holder(Layout(folder).lock)

@@ -88,6 +88,7 @@ def command(
         float, opt.real_option("Fly the path X times as fast.", least=0.01, most=100)
     ] = 1.0,
     weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
+    stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
     overwrite: opt.Overwrite = False,
     json: opt.Json = False,
@@ -97,21 +98,24 @@ def command(
 
     Light is solved at key poses, and interpolated between them; docs/live.md has the messages.
     """
+    from spisim.scene import load_trajectory
     from spisim.serving import Camera, FlightRecord, Server, provenance, solver
     from spisim.serving.record import MOST_FRAMES
 
-    of_path = {"--frame": frame != "body", "--speed": speed != 1}
-    check_options(path, pose, gust, of_path, to, json=json)
+    path_options = {"--frame": frame != "body", "--speed": speed != 1}
+    check_options(path, pose, gust, path_options, to, json=json)
     read = list(files_read(scene, instrument, *([path] if path else [])))
     _check_record(record, read, overwrite=overwrite)
     line = line_to(to, commands, read, steered=path is None, lockstep=lockstep, overwrite=overwrite)
     with closing(line):
-        carried = instrument_with(instrument)
+        trajectory = None if path is None else load_trajectory(path, frame).faster(speed)
+        of_path = None if trajectory is None else trajectory.weather
+        carried = instrument_with(instrument, stated=stated or of_path)
         place, oddities = scene_with(scene, carried.wavelength_nm, weather)
-        if path is None:
+        if trajectory is None:
             flight = as_told(place, pose, gust or [], spacing)
         else:
-            flight = along(place, path, frame, speed, spacing, at_once=lockstep)
+            flight = along(place, trajectory, spacing, at_once=lockstep)
         solve = solver(carried, light, spp=spp, seed=seed)
         kept = max(KEPT, flight.ahead)
         camera = Camera(flight.scene, carried, flight.keys, solve, seed=seed, kept=kept)

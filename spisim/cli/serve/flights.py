@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from reconstruction.errors import InputError
 
 if TYPE_CHECKING:
-    from spisim.scene import Scene
+    from spisim.scene import Scene, Trajectory
     from spisim.serving import Gust, Keys, Motion, Pilot
 
 #: Key poses of a path, all of which are kept where it is flown in time.
@@ -49,17 +49,14 @@ def check_options(
             raise InputError(f"--path and {option} exclude each other")
 
 
-def along(
-    scene: Scene, path: str, frame: str, speed: float, spacing_m: float, *, at_once: bool
-) -> Flight:
+def along(scene: Scene, path: Trajectory, spacing_m: float, *, at_once: bool) -> Flight:
     """Along a path; its light is solved ahead, but for frames that may take their time."""
-    from spisim.scene import check_clear_path, load_trajectory
+    from spisim.scene import check_clear_path
     from spisim.serving import Follower, PathKeys
 
-    trajectory = load_trajectory(path, frame).faster(speed)
-    check_clear_path(scene, trajectory)
-    keys = PathKeys(scene, trajectory, spacing_m)
-    return Flight(scene, keys, Follower(trajectory), 1 if at_once else _checked(keys.count))
+    check_clear_path(scene, path)
+    keys = PathKeys(scene, path, spacing_m)
+    return Flight(scene, keys, Follower(path), 1 if at_once else _checked(keys.count))
 
 
 def as_told(scene: Scene, pose: str | None, gusts: list[str], spacing_m: float) -> Flight:

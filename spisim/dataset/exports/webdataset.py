@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from reconstruction.errors import InputError
-from reconstruction.files import is_marked, mark, require_folder, write_atomically
+from reconstruction.files import is_marked, mark, remove_unfinished, write_atomically
+from reconstruction.folders import locked_folder
 
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet, StoredSample
@@ -27,7 +28,8 @@ def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -
     A sample is `000123.h5` (its capture), `000123.json` (index, scene and parameters) and its
     sidecars. Equal samples give byte-equal shards; each appears whole or not at all. Raises
     InputError for a set without samples, shards of none, a folder that lies in the set,
-    holds other shards or cannot be written into, and captures that are missing.
+    holds other shards, cannot be written into or is held by another process, and captures that are
+    missing.
     """
     folder = Path(folder)
     if not samples:
@@ -36,19 +38,20 @@ def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -
         raise InputError(f"shard_size should be at least 1; found {shard_size}")
     if folder.resolve().is_relative_to(samples.folder.resolve()):
         raise InputError(f"{folder} lies in the data set {samples.folder}; choose another folder")
-    require_folder(folder)
     batches = [
         list(range(start, min(start + shard_size, len(samples))))
         for start in range(0, len(samples), shard_size)
     ]
     paths = [folder / f"shard-{number:06d}.tar" for number in range(len(batches))]
-    there = sorted(folder.glob("shard-*.tar"))
-    others = [path for path in there if path not in paths or not is_marked(path, KIND)]
-    if others:
-        raise InputError(f"{others[0]} belongs to another export; choose an empty folder")
-    for path, places in zip(paths, batches, strict=True):
-        members = itertools.chain.from_iterable(_members(samples[place]) for place in places)
-        write_atomically(path, _tar(members))
+    with locked_folder(folder):
+        there = sorted(folder.glob("shard-*.tar"))
+        others = [path for path in there if path not in paths or not is_marked(path, KIND)]
+        if others:
+            raise InputError(f"{others[0]} belongs to another export; choose an empty folder")
+        remove_unfinished(paths)
+        for path, places in zip(paths, batches, strict=True):
+            members = itertools.chain.from_iterable(_members(samples[place]) for place in places)
+            write_atomically(path, _tar(members))
     return paths
 
 

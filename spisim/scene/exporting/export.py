@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element
 
 from reconstruction.errors import InputError, nearest
 from reconstruction.files import write_atomically
+from reconstruction.folders import locked_name
 from spisim.scene.exporting.glb import glb_files
 from spisim.scene.exporting.sdf import sdf_files
 from spisim.scene.model import Scene
@@ -26,10 +27,11 @@ def export_scene(
     """Write a scene as it stands now; the files written.
 
     A world of Gazebo has `further` elements too, such as sensors. Raises InputError for a suffix of
-    no format in `FORMATS`, or one that has no such elements, and where a file is there unless it
-    may be replaced; a folder of meshes is only if all in it was written here.
+    no format in `FORMATS`, or one that has no such elements, where another process writes a scene
+    of this name, and where a file is there unless it may be replaced; a folder of meshes is only if
+    all in it was written here.
     """
-    suffix, folder = output.suffix.lower(), mesh_folder(output)
+    folder, suffix = mesh_folder(output), output.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{output}: unknown format {suffix!r}: {nearest(suffix, FORMATS)}")
     if further and suffix != ".sdf":
@@ -38,9 +40,11 @@ def export_scene(
     for path in (output, *([folder] if meshes else [])):
         if path.exists() and not overwrite:
             raise InputError(f"{path} exists; --overwrite replaces it")
-    if meshes:
-        _write_folder(folder, meshes)
-    write_atomically(output, text)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    with locked_name(output):
+        if meshes:
+            _write_folder(folder, meshes)
+        write_atomically(output, text)
     return [output, *(folder / name for name in meshes)]
 
 
@@ -48,7 +52,6 @@ def _write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
     """All files under a temporary name, then in place of an older folder."""
     if folder.exists():
         check_meshes(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
     stage = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.tmp")
     try:
         stage.mkdir()

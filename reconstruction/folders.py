@@ -1,0 +1,180 @@
+"""Folders that one program at a time writes into."""
+
+import fcntl
+import os
+import platform
+import re
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import get_ident
+
+from .errors import InputError
+from .files import Output, remove_unfinished, require_folder, require_outputs
+
+LOCK = ".lock"
+"""Name of a folder's lock file; of what takes the place of another folder when it is whole, the
+lock file lies beside it."""
+
+_CONTENT = re.compile(rb"(\d+ .*\n?)?")
+"""What a lock file holds: nothing, or process and machine."""
+_MOST_BYTES = 300
+_held: set[tuple[int, Path]] = set()
+"""Threads of this process and the lock files that they hold."""
+
+
+@contextmanager
+def output_folder(
+    folder: str | Path,
+    outputs: Iterable[Output],
+    inputs: Iterable[str | Path] = (),
+    *,
+    overwrite: bool = False,
+) -> Iterator[None]:
+    """Hold a folder as `locked_folder`, ready for these outputs of a command.
+
+    What a killed run of the command had not finished writing is removed. Raises InputError as
+    `locked_folder` and `require_outputs`.
+    """
+    files = list(outputs)
+    with locked_folder(folder):
+        require_outputs(files, inputs, overwrite=overwrite)
+        remove_unfinished(file.path for file in files)
+        yield
+
+
+@contextmanager
+def locked_folder(folder: str | Path) -> Iterator[None]:
+    """Hold a folder for this thread alone, and make it if it is missing.
+
+    What writes a folder holds it, whoever calls it: the thread may hold it already. In the end a
+    folder that was made and is still empty is removed.
+
+    Raises InputError as `locked`, and where the folder cannot be made or written into.
+    """
+    folder = Path(folder)
+    require_folder(folder)
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with locked(folder, folder / LOCK):
+            yield
+    finally:
+        with suppress(OSError):
+            for each in made:
+                each.rmdir()
+
+
+@contextmanager
+def locked_name(output: Path) -> Iterator[None]:
+    """Hold the name of what is written elsewhere and takes this name when it is whole.
+
+    Raises InputError as `locked`.
+    """
+    with locked(output, output.with_name(f".{output.name}{LOCK}")):
+        yield
+
+
+@contextmanager
+def locked(held: Path, lock: Path) -> Iterator[None]:
+    """Hold a lock file that tells process and machine; the system lets go of it if that dies.
+
+    It is removed in the end, unless the thread has held it before.
+
+    Raises InputError where another process or thread holds it, and where something else has its
+    name; OSError where it cannot be made, and where the file system has no such locks.
+    """
+    key = get_ident(), lock.absolute()
+    if key in _held:
+        yield
+        return
+    file, ours = _taken(held, lock)
+    _held.add(key)
+    try:
+        _write(file, f"{os.getpid()} {platform.node()}\n")
+        yield
+    finally:
+        _held.discard(key)
+        with suppress(OSError):
+            if ours:
+                lock.unlink()
+            else:
+                _write(file, "")
+        os.close(file)
+
+
+def holder(lock: Path) -> str | None:
+    """Process and machine that hold a lock file; None where none does, or it was killed.
+
+    Raises InputError where something else has its name.
+    """
+    try:
+        file = _opened(lock, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return _named(_content(file))
+    finally:
+        os.close(file)
+    return None
+
+
+def _taken(held: Path, lock: Path) -> tuple[int, bool]:
+    """Descriptor of a lock file that is held, and whether a process like this one made it."""
+    while True:
+        made = not lock.exists()
+        file = _opened(lock, os.O_RDWR | os.O_CREAT)
+        try:
+            _acquire(file, held, lock)
+            if _is_at(file, lock):
+                return file, made or bool(_content(file))
+        except BaseException:
+            os.close(file)
+            raise
+        os.close(file)  # who held it has removed it since
+
+
+def _acquire(file: int, held: Path, lock: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        other = _named(_content(file)) or "unknown"
+        raise InputError(
+            f"{held}: process {other} is writing into it; wait for it or end it"
+        ) from None
+    if not _CONTENT.fullmatch(_content(file)):
+        raise InputError(f"{lock} is not a lock of spisim; move it elsewhere")
+
+
+def _opened(lock: Path, flags: int) -> int:
+    """Descriptor of a regular file, never of one behind a link."""
+    if lock.is_symlink():
+        raise InputError(f"{lock} is a link; a lock is none")
+    # What became a link since is an OSError; a pipe would be waited for.
+    file = os.open(lock, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
+        raise InputError(f"{lock} is not a regular file")
+    return file
+
+
+def _is_at(file: int, lock: Path) -> bool:
+    with suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(file), lock.lstat())
+    return False
+
+
+def _content(file: int) -> bytes:
+    return os.pread(file, _MOST_BYTES, 0)
+
+
+def _write(file: int, text: str) -> None:
+    os.ftruncate(file, 0)
+    os.pwrite(file, text.encode(), 0)
+
+
+def _named(content: bytes) -> str | None:
+    return " on ".join(content.decode(errors="replace").split()) or None
