@@ -11,9 +11,9 @@ PYTHONS   := python3.13 python3.12 python3.11 python3
 help:
 	@echo 'make demo    simulate a flight over a foggy warehouse and reconstruct it, into out/demo'
 	@echo 'make test    lint, type check and fast tests'
-	@echo 'make slow    the slow tests, an hour on two cores; with PART=3 an eighth of them'
+	@echo 'make slow    the slow tests, half an hour on two cores; with PART=3 a fifth of them'
 	@echo 'make hours   the tests that take hours: files and streams changed 100,000 times'
-	@echo 'make check   make test, make slow, and the path of a stranger'
+	@echo 'make check   make test, make slow, the path of a stranger, and a sample of faults'
 	@echo 'make docs    the documentation site, into out/site'
 	@echo 'make benchmarks  measure everything anew, hours, into the tables of the pages'
 	@echo 'make clean   remove the virtual environment, caches and out/'
@@ -36,6 +36,7 @@ hours: $(INSTALLED)
 
 check: test docs slow
 	$(BIN)/python tools/strangers_path.py
+	$(BIN)/python tools/mutation.py
 
 docs: $(VENV)/.installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

@@ -164,14 +164,14 @@ def run(capture: Capture, frames: int) -> Run:
     latencies: list[float] = []
     stamps_s: list[float] = []
     memory: list[float] = []
-    settled = round(SETTLED_S / frame_period_s(capture.setup))
+    settled = min(round(SETTLED_S / frame_period_s(capture.setup)), frames // 4)
 
     def note(outcome: Outcome) -> None:
         latencies.append(1e3 * outcome.latency_s)
         stamps_s.append(time.thread_time())
         if outcome.result.frame % COMPARED == 0:
             digests[outcome.result.frame] = digest(outcome.result)
-        if len(latencies) >= settled and len(latencies) % 100 == 0:
+        if len(latencies) >= settled and len(latencies) % 50 == 0:
             memory.append(resident_mib())
 
     loop = Loop(

@@ -3,9 +3,10 @@
     python benchmarks/reconstructor.py [--quick] [--json] [--markdown]
 
 64 × 64 pixels, 127 patterns and four spots: a simulated frame of the warehouse as often as the
-recording is long, for the pursuit's work depends on what a frame shows. Recordings of different
-lengths take turns, so that a busy machine slows all alike. `--markdown` pastes the tables into
-docs/reconstruction.md.
+recording is long, for the pursuit's work depends on what a frame shows. Then the default frame of
+two instruments, part by part, with no, one and ten readings of each frame that failed, others each
+time. What is compared takes turns, so that a busy machine slows all alike. `--markdown` pastes the
+tables into docs/reconstruction.md.
 """
 
 import os
@@ -27,13 +28,17 @@ from yardstick import processor
 import spisim
 from reconstruction import Reconstructor, open_capture, reconstruct, write_capture
 from reconstruction.arrays import Floats
-from reconstruction.capture import Capture, CaptureFile, Truth
+from reconstruction.capture import Capture, CaptureFile, Frames, Truth
 from reconstruction.capture.readings.cw import CwSpots
 from spisim.paper.checks import Check, Interval, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
 FRAMES = (1, 1_000, 10_000)
 BATCH = 16
+INSTRUMENTS, FAILED = ("paper", "fog"), (0, 1, 10)
+MOST_MS = 8.5
+"""Of a core, for a frame: what 15,000 patterns a second leave."""
+BATCHED = 1_000
 
 
 def main() -> int:
@@ -52,6 +57,11 @@ def main() -> int:
         tables, checks = flat(files, calls)
         tables.append(ways(files[1], calls))
         checks.append(cold_start(Path(folder), 5 if options.quick else 15))
+    for name in INSTRUMENTS:
+        table, more_checks = default_frame(name, calls)
+        tables.append(table)
+        checks += more_checks
+    tables.append(in_batches(one))
     return finish(options, DOCS, "benchmark", around, tables, checks)
 
 
@@ -115,6 +125,79 @@ def ways(file: CaptureFile, calls: int) -> Table:
         for name, each in zip(work, seconds, strict=True)
     ]
     return Table("The same frames in several ways:", ("", "per frame, ms", "over the first"), rows)
+
+
+def default_frame(instrument: str, calls: int) -> tuple[Table, list[Check]]:
+    """Processor time of a default frame, and by part on the clock, by how many readings failed."""
+    capture = spisim.simulate(
+        spisim.load_scene("warehouse"), spisim.load_instrument(instrument), spp=16, frames=8
+    ).capture
+    reconstructor = Reconstructor(capture.setup)
+    rng = np.random.default_rng(0)
+    seconds: dict[int, list[float]] = {each: [] for each in FAILED}
+    parts: dict[int, list[dict[str, float]]] = {each: [] for each in FAILED}
+    for call in range(calls):
+        for failed in FAILED:
+            frame = with_failed(capture.frame(call % capture.frames), failed, rng)
+            began = thread_time()
+            result = reconstructor(frame)
+            seconds[failed].append(thread_time() - began)
+            parts[failed].append(dict(result.timings_s))
+    medians = {failed: 1e3 * float(np.median(each)) for failed, each in seconds.items()}
+    names = list(parts[0][0])
+    rows = [
+        (
+            f"{failed}",
+            f"{medians[failed]:.2f}",
+            *(f"{1e3 * np.median([each[name] for each in parts[failed]]):.2f}" for name in names),
+        )
+        for failed in FAILED
+    ]
+    title = f"A default frame of the instrument {instrument}, by failed readings, ms:"
+    checks = [Check(f"{instrument}: a sound frame, ms of a core", medians[0], MOST_MS)]
+    checks += [
+        Check(f"{instrument}: with {failed} failed readings, over a sound one", ratio, 1.5)
+        for failed in FAILED[1:]
+        for ratio in [medians[failed] / medians[0]]
+    ]
+    return Table(title, ("failed", "processor time", *names), rows), checks
+
+
+def with_failed(frame: Frames, failed: int, rng: np.random.Generator) -> Frames:
+    """A frame of which so many readings but the first and the last, on which all rest, failed."""
+    saturated = frame.buckets.saturated.copy()
+    saturated[0, 1 + rng.choice(saturated.shape[1] - 2, failed, replace=False)] = True
+    return replace(frame, buckets=replace(frame.buckets, saturated=saturated))
+
+
+def in_batches(one: Capture) -> Table:
+    """Frames a second of a batch, by what is made of them."""
+    frames = first_frames(one, BATCHED)
+    rows = []
+    for title, methods in (
+        ("defaults", {}),
+        ("least-squares alone", {"image": "least-squares", "ranging": (), "depth": ()}),
+    ):
+        reconstructor = Reconstructor(one.setup, **methods)
+        reconstructor(one.frame())
+        began = thread_time()
+        reconstructor.batch(frames)
+        rows.append((title, f"{BATCHED / (thread_time() - began):,.0f}"))
+    return Table(f"A batch of {BATCHED:,} frames:", ("", "frames a second"), rows)
+
+
+def first_frames(one: Capture, frames: int) -> Frames:
+    """The frame of a capture so many times."""
+    assert isinstance(one.spots, CwSpots)
+    counts, taps = (
+        np.repeat(each, frames, axis=0) for each in (one.buckets.counts, one.spots.taps)
+    )
+    alone = one.frame()
+    return replace(
+        alone,
+        buckets=replace(one.buckets, counts=counts, saturated=np.zeros(counts.shape, bool)),
+        spots=replace(one.spots, taps=taps, saturated=np.zeros(taps.shape, bool)),
+    )
 
 
 def one_by_one(file: CaptureFile) -> Callable[[], object]:

@@ -15,6 +15,8 @@ from spisim.paper.checks import Interval
 
 REFERENCE_S = 3.25e-3
 """What the work takes on one core of the AMD EPYC of the docs, with nothing beside it."""
+LAGGING = 1.3
+"""Slowness from which on work that keeps up on the reference may not."""
 LAPS = 31
 SIZE, CALLS = 96, 300
 MATRIX = np.random.default_rng(0).standard_normal((SIZE, SIZE))
@@ -70,6 +72,12 @@ class Yardstick:
             return low / max(self._slowness), high / min(self._slowness)
 
         return time / self.slowness, ends
+
+    def of_lateness(self, value: float) -> Interval | None:
+        """Of what comes of being late: where the machine lags, the reference may be on time."""
+        if max(self._slowness) < LAGGING:
+            return None
+        return lambda confidence: (0.0, value)
 
     def of_ratio(self, ratio: float) -> Interval:
         """Of two times one after the other, while the machine may have been slowed."""

@@ -1,6 +1,7 @@
 """Which methods a recording gets: by name, or the usual ones that suit it."""
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import islice
 
 from .capture import Setup
 from .depth import DEPTH_METHODS, lacks, unlike
@@ -10,10 +11,11 @@ from .ranging import RANGING_METHODS, RangingSolver, ranging_method, reads, usua
 from .result import BASELINE
 
 Names = str | Sequence[str] | None
-"""Methods: one, several of which the first is the default, ``all`` that fit, or the usual ones.
+"""Methods: one, several of which the first is the default, or None, the ``default`` one.
 
-Among several, ``usual`` stands for those. ``all`` has no image methods that carry something from
-frame to frame: their images depend on which frames were reconstructed before.
+Among several, ``usual`` stands for the default one and those that it is compared with, ``all`` for
+those and all that fit. ``all`` has no image methods that carry something from frame to frame: their
+images depend on which frames were reconstructed before.
 """
 
 USUAL_IMAGES = ("edge-preserving", "pursuit", BASELINE)
@@ -92,10 +94,7 @@ def ranging_solvers(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver
             return False
         return name in solvers
 
-    usual: list[str] = []
-    if names is None or (isinstance(names, Sequence) and ("usual" in names or "all" in names)):
-        usual = [name for name in usual_rangings(spots) if fits(name)]
-    chosen = _listed(names, usual, RANGING_METHODS, fits)
+    chosen = _listed(names, filter(fits, usual_rangings(spots)), RANGING_METHODS, fits)
     return {
         name: solvers.get(name) or ranging_method(name, spots).compile(spots, setup.optics)
         for name in chosen
@@ -121,13 +120,21 @@ def depth_names(names: Names, setup: Setup) -> list[str]:
 
 
 def _listed(
-    names: Names, usual: Sequence[str], every: Iterable[str], fits: Callable[[str], bool]
+    names: Names, usual: Iterable[str], every: Iterable[str], fits: Callable[[str], bool]
 ) -> list[str]:
-    """Names one by one, in place of "usual" the ``usual`` ones, of "all" those that fit too."""
+    """Names one by one, with those that "default", "usual" and "all" stand for.
+
+    Of the ``usual`` ones only those are looked at that are needed.
+    """
     if not (names is None or isinstance(names, Sequence)):
         raise InputError(f"methods are told by their names, not by {names!r}")
+    told = ["default"] if names is None else [names] if isinstance(names, str) else names
+    known = list(islice(usual, None if "usual" in told or "all" in told else 1))
     listed: list[str] = []
-    for each in ["usual"] if names is None else [names] if isinstance(names, str) else names:
-        listed += usual if each in ("usual", "all") else [each]
+    for each in told:
+        if each == "default":
+            listed += known[:1]
+        else:
+            listed += known if each in ("usual", "all") else [each]
         listed += filter(fits, every) if each == "all" else []
     return list(dict.fromkeys(listed))

@@ -107,7 +107,7 @@ def _coefficient_snr(imaging: Imaging, frame: Frames) -> float | None:
     """Of the coefficients other than the level; None where it is not known, or nothing usable."""
     buckets = frame.buckets
     readings = imaging.of(buckets.usable[0])
-    varying = readings.decoder.operator.varying
+    varying = readings.decoder.operator.varying & readings.measured
     if not np.isfinite(buckets.variance).any() or not varying.any():
         return None
     return readings.decode(buckets.signal[0], buckets.variance[0]).signal_over_noise(varying)

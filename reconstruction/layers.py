@@ -14,35 +14,54 @@ Channels = NDArray[np.float32]
 
 
 class Layers:
-    """Convolutions by their names, of weights ``<name>.weight`` and ``<name>.bias``."""
+    """Convolutions by their names, of weights ``<name>.weight`` and ``<name>.bias``.
+
+    Of 3 x 3 pixels, with zeros around the maps, or of each pixel by itself.
+    """
 
     def __init__(self, weights: Mapping[str, NDArray[Any]]) -> None:
         self._layers = {
             name.removesuffix(".weight"): (
-                np.ascontiguousarray(_flat(weight.astype(np.float32))),
-                weights[name.replace("weight", "bias")].astype(np.float32)[:, None],
+                np.ascontiguousarray(weight.astype(np.float32).transpose(2, 0, 3, 1)),
+                weights[name.replace("weight", "bias")].astype(np.float32)[:, None, None],
             )
             for name, weight in weights.items()
             if name.endswith(".weight")
         }
 
-    def __call__(self, name: str, channels: Channels) -> Channels:
-        """A convolution (C, H, W), with zeros around it: of 3 x 3 pixels, or of each by itself."""
-        weight, bias = self._layers[name]
+    def __call__(
+        self, name: str, channels: Channels, constants: Channels | None = None
+    ) -> Channels:
+        """A convolution (D, H, W) of channels (C, H, W), behind which are ``constants`` (N,).
+
+        These are maps of one value each: together they are one of ones.
+        """
+        weight, bias = self._layers[name]  # (down, D, along, C + N)
         count, height, width = channels.shape
-        if weight.shape[1] == count:
-            out = weight @ channels.reshape(count, -1) + bias
-            return out.reshape(-1, height, width)
-        # As rows of the padded image follow each other, each of the nine shifts is a slice.
-        padded = np.zeros((count, height + 2, width + 2), np.float32)
-        padded[:, 1:-1, 1:-1] = channels
-        flat = padded.reshape(count, -1)
-        length = height * (width + 2) - 2
-        starts = [down * (width + 2) + along for down in range(3) for along in range(3)]
-        columns = np.concatenate([flat[:, start : start + length] for start in starts])
-        out = np.empty((len(weight), height * (width + 2)), np.float32)
-        out[:, :length] = weight @ columns + bias
-        return out.reshape(-1, height, width + 2)[:, :, :width]
+        down, out, along, _ = weight.shape
+        if constants is not None:
+            told = weight[..., count:] @ constants
+            weight = np.concatenate([weight[..., :count], told[..., None]], axis=-1)
+        if down == 1:
+            found = weight.reshape(out, -1) @ channels.reshape(count, -1)
+            return found.reshape(out, height, width) + bias
+        # Shifts along the rows are columns of one product, and down the columns its slices.
+        shifted = np.zeros((along, weight.shape[-1], height + 2, width), np.float32)
+        own = shifted[:, :count, 1:-1]
+        own[0, :, :, 1:], own[1], own[2, :, :, :-1] = (
+            channels[..., :-1],
+            channels,
+            channels[..., 1:],
+        )
+        if constants is not None:
+            ones = shifted[:, count, 1:-1]
+            ones[0, :, 1:], ones[1], ones[2, :, :-1] = 1, 1, 1
+        rows = weight.reshape(down * out, -1) @ shifted.reshape(along * weight.shape[-1], -1)
+        above, here, below = rows.reshape(down, out, height + 2, width)
+        found = above[:, :-2] + here[:, 1:-1]
+        found += below[:, 2:]
+        found += bias
+        return np.asarray(found)
 
     def changed(self, name: str, channels: Channels, blocks: int) -> Channels:
         """With what pairs of convolutions ``<name>.0`` and so on add to it, block by block."""
@@ -92,8 +111,8 @@ def filled(maps: Channels, multiple: int) -> Channels:
 
 
 def positive(channels: Channels) -> Channels:
-    """Rectified."""
-    return np.maximum(channels, 0)
+    """Rectified, in its place."""
+    return np.maximum(channels, 0, out=channels)
 
 
 def squares_as_channels(channels: Channels) -> Channels:
@@ -108,8 +127,3 @@ def channels_as_squares(channels: Channels) -> Channels:
     count, height, width = channels.shape
     squares = channels.reshape(count // 4, 2, 2, height, width)
     return squares.transpose(0, 3, 1, 4, 2).reshape(count // 4, 2 * height, 2 * width)
-
-
-def _flat(weight: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Weights (out, in, 3, 3) or (out, in, 1, 1) as (out, shifts x in)."""
-    return weight.transpose(0, 2, 3, 1).reshape(len(weight), -1)

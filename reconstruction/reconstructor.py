@@ -1,9 +1,10 @@
 """From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from .image import (
     Coefficients,
     Estimate,
     Imaging,
+    SolverOfMany,
     UsableReadings,
 )
 from .ranging import (
@@ -47,14 +49,15 @@ logger = logging.getLogger(__name__)
 class Reconstructor:
     """Reconstructs frames of one recording, or of others that have the same ``setup``.
 
-    ``image``, ``ranging`` and ``depth`` name methods (see `Names`); by default those are taken that
-    fit the recording. The zero-filled image is always among the images: all others are compared
-    with it. A name ``method:dictionary`` is an image method with another dictionary than
-    its own. ``weather`` is what the user states of it: "clear", "fog", "unknown" or a visibility in
-    metres, in place of what the recording states; ranging in fog takes it as its prior, and in
-    clear air the plain ranges come first. ``min_free``: an obstacle is where the probability that
-    the corridor ahead is free falls below this. Everything that the frames share is computed here;
-    the work per frame does not depend on how many there are.
+    ``image``, ``ranging`` and ``depth`` name methods (see `Names`): of each station the first of
+    the usual ones that fits the recording, unless others are named. The zero-filled image is always
+    among the images: all others are compared with it. A name ``method:dictionary`` is an image
+    method with another dictionary than its own. ``weather`` is what the user states of it: "clear",
+    "fog", "unknown" or a visibility in metres, in place of what the recording states; ranging in
+    fog takes it as its prior, and in clear air the plain ranges come first. ``min_free``: an
+    obstacle is where the probability that the corridor ahead is free falls below this. Everything
+    that the frames share is computed here; the work per frame does not depend on how many there
+    are.
 
     ``failed`` hears of a method that raises in a frame, by its station and name, whose result then
     goes without it; unless it is given, the error is the caller's.
@@ -94,6 +97,8 @@ class Reconstructor:
         if setup.optics is not None:
             rays = pixel_rays(setup.optics, setup.plan.shape)
             self._corridor = Corridor(rays)
+            if setup.spots is not None:
+                self._spots = pixel_of(setup.spots.directions, setup.optics, setup.plan.shape)
             self._stretch = np.linalg.norm(rays, axis=-1).astype(np.float32)
         logger.info(
             "methods of image: %s; of ranging: %s; of depth: %s",
@@ -111,10 +116,39 @@ class Reconstructor:
         self._check(frames)
         buckets = frames.buckets
         readings = zip(buckets.signal, buckets.variance, buckets.usable, strict=True)
-        return [
-            self._frame(frames.between(number, number + 1), *reading)
-            for number, reading in enumerate(readings)
+        decoded = [
+            self._decoded(frames.between(number, number + 1), *each)
+            for number, each in enumerate(readings)
         ]
+        if len(decoded) > 1:
+            self._imaged_together(decoded)
+        return [self._frame(each) for each in decoded]
+
+    def _decoded(
+        self, frame: Frames, signal: Floats, variance: Floats, usable: NDArray[np.bool_]
+    ) -> "_Decoded":
+        timings: dict[str, float] = {}
+        with timed(timings, "decoding"):
+            readings, spoilt = self._readings(frame.first, signal, usable)
+            coefficients = readings.decode(signal, variance)
+        for shared in (coefficients.values, coefficients.noise):
+            shared.setflags(write=False)  # by methods, one after the other
+        return _Decoded(frame, readings, coefficients, spoilt, timings, {})
+
+    def _imaged_together(self, decoded: Sequence["_Decoded"]) -> None:
+        """By those methods that are faster with several frames at once."""
+        for name in self._images:
+            solvers: dict[Any, None] = dict.fromkeys(each.readings.solver(name) for each in decoded)
+            for solver in solvers:
+                if not isinstance(solver, SolverOfMany):
+                    continue
+                same = [each for each in decoded if each.readings.solver(name) is solver]
+                timings: dict[str, float] = {}
+                with timed(timings, "all"):
+                    estimates = solver.many([each.coefficients for each in same])
+                for each, estimate in zip(same, estimates, strict=True):
+                    each.estimates[name] = estimate
+                    each.timings[f"image {name}"] = timings["all"] / len(same)
 
     def _check(self, frames: Frames) -> None:
         if not isinstance(frames, Frames) or not len(frames):
@@ -134,22 +168,11 @@ class Reconstructor:
                 f"frames of {found}, compiled for {expected}: they are of another recording"
             )
 
-    def _frame(
-        self,
-        frame: Frames,
-        signal: Floats,
-        variance: Floats,
-        usable: NDArray[np.bool_],
-    ) -> Result:
-        timings: dict[str, float] = {}
-        with timed(timings, "decoding"):
-            readings, spoilt = self._readings(frame.first, signal, usable)
-            coefficients = readings.decode(signal, variance)
-        for shared in (coefficients.values, coefficients.noise):
-            shared.setflags(write=False)  # by methods, one after the other
-        varying = readings.decoder.operator.varying
+    def _frame(self, decoded: "_Decoded") -> Result:
+        frame, readings, coefficients, spoilt, timings, _ = decoded
+        varying = readings.decoder.operator.varying & readings.measured
         notes = _note_of_readings(frame.first, spoilt, varying, coefficients)
-        images, deviations = self._images_of(readings, coefficients, timings, notes)
+        images, deviations = self._images_of(decoded, notes)
         brightness = self._brightness(images, deviations, readings)
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
@@ -186,7 +209,7 @@ class Reconstructor:
             unit=frame.buckets.unit,
             recording=frame.digest(self.setup),
             frame=frame.first,
-            patterns=readings.decoder.index.size,
+            patterns=readings.patterns,
             notes=notes,
         )
 
@@ -208,7 +231,7 @@ class Reconstructor:
         spoilt = readings.spoilt(signal)
         if spoilt.any():
             readings = self._imaging.of(usable & ~spoilt, frame)
-        if not readings.decoder.index.size:
+        if not readings.patterns:
             raise InputError(
                 f"frame {frame}: every pattern rests on a saturated reading, so there is "
                 "no image; record again with less light (projector power, exposure time) or a "
@@ -217,18 +240,18 @@ class Reconstructor:
         return readings, spoilt
 
     def _images_of(
-        self,
-        readings: UsableReadings,
-        coefficients: Coefficients,
-        timings: dict[str, float],
-        notes: dict[str, str],
+        self, decoded: "_Decoded", notes: dict[str, str]
     ) -> tuple[dict[str, Floats], dict[str, Floats]]:
         """Images and their deviations by method, of one at least."""
+        readings, estimates = decoded.readings, decoded.estimates
         images: dict[str, Floats] = {}
         deviations: dict[str, Floats] = {}
         for name in self._images:
-            with self._contained(f"image {name}"), timed(timings, f"image {name}"):
-                estimate = self._image(name, readings, coefficients)
+            with self._contained(f"image {name}"):
+                if name not in estimates:
+                    with timed(decoded.timings, f"image {name}"):
+                        estimates[name] = readings.solver(name)(decoded.coefficients)
+                estimate = self._checked_image(name, readings, estimates[name])
                 images[name] = estimate.image
                 if estimate.deviation is not None:
                     deviations[name] = estimate.deviation
@@ -238,9 +261,8 @@ class Reconstructor:
             raise InputError("every method of the image has failed")
         return images, deviations
 
-    def _image(self, name: str, readings: UsableReadings, coefficients: Coefficients) -> Estimate:
+    def _checked_image(self, name: str, readings: UsableReadings, estimate: Estimate) -> Estimate:
         who = f"image method {name!r}"
-        estimate = readings.solver(name)(coefficients)
         if not isinstance(estimate, Estimate):
             raise InputError(f"{who} gave {type(estimate).__name__}, not an Estimate")
         image = checked(who, estimate.image, self._shape)
@@ -250,7 +272,7 @@ class Reconstructor:
         for values in (image, *([] if deviation is None else [deviation])):
             if not np.isfinite(values).all():
                 raise InputError(f"{who} gave values that are not finite")
-        if not readings.decoder.level:  # the darkest pixel is taken to be dark
+        if not readings.level:  # the darkest pixel is taken to be dark
             image = image - image.min()
         return Estimate(image, deviation, estimate.note)
 
@@ -278,15 +300,25 @@ class Reconstructor:
             or name is None
             or coupled
             or setup.buckets.unit != "electron"
-            or not readings.decoder.level
+            or not readings.level
         ):
             return None
-        at = pixel_of(setup.spots.directions, setup.optics, self._shape)
-        return brightness_at(at, images[name], deviations[name])
+        return brightness_at(self._spots, images[name], deviations[name])
 
     @property
     def _shape(self) -> tuple[int, int]:
         return self.setup.plan.shape
+
+
+class _Decoded(NamedTuple):
+    """A frame from its readings on, and the images of it that were made with those of others."""
+
+    frame: Frames
+    readings: UsableReadings
+    coefficients: Coefficients
+    spoilt: NDArray[np.bool_]
+    timings: dict[str, float]
+    estimates: dict[str, Estimate]
 
 
 def reconstruct(
@@ -301,21 +333,26 @@ def reconstruct(
 ) -> Result:
     """Reconstruct one frame of a recording; see `Reconstructor`.
 
+    Unless methods are named there are all usual ones, for the default ones to be compared with.
     Methods that carry something from frame to frame begin `LEAD` frames before it. Raises
     InputError if there is no such frame or nothing usable in it.
     """
     recording.batch(frame, frame + 1)  # told before any other
     reconstructor = Reconstructor(
         recording.setup,
-        image=image,
-        ranging=ranging,
-        depth=depth,
+        image=_or_usual(image),
+        ranging=_or_usual(ranging),
+        depth=_or_usual(depth),
         weather=weather,
         min_free=min_free,
     )
     for earlier in range(frame - lead(frame, image, ranging), frame):
         reconstructor(recording.batch(earlier, earlier + 1))
     return reconstructor(recording.batch(frame, frame + 1))
+
+
+def _or_usual(names: Names) -> Names:
+    return "usual" if names is None else names
 
 
 def _notes_without_image(rangings: Mapping[str, Ranges]) -> dict[str, str]:

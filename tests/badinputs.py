@@ -27,11 +27,12 @@ from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
 from spisim.cli import app
 from spisim.instrument.load import PRESETS
+from waiting import SAFETY_S
 
 #: The commands, made once.
 SPISIM = get_command(app)
 TABLES = Path(__file__).parent / "data" / "bad_inputs"
-#: A command that takes longer hangs.
+#: Of processor time: a command that takes longer hangs, as does one that waits for `SAFETY_S`.
 SECONDS = 20
 MEMORY_BYTES = 3 * 2**30
 #: What a message has no business with.
@@ -169,19 +170,22 @@ def call(arguments: list[str]) -> tuple[int, str, str]:
 def limited() -> Iterator[None]:
     """Late for what takes too long, MemoryError for what takes too much."""
 
-    def late(*_: object) -> None:
-        raise Late(f"not done after {SECONDS} s")
+    def late(number: int, _: object) -> None:
+        raise Late(f"hangs: {signal.Signals(number).name}")
 
-    before = signal.signal(signal.SIGALRM, late)
+    before = {number: signal.signal(number, late) for number in (signal.SIGPROF, signal.SIGALRM)}
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_DATA, (_data_bytes() + MEMORY_BYTES, hard))
-    signal.alarm(SECONDS)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    signal.alarm(SAFETY_S)
     try:
         yield
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
         resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
-        signal.signal(signal.SIGALRM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _data_bytes() -> int:

@@ -7,7 +7,7 @@ from zlib import crc32
 
 import pytest
 
-PARTS = 8
+PARTS = 5
 
 
 def part_of(name: str) -> int:

@@ -97,7 +97,7 @@ def of(folder: Path) -> dict[str, list[Ahead]]:
 def estimates(shown: Shown) -> Iterator[tuple[str, DepthEstimate]]:
     """Maps of a frame, by which constants are theirs."""
     inputs = inputs_of(shown)
-    if shipped().unlike(shown, inputs) is None:
+    if shipped().unlike(inputs) is None:
         told = shipped()(inputs)
         yield "learned", DepthEstimate(np.exp(told.log_depth), told.deviation, told.nothing)
     shape = shown.image.shape

@@ -2,14 +2,14 @@
 
     python tools/line_tests.py FOLDER [tests/unit ...]
 
-Run in the tree that is measured; `FOLDER` gets `lines.*`, coverage's own data with the name of a
-test as context, and `seconds-*.json`. tools/mutation.py reads both.
+Run in the tree that is measured; `FOLDER` gets coverage's own data, `lines`, with the name of a
+test as context, and `tests.json`: how long each takes, and those that fail. tools/mutation.py
+reads both.
 """
 
 import json
 import os
 import sys
-import time
 from collections import defaultdict
 from collections.abc import Generator
 from pathlib import Path
@@ -56,10 +56,10 @@ class Watch:
 def main() -> int:
     """Measure the tests that are named, or all of the fast ones."""
     folder = Path(sys.argv[1]).resolve()
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True)
     settings, starting = folder / "coverage.ini", folder / "starting"
     settings.write_text(SETTINGS.format(packages=",".join(PACKAGES), data=folder / "lines"))
-    starting.mkdir(exist_ok=True)
+    starting.mkdir()
     (starting / "sitecustomize.py").write_text(STARTS)
     watched = coverage.Coverage(config_file=str(settings))
     inherited = os.environ.get("PYTHONPATH", "")
@@ -67,14 +67,17 @@ def main() -> int:
         "COVERAGE_PROCESS_START": str(settings),
         "PYTHONPATH": os.pathsep.join(filter(None, [str(starting), inherited])),
     }
-    watched.start()
     watch = Watch(watched)
+    watched.start()
     pytest.main(["--continue-on-collection-errors", *sys.argv[2:]], plugins=[watch])
     watched.stop()
     watched.save()
-    kept = {name: round(took, 4) for name, took in watch.seconds.items()}
-    told = {"seconds": kept, "failed": sorted(set(watch.failed))}
-    (folder / f"seconds-{time.time_ns()}.json").write_text(json.dumps(told))
+    together = coverage.Coverage(data_file=str(folder / "lines"), config_file=False)
+    together.combine(map(str, folder.glob("lines.*")))
+    together.save()
+    seconds = {name: round(took, 4) for name, took in watch.seconds.items()}
+    told = {"seconds": seconds, "failed": sorted(set(watch.failed))}
+    (folder / "tests.json").write_text(json.dumps(told))
     return 0
 
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..chosen_methods import USUAL_IMAGES
 from ..errors import InputError
 from ..image import load_pursuit
 from ..live import CaptureSource, Counts, Loop, Outcome, Reception, State
@@ -89,7 +88,7 @@ def run(options: argparse.Namespace) -> None:
         reception,
         results=[teller.result, *(each.result for each in detached)],
         states=[teller.state, *(each.state for each in detached)],
-        image=names(options.image) or USUAL_IMAGES[0],
+        image=names(options.image),
         ranging=names(options.ranging),
         depth=names(options.depth),
         weather=options.weather,

@@ -13,13 +13,18 @@ The constants are those of an `AnchoredPrior`. The obliquity of the field, 1.5 %
 left out.
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
-from ..arrays import Floats
+from ..arrays import Floats, Mask
 from .anchored_prior import AnchoredPrior
 from .method import DepthEstimate
 from .neighbours import around, between
-from .rays import squared_distances
+
+BRIGHT = 90
+"""Percentile of bright pixels."""
 
 
 def anchored_depth(
@@ -31,59 +36,94 @@ def anchored_depth(
     depths that are not finite are ignored, and those that are uncertain count as little as they
     tell. None if there is none left or the image is dark.
     """
-    usable = np.isfinite(depth_m) & (depth_m > 0)
-    reference = float(np.percentile(image, 90))
-    if not usable.any() or reference <= 0:
+    reference = float(np.percentile(image, BRIGHT))
+    if reference <= 0:
         return None
-    anchors, depth_m, sigma_m = anchors[usable], depth_m[usable], sigma_m[usable]
-    log_depth, log_sigma = np.log(depth_m), sigma_m / depth_m
-    weight = 1 / (1 + (log_sigma / prior.log_depth_deviation) ** 2)
-    mean = weight @ log_depth / weight.sum()
-    scatter = weight @ (log_depth - mean) ** 2
-    depth_variance = (prior.log_depth_deviation**2 + scatter) / max(weight.sum(), 1.0)
-    share = 4 * depth_variance / (4 * depth_variance + prior.log_reflectance_deviation**2)
-
-    brightness = np.log(np.maximum(image, prior.min_brightness * reference))
-    smoothed = around(brightness)
-    at_anchors = between(smoothed, anchors)
-    residual = log_depth + share / 2 * at_anchors
-    unexplained = (1 - share) * depth_variance
-    kriged, variance = _krige(
-        smoothed, anchors, at_anchors, residual, unexplained, log_sigma, prior
-    )
-    depth = np.exp(kriged - share / 2 * brightness)
-    # An uncertain range may be anywhere within its deviation.
-    factor = np.where(log_sigma > prior.uncertain, np.exp(log_sigma), 1.0)
-    nearest, farthest = (depth_m / factor).min() / prior.max_nearer, (depth_m * factor).max()
-    return DepthEstimate(np.clip(depth, nearest, farthest), prior.doubt * np.sqrt(variance))
+    return AnchoredImage(image, reference, anchors, prior)(depth_m, sigma_m)
 
 
-def _krige(
-    brightness: Floats,
-    anchors: Floats,
-    at_anchors: Floats,
-    values: Floats,
-    variance: float,
-    sigma: Floats,
-    prior: AnchoredPrior,
-) -> tuple[Floats, Floats]:
-    """Ordinary kriging of values at the anchors that are known up to ``sigma``; its variance."""
-    length = prior.correlation_length * max(brightness.shape)
+class AnchoredImage:
+    """An image (H, W) whose bright pixels are as bright as a ``reference`` above 0.
 
-    def covariance(squared: Floats, contrast: Floats) -> Floats:
-        unlike = squared / (2 * length**2) + contrast**2 / (2 * prior.similarity**2)
-        return variance * np.exp(-unlike)
+    With ``anchors`` at pixels (K, 2), of which the depths may be told more than once.
+    """
 
-    count = len(values)
-    squared = ((anchors[:, None] - anchors) ** 2).sum(axis=-1)
-    system = np.ones((count + 1, count + 1))  # the last row makes the weights sum to one
-    system[:count, :count] = covariance(squared, at_anchors[:, None] - at_anchors)
-    system[:count, :count] += np.diag(sigma**2 + prior.nugget * variance)
-    system[count, count] = 0
-    to_pixels = np.ones((*brightness.shape, count + 1))
-    to_pixels[..., :count] = covariance(
-        squared_distances(brightness.shape, anchors), brightness[..., None] - at_anchors
-    )
-    weights = to_pixels @ np.linalg.inv(system)
-    told = np.einsum("hwk,hwk->hw", weights, to_pixels)
-    return weights @ np.append(values, 0), (1 + prior.nugget) * variance - told
+    def __init__(
+        self, image: Floats, reference: float, anchors: Floats, prior: AnchoredPrior
+    ) -> None:
+        self._prior = prior
+        self._brightness = np.log(np.maximum(image, prior.min_brightness * reference))
+        smoothed = around(self._brightness)
+        self._at_anchors = between(smoothed, anchors)
+        twice = 2 * (prior.correlation_length * max(image.shape)) ** 2
+
+        def likeness(squared: Floats, contrast: Floats) -> Floats:
+            return np.exp(-(squared / twice + contrast**2 / (2 * prior.similarity**2)))
+
+        between_anchors = ((anchors[:, None] - anchors) ** 2).sum(axis=-1)
+        self._of_anchors = likeness(between_anchors, self._at_anchors[:, None] - self._at_anchors)
+        rows, columns = (
+            (np.arange(side) - place[:, None]) ** 2
+            for side, place in zip(image.shape, anchors.T, strict=True)
+        )
+        self._of_pixels = likeness(
+            rows[:, :, None] + columns[:, None], smoothed - self._at_anchors[:, None, None]
+        )
+
+    def __call__(self, depth_m: Floats, sigma_m: Floats) -> DepthEstimate | None:
+        """The map of these depths (K,), None where there are none."""
+        found = self.log_depth(depth_m, sigma_m)
+        return None if found is None else DepthEstimate(np.exp(found.mean), found.deviation())
+
+    def log_depth(self, depth_m: Floats, sigma_m: Floats) -> "LogDepth | None":
+        """Its logarithm."""
+        usable, prior = np.isfinite(depth_m) & (depth_m > 0), self._prior
+        if not usable.any():
+            return None
+        depth_m, sigma_m = depth_m[usable], sigma_m[usable]
+        log_depth, log_sigma = np.log(depth_m), sigma_m / depth_m
+        weight = 1 / (1 + (log_sigma / prior.log_depth_deviation) ** 2)
+        mean = weight @ log_depth / weight.sum()
+        scatter = weight @ (log_depth - mean) ** 2
+        depth_variance = (prior.log_depth_deviation**2 + scatter) / max(weight.sum(), 1.0)
+        share = 4 * depth_variance / (4 * depth_variance + prior.log_reflectance_deviation**2)
+        residual = log_depth + share / 2 * self._at_anchors[usable]
+        unexplained = (1 - share) * depth_variance
+        weights, to_pixels = self._krige(usable, unexplained, log_sigma)
+        shape = self._brightness.shape
+        kriged = (residual @ weights[:-1]).reshape(shape) - share / 2 * self._brightness
+        # An uncertain range may be anywhere within its deviation.
+        log_factor = np.where(log_sigma > prior.uncertain, log_sigma, 0.0)
+        nearest = (log_depth - log_factor).min() - np.log(prior.max_nearer)
+        farthest = (log_depth + log_factor).max()
+
+        def deviation() -> Floats:
+            told = (weights * to_pixels).sum(axis=0).reshape(shape)
+            return np.asarray(prior.doubt * np.sqrt((1 + prior.nugget) * unexplained - told))
+
+        return LogDepth(np.clip(kriged, nearest, farthest), deviation)
+
+    def _krige(self, usable: Mask, variance: float, sigma: Floats) -> tuple[Floats, Floats]:
+        """Ordinary kriging of n values that are known up to ``sigma``.
+
+        Weights (n + 1, N) of each for each pixel, and their covariances; the last of both is that
+        of the mean.
+        """
+        count, nugget = len(sigma), self._prior.nugget
+        system = np.ones((count + 1, count + 1))  # the last row makes the weights sum to one
+        of_anchors, of_pixels = self._of_anchors, self._of_pixels
+        if not usable.all():
+            of_anchors, of_pixels = of_anchors[usable][:, usable], of_pixels[usable]
+        system[:count, :count] = variance * of_anchors
+        system.flat[: -1 : count + 2] += sigma**2 + nugget * variance
+        system[count, count] = 0
+        to_pixels = np.ones((count + 1, self._brightness.size))
+        np.multiply(of_pixels.reshape(count, -1), variance, out=to_pixels[:count])
+        return np.linalg.inv(system) @ to_pixels, to_pixels
+
+
+class LogDepth(NamedTuple):
+    """Log depth of a map (H, W), and what tells its deviation."""
+
+    mean: Floats
+    deviation: Callable[[], Floats]

@@ -7,23 +7,30 @@ from ..arrays import Floats
 
 def around(image: Floats) -> Floats:
     """Mean of each pixel (H, W) and its eight neighbours; beyond an edge are its own pixels."""
-    return _with_next_rows(_with_next_rows(image).T).T
+    return _with_next_rows(_with_next_rows(image).T).T / 9
 
 
 def _with_next_rows(image: Floats) -> Floats:
-    above = np.concatenate([image[:1], image[:-1]])
-    below = np.concatenate([image[1:], image[-1:]])
-    return (above + image + below) / 3
+    total = image.astype(np.float64)
+    total[1:] += image[:-1]
+    total[:-1] += image[1:]
+    total[0] += image[0]
+    total[-1] += image[-1]
+    return total
 
 
 def between(image: Floats, places: Floats) -> Floats:
     """Values (K,) at fractional rows and columns (K, 2), linear between pixels."""
-    last = np.array(image.shape) - 1
-    within = np.clip(places, 0, last)
-    corner = np.minimum(within.astype(int), np.maximum(last - 1, 0))
-    beyond = np.minimum(corner + 1, last)
-    share = (within - corner).T
-    rows = [image[row, corner[:, 1]] for row in (corner[:, 0], beyond[:, 0])]
-    next_rows = [image[row, beyond[:, 1]] for row in (corner[:, 0], beyond[:, 0])]
-    left, right = ((1 - share[0]) * upper + share[0] * lower for upper, lower in (rows, next_rows))
-    return np.asarray((1 - share[1]) * left + share[1] * right)
+    down, along = (hats(place, side) for place, side in zip(places.T, image.shape, strict=True))
+    return np.asarray(((down @ image) * along).sum(axis=1))
+
+
+def hats(places: Floats, side: int) -> Floats:
+    """What each pixel along an axis counts at fractional places (K,) on it: (K, side)."""
+    within = np.clip(places, 0, side - 1)
+    return np.maximum(1 - np.abs(within[:, None] - np.arange(side)), 0)
+
+
+def wide_hats(places: Floats, side: int) -> Floats:
+    """The same for the mean with the neighbours along this axis."""
+    return np.asarray(_with_next_rows(hats(places, side).T).T / 3)

@@ -66,9 +66,12 @@ class DepthNetwork:
         start = inputs.start + logistic(out[3]) * (inputs.plain - inputs.start)
         return Told(start + out[0], np.exp(log_sigma), logistic(out[2]))
 
-    def unlike(self, shown: Shown, inputs: Inputs) -> str | None:
-        """In what a frame is unlike all that the network has seen, in words; None if in nothing."""
-        return self.outside(dict(zip(FEATURES, features(shown, inputs).tolist(), strict=True)))
+    def unlike(self, inputs: Inputs) -> str | None:
+        """In what a frame is unlike all that the network has seen, in words; None if in nothing.
+
+        `of_view` tells what its recording is unlike in.
+        """
+        return self.outside(of_frame(inputs))
 
     def outside(self, told: Mapping[str, float]) -> str | None:
         """The first of some `FEATURES` that is not as they were, in words; None if all are."""
@@ -80,8 +83,7 @@ class DepthNetwork:
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
         half, layer = squares_as_channels(maps), self._layers
-        constant = np.broadcast_to(numbers[:, None, None], (len(numbers), *half.shape[1:]))
-        kept = positive(layer("enter", np.concatenate([half, constant])))
+        kept = positive(layer("enter", half, numbers))
         kept = positive(layer("before", kept))
         quarter = positive(layer("down", squares_as_channels(kept)))
         quarter = layer.changed("middle", quarter, MIDDLE_BLOCKS)
@@ -108,13 +110,21 @@ FEATURES = (
 
 def features(shown: Shown, inputs: Inputs) -> Channels:
     """What `FEATURES` names."""
-    bright = inputs.maps[0]
-    slopes = np.mean(np.diff(bright, axis=0) ** 2) + np.mean(np.diff(bright, axis=1) ** 2)
     rows, columns = shown.image.shape
-    view = of_view((rows, columns), shown.optics, shown.directions)
-    told = dict(zip(NUMBERS, inputs.numbers, strict=True)) | view
-    told |= {"spread of log brightness": bright.std(), "steepness": np.sqrt(slopes)}
+    told = of_frame(inputs) | of_view((rows, columns), shown.optics, shown.directions)
     return np.array([told[name] for name in FEATURES], np.float32)
+
+
+def of_frame(inputs: Inputs) -> dict[str, float]:
+    """The `FEATURES` that differ from frame to frame."""
+    bright = inputs.maps[0]
+    down, along = bright[1:] - bright[:-1], bright[:, 1:] - bright[:, :-1]
+    slopes = np.mean(down**2) + np.mean(along**2)
+    told = dict(zip(NUMBERS, inputs.numbers.tolist(), strict=True))
+    return told | {
+        "spread of log brightness": float(bright.std()),
+        "steepness": float(np.sqrt(slopes)),
+    }
 
 
 def of_view(shape: tuple[int, int], optics: Optics, directions: Floats) -> dict[str, float]:

@@ -130,9 +130,10 @@ def _gain(spots: Spots) -> float:
 def _noise(view: View) -> float:
     """Rms noise of a reading over what the readings vary by."""
     buckets = view.frame.buckets
-    usable = buckets.usable[0]
-    variance = buckets.variance[0][usable]
-    spread = float(np.std(buckets.signal[0][usable]))
+    usable, signal, variance = buckets.usable[0], buckets.signal[0], buckets.variance[0]
+    if not usable.all():
+        signal, variance = signal[usable], variance[usable]
+    spread = float(signal.std())
     if not np.isfinite(variance).all() or not spread > 0:
         return USUAL_NOISE
     return float(np.sqrt(variance.mean()) / spread)

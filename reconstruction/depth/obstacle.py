@@ -15,6 +15,7 @@ from pathlib import Path
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Floats
 from ..errors import InputError
@@ -35,6 +36,11 @@ ERRORS = np.array([NormalDist().inv_cdf((n + 0.5) / 11) for n in range(11)])
 """Of the members of the ensemble, in sigmas."""
 LEVELS = (np.arange(6) + 0.5) / 6
 """Probabilities of nothing from which on members have nothing in a pixel."""
+USUALLY_ENOUGH = 64
+"""Nearest pixels of which an obstacle mostly consists; where it does not, all are looked at."""
+LOG_DISTANCES = np.log(DISTANCES_M)
+ANYWHERE = np.clip(np.log(REACH_M / DISTANCES_M) / np.log(REACH_M / NEAREST_M), 0, 1)
+"""Probability that an obstacle of a map that tells nothing is behind each distance."""
 HALEY = 1.702
 """A logistic distribution of this slope is normal within 0.01 (D. C. Haley, 1952)."""
 FITTED = Path(__file__).with_name("corridor_priors.json")
@@ -80,7 +86,8 @@ class Corridor:
         It is there from the depth on up to which the pixels (H, W) in the corridor make up
         OBSTACLE_M2 together, each as large as it is at its depth: wires count for little.
         """
-        return float(self._nearest_m(depth_m, self._slope, np.ones((1, depth_m.size), bool))[0])
+        first = np.zeros(depth_m.size)
+        return float(self._nearest_m(depth_m.reshape(1, -1), self._slope.ravel(), first, 1)[0])
 
     def stated(self, estimate: DepthEstimate) -> Floats | None:
         """What an estimate states of the corridor, else what its map does; None without depths."""
@@ -112,28 +119,45 @@ class Corridor:
         """
         inside = self._slope * depth_m * np.exp(ERRORS[0] * sigma) <= CORRIDOR_M / 2
         depth_m, sigma, slope = depth_m[inside], sigma[inside], self._slope[inside]
-        there = np.ones((1, slope.size), bool)
-        if nothing is not None:
-            there = nothing[inside] < LEVELS[:, None]
-        maps = (depth_m * np.exp(error * sigma) for error in ERRORS)
-        return np.concatenate([self._nearest_m(each, slope, there) for each in maps])
+        maps = depth_m * np.exp(ERRORS[:, None] * sigma)
+        if nothing is None:
+            return self._nearest_m(maps, slope, np.zeros(slope.size), 1)
+        first = np.searchsorted(LEVELS, nothing[inside], side="right")
+        return self._nearest_m(maps, slope, first, LEVELS.size)
 
-    def _nearest_m(self, depth_m: Floats, slope: Floats, there: Floats) -> Floats:
-        """Of maps of the same pixels, each of those that are ``there`` (maps, pixels)."""
-        inside = (depth_m <= REACH_M) & (slope * depth_m <= CORRIDOR_M / 2)
-        ordered = np.argsort(depth_m[inside])
-        sorted_m = np.append(depth_m[inside][ordered], np.nan)
-        area = self._pixel * sorted_m[:-1] ** 2 * there[:, inside.ravel()][:, ordered]
-        return sorted_m[(np.cumsum(area, axis=1) < OBSTACLE_M2).sum(axis=1)]
+    def _nearest_m(self, maps: Floats, slope: Floats, first: Floats, levels: int) -> Floats:
+        """Of maps (E, n) of the same pixels at each of some levels, (E levels,).
+
+        ``first`` (n,): level from which on a pixel is there.
+        """
+        inside = (maps <= REACH_M) & (slope * maps <= CORRIDOR_M / 2)
+        near_m = np.where(inside, maps, np.inf)
+        for most in (USUALLY_ENOUGH, slope.size):
+            few = _nearest(near_m, most)
+            sorted_m = np.take_along_axis(near_m, few, axis=1)
+            area = self._pixel * np.where(np.isfinite(sorted_m), sorted_m, 0) ** 2
+            there = first[few][:, None] <= np.arange(levels)[:, None]
+            count = (np.cumsum(area[:, None] * there, axis=-1) < OBSTACLE_M2).sum(axis=-1)
+            if (count < few.shape[1]).all():
+                break
+        found = np.append(sorted_m, np.full((len(maps), 1), np.nan), axis=1)
+        return np.take_along_axis(found, count, axis=1).ravel()
+
+
+def _nearest(depth_m: Floats, most: int) -> NDArray[np.intp]:
+    """The nearest pixels of each map (E, n), in their order: (E, most)."""
+    if most >= depth_m.shape[1]:
+        return np.argsort(depth_m, axis=1)
+    few = np.argpartition(depth_m, most, axis=1)[:, :most]
+    return np.take_along_axis(few, np.argsort(np.take_along_axis(depth_m, few, axis=1)), axis=1)
 
 
 def free_of(ensemble_m: Floats, prior: CorridorPrior) -> Floats:
     """Probability (..., K) that nothing is nearer than `DISTANCES_M`; ensembles are (..., N)."""
-    log_m = np.nan_to_num(np.log(ensemble_m), nan=np.inf) + prior.bias
-    away = (log_m[..., None, :] - np.log(DISTANCES_M)[:, None]) / prior.sigma
-    behind = (0.5 + 0.5 * np.tanh(HALEY / 2 * away)).mean(axis=-1)
-    anywhere = np.clip(np.log(REACH_M / DISTANCES_M) / np.log(REACH_M / NEAREST_M), 0, 1)
-    return np.asarray((1 - prior.outlier) * behind + prior.outlier * anywhere)
+    log_m = np.log(np.where(np.isnan(ensemble_m), np.inf, ensemble_m)) + prior.bias
+    away = (log_m[..., None, :] - LOG_DISTANCES[:, None]) * (HALEY / 2 / prior.sigma)
+    behind = 0.5 + 0.5 * np.tanh(away).mean(axis=-1)
+    return np.asarray((1 - prior.outlier) * behind + prior.outlier * ANYWHERE)
 
 
 def nearest_obstacle_m(free: Floats, min_free: float = MIN_FREE) -> float:

@@ -6,8 +6,9 @@ constant is that of the spots, interpolated. Their laser light tells rho. Of the
 veil is taken off as far as the fog is known.
 """
 
+import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +17,8 @@ from ..arrays import Floats, Mask
 from ..capture import Optics
 from ..layers import Channels
 from .anchored_prior import AnchoredPrior
-from .kriging import anchored_depth
-from .neighbours import around, between
+from .kriging import BRIGHT, AnchoredImage, LogDepth
+from .neighbours import wide_hats
 from .rays import pixel_of, pixel_rays, squared_distances
 
 DARKEST = 0.01
@@ -34,8 +35,8 @@ VEIL_FROM_M = 0.4
 """Range from which the detector sees the fog that the projector lights."""
 BRIGHTEST = 10.0
 """Veil over bright pixels: what is brighter is not told apart."""
-DARK = 5
-"""Percentile of dark pixels."""
+DARKEST_OF_ALL, DARK = 1, 5
+"""Percentiles of dark pixels."""
 MOST_VEIL = 0.95
 """Of the darkest hundredth of the pixels."""
 TYPICAL_LOG_REFLECTANCE = -1.2
@@ -95,7 +96,7 @@ class Shown:
     extinction_per_m: float = np.nan
     backscatter_per_m_sr: float = np.nan
 
-    @property
+    @cached_property
     def best(self) -> Anchors:
         """Of each spot what was fitted, or else its plain range."""
         fitted = np.isfinite(self.fitted.log_depth)
@@ -107,7 +108,21 @@ class Shown:
         """Whether there is a range of anything; those of lost spots are but what is likely."""
         return bool(np.any((self.best.weight > 0) & ~self.lost))
 
+    @cached_property
+    def percentiles(self) -> tuple[float, float, float]:
+        """Brightness of the darkest, of dark and of bright pixels."""
+        places = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
+        below, above = np.floor(places).astype(int), np.ceil(places).astype(int)
+        ordered = np.partition(self.image, np.append(below, above), axis=None)
+        told = ordered[below] + (places - below) * (ordered[above] - ordered[below])
+        return float(told[0]), float(told[1]), float(told[2])
+
     @property
+    def bright(self) -> float:
+        """Brightness of bright pixels."""
+        return self.percentiles[-1]
+
+    @cached_property
     def level(self) -> float:
         """Mean of the spots' log depths."""
         best, weight = self.best, self.best.weight
@@ -131,74 +146,107 @@ class Inputs(NamedTuple):
 
 def inputs_of(shown: Shown) -> Inputs:
     """Maps and numbers of a frame."""
-    shape, level, best = shown.image.shape, shown.level, shown.best
-    anchors, near, inverse, x, y = _places(shown.optics, shape, tuple(shown.directions.flat))
+    level, best = shown.level, shown.best
+    places = places_of(shown)
     measured, fitted, sure = shown.plain.weight, shown.fitted.weight, best.weight
     log_depth = np.nan_to_num(best.log_depth)
-    in_front = veil(shown, anchors)
-    hidden = min(in_front, MOST_VEIL * float(np.percentile(shown.image, 1)))
-    bright, unveiled = _log(shown.image), _log(shown.image - max(hidden, 0.0))
-
-    def spread(values: Floats, weight: Floats) -> Floats:
-        """Values (4,) between the spots, near 0 far from all that count."""
-        return (inverse @ (weight * np.nan_to_num(values))) / (inverse @ weight + 0.1)
-
-    def by_brightness(log: Floats) -> Floats:
-        """Log depth over the level, were all surfaces as bright as those of the spots."""
-        here = between(around(log), anchors)
-        return spread(log_depth - level + here / 2, sure) - log / 2
-
+    in_front = veil(shown, places)
+    hidden = min(in_front, MOST_VEIL * shown.percentiles[0])
+    bright, unveiled = (
+        _log(shown.image - each, shown.bright - each) for each in (0.0, max(hidden, 0.0))
+    )
+    # Log depth over the level, were all surfaces as bright as those of the spots.
+    by_bright, by_unveiled = (
+        log_depth - level + places.around(log) / 2 for log in (bright, unveiled)
+    )
     reflectance = np.nan_to_num(shown.log_reflectance - TYPICAL_LOG_REFLECTANCE)
     known = np.isfinite(shown.log_reflectance) * sure
-    start, unsure = _anchored(shown, best, anchors)
-    plain, _ = _anchored(shown, shown.plain, anchors) if measured.any() else (start, unsure)
-    maps = [
-        bright,
-        unveiled,
-        start - level,
-        unsure,
-        spread(log_depth - level, sure),
-        spread(shown.plain.log_depth - level, measured),
-        near @ measured,
-        spread(shown.fitted.log_depth - level, fitted),
-        near @ fitted,
-        near @ shown.lost.astype(np.float64),
-        by_brightness(bright),
-        by_brightness(unveiled),
-        spread(reflectance, known),
-        4 * x,
-        4 * y,
-        plain - start,
-    ]
-    return Inputs(
-        np.array(maps, np.float32),
-        _numbers(shown, known, reflectance, in_front),
-        start.astype(np.float32),
-        plain.astype(np.float32),
+    spread = places.spread(
+        (log_depth - level, sure),
+        (shown.plain.log_depth - level, measured),
+        (shown.fitted.log_depth - level, fitted),
+        (by_bright, sure),
+        (by_unveiled, sure),
+        (reflectance, known),
     )
+    near = places.summed(places.near, np.array([measured, fitted, shown.lost]))
+    start, unsure, plain = _anchored(shown, places)
+    maps = np.array(
+        [
+            bright,
+            unveiled,
+            start - level,
+            unsure,
+            spread[0],
+            spread[1],
+            near[0],
+            spread[2],
+            near[1],
+            near[2],
+            spread[3] - bright / 2,
+            spread[4] - unveiled / 2,
+            spread[5],
+            4 * places.x,
+            4 * places.y,
+            plain - start,
+        ],
+        np.float32,
+    )
+    numbers = _numbers(shown, known, reflectance, in_front)
+    return Inputs(maps, numbers, start.astype(np.float32), plain.astype(np.float32))
 
 
-class _Places(NamedTuple):
-    """Where spots are: pixels (4, 2), nearness and inverse squares (H, W, 4); slopes (H, W)."""
+class Places(NamedTuple):
+    """Where spots are: pixels (4, 2), nearness and inverse squares (4, H, W); slopes (H, W).
+
+    ``down`` (4, H) and ``along`` (4, W): what pixels count in the mean around each spot.
+    """
 
     anchors: Floats
     near: Floats
     inverse: Floats
     x: Floats
     y: Floats
+    down: Floats
+    along: Floats
+
+    def around(self, image: Floats) -> Floats:
+        """Means (4,) of the pixels around the spots."""
+        return np.asarray(((self.down @ image) * self.along).sum(axis=1))
+
+    def summed(self, nearness: Floats, weights: Floats) -> Floats:
+        """Sums (n, H, W) of maps of each spot (4, H, W) by weights (n, 4)."""
+        whole = weights @ nearness.reshape(4, -1)
+        return whole.reshape(-1, *nearness.shape[1:])
+
+    def spread(self, *told: tuple[Floats, Floats]) -> Floats:
+        """Of values and weights, (4,) each, values (n, H, W) between the spots.
+
+        They are near 0 far from all that count.
+        """
+        values, weights = np.array(told).swapaxes(0, 1)
+        sums = np.where(weights > 0, values, 0) * weights
+        both = self.summed(self.inverse, np.concatenate([sums, weights]))
+        return np.asarray(both[: len(told)] / (both[len(told) :] + 0.1))
+
+
+def places_of(shown: Shown) -> Places:
+    """Those of a frame."""
+    return _places(shown.optics, shown.image.shape, tuple(shown.directions.flat))
 
 
 @lru_cache(maxsize=4)  # the same for all frames of a recording
-def _places(optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]) -> _Places:
+def _places(optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]) -> Places:
     anchors = pixel_of(np.reshape(directions, (-1, 3)), optics, shape)
-    squared = squared_distances(shape, anchors) / max(shape) ** 2
+    squared = np.moveaxis(squared_distances(shape, anchors), -1, 0) / max(shape) ** 2
     rays = pixel_rays(optics, shape)
-    return _Places(
+    return Places(
         anchors,
         np.exp(-squared / (2 * NARROW**2)),
         1 / (squared + SOFTENING),
         rays[..., 0],
         rays[..., 1],
+        *(wide_hats(place, side) for place, side in zip(anchors.T, shape, strict=True)),
     )
 
 
@@ -220,15 +268,28 @@ _LOGARITHMS = {
 """Of those of `NUMBERS` that are logarithms: of which multiple, by what divided, in which unit."""
 
 
-def _anchored(shown: Shown, spots: Anchors, places: Floats) -> tuple[Floats, Floats]:
-    """Log depth of the map anchored on the spots, and log of its deviation, both (H, W)."""
-    depth_m = np.exp(spots.log_depth)
-    with np.errstate(invalid="ignore"):
-        found = anchored_depth(shown.image, places, depth_m, spots.log_sigma * depth_m, START)
-    if found is None:
-        return np.full(shown.image.shape, shown.level), np.zeros(shown.image.shape)
-    assert found.deviation is not None
-    return np.log(found.depth_m), np.log(np.clip(found.deviation, *DEVIATION))
+def _anchored(shown: Shown, places: Places) -> tuple[Floats, Floats, Floats]:
+    """Log depth of the map anchored on the best spots, log of its deviation, both (H, W).
+
+    And log depth of that on the plain ones, or the best where there are none.
+    """
+    mapped = AnchoredImage(shown.image, shown.bright, places.anchors, START)
+    nowhere = np.full(shown.image.shape, shown.level)
+
+    def of(spots: Anchors) -> LogDepth | None:
+        depth_m = np.exp(spots.log_depth)
+        with np.errstate(invalid="ignore"):
+            return mapped.log_depth(depth_m, spots.log_sigma * depth_m)
+
+    best = of(shown.best)
+    if best is None:
+        start, unsure = nowhere, np.zeros(nowhere.shape)
+    else:
+        start, unsure = best.mean, np.log(np.clip(best.deviation(), *DEVIATION))
+    if not shown.plain.weight.any():
+        return start, unsure, start
+    plain = of(shown.plain)
+    return start, unsure, nowhere if plain is None else plain.mean
 
 
 def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) -> Channels:
@@ -237,11 +298,11 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) 
     The veil that the fitted fog would have, over bright pixels, beside what dark ones have: where
     that is less, there is less fog.
     """
-    best, weight = shown.best, shown.best.weight
+    best = shown.best
+    weight = best.weight
     total = max(weight.sum(), 1e-6)
     away = np.nan_to_num(best.log_depth - shown.level)
     foggy = bool(np.isfinite(shown.extinction_per_m))
-    bright = _reference(shown.image)
     numbers = [
         shown.level - np.log(USUAL_M),
         np.sqrt(weight @ away**2 / total),
@@ -249,15 +310,15 @@ def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) 
         np.count_nonzero(shown.lost) / 4,
         _mean_deviation(shown.plain),
         _mean_deviation(shown.fitted),
-        np.log(np.clip(shown.noise, 1e-4, 10)) / 4,
+        math.log(min(max(shown.noise, 1e-4), 10)) / 4,
         of_share(shown.share),
         np.log(max(shown.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
         float(foggy),
-        np.log(np.clip(shown.reach_m, 1, 100) / 10),
+        math.log(min(max(shown.reach_m, 1), 100) / 10),
         known @ reflectance / max(known.sum(), 1e-6),
         known.sum() / 4,
-        np.log1p(np.clip(in_front / bright, 0, BRIGHTEST)),
-        np.log1p(np.clip(np.percentile(shown.image, DARK) / bright, -0.5, 1)),
+        math.log1p(min(max(in_front / shown.bright, 0), BRIGHTEST)),
+        math.log1p(min(max(shown.percentiles[1] / shown.bright, -0.5), 1)),
     ]
     return np.array(numbers, np.float32)
 
@@ -277,10 +338,10 @@ def of_share(share: float) -> float:
 def _mean_deviation(anchors: Anchors) -> float:
     """Of the log, on a scale of some units; that of a spot without a range is 1."""
     sigma = np.where(np.isfinite(anchors.log_sigma), anchors.log_sigma, 1.0)
-    return float(np.mean(np.log(np.clip(sigma, 1e-4, 1)))) / 4
+    return float(np.log(np.minimum(np.maximum(sigma, 1e-4), 1)).sum()) / sigma.size / 4
 
 
-def veil(shown: Shown, anchors: Floats) -> float:
+def veil(shown: Shown, places: Places) -> float:
     """Brightness of the fog in front of everything, as far as the fog is known.
 
     A surface of reflectance rho at z returns K rho exp(-2 alpha z) / (pi z^2), fog of
@@ -296,17 +357,11 @@ def veil(shown: Shown, anchors: Floats) -> float:
     depth, reflectance = np.exp(best.log_depth[usable]), np.exp(shown.log_reflectance[usable])
     returned = reflectance * np.exp(-2 * alpha * depth) / (np.pi * depth**2)
     in_fog = beta * np.exp(-2 * alpha * VEIL_FROM_M) / VEIL_FROM_M
-    seen = between(around(shown.image), anchors[usable])
+    seen = places.around(shown.image)[usable]
     scale = float(np.median(seen / (returned + in_fog)))
     return max(scale * in_fog, 0.0)
 
 
-def _log(image: Floats) -> Floats:
+def _log(image: Floats, bright: float) -> Floats:
     """Log of brightness over that of bright pixels."""
-    reference = _reference(image)
-    return np.log(np.maximum(image, DARKEST * reference) / reference)
-
-
-def _reference(image: Floats) -> float:
-    """Brightness of bright pixels."""
-    return float(np.percentile(image, 90))
+    return np.log(np.maximum(image, DARKEST * bright) / bright)

@@ -5,7 +5,7 @@ from .coefficients import CoefficientDecoder, Coefficients
 from .dictionaries import DICTIONARIES
 from .dictionary import Band, Dictionary
 from .imaging import Imaging, UsableReadings
-from .method import CarryingMethod, Estimate, ImageMethod, ImageSolver
+from .method import CarryingMethod, Estimate, ImageMethod, ImageSolver, SolverOfMany
 from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp, load_pursuit
 from .prior import Prior, fit_variance
@@ -36,6 +36,7 @@ __all__ = [
     "Imaging",
     "Layout",
     "Prior",
+    "SolverOfMany",
     "StrongestAtoms",
     "UsableReadings",
     "batch_omp",

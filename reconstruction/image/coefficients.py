@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..arrays import Floats, Mask
 from ..operators import Decoder, Drift, RowOperator, SparseRows, Throughput
 from .noise import CERTAIN, NoiseLevels, levels_by_spectrum, variance_by_repetition
 from .prior import Prior, usual_contrast
@@ -78,64 +78,102 @@ class CoefficientDecoder:
     def _prior(self) -> Prior:
         return self._make_prior()
 
-    def __call__(self, signal: NDArray[Any], variance: Floats) -> Coefficients:
+    def __call__(
+        self, signal: NDArray[Any], variance: Floats, usable: Mask | None = None
+    ) -> Coefficients:
         """Coefficients of one frame's ``signal`` (M,) with ``variance`` (M,), nan where unknown.
 
+        Those that do not rest on ``usable`` (M,) readings alone are not measured; all are if None.
         An unknown variance is taken to be the median of the known ones; where none is known it is
         estimated.
         """
         if self._drift is not None:
-            signal = signal - self._drift(signal)
+            signal = signal - self._drift(signal, usable)
         values = self._decoder.decode(signal)
+        measured = None if usable is None else self._decoder.measured(usable)
+        if measured is not None:
+            values[~measured] = 0
         known, levels = np.isfinite(variance), CERTAIN
+        known = known if usable is None else known & usable
         if not known.any():
-            estimated = self._estimated(signal, values)
+            estimated = self._estimated(signal, values, usable, measured)
             levels = estimated.relative
             variance = np.full(variance.shape, estimated.mean**2)
         elif not known.all():
             variance = np.where(known, variance, np.median(variance[known]))
         if self._alike:
-            values, left = self._unshared(values, variance)
-            noise = np.sqrt(np.full(left.shape, np.median(left)))
+            values, left = self._unshared(values, variance, measured)
+            noise = np.full(
+                left.shape, np.sqrt(np.median(left if measured is None else left[measured]))
+            )
         else:
             least = (MIN_ERROR * float(np.std(signal))) ** 2
             equal = max(float(np.mean(variance)), least)
             noise = np.sqrt(equal) * self._decoder.operator.usual_noise
+        if measured is not None:
+            noise[~measured] = np.inf
         return Coefficients(values, noise, levels)
 
-    def _unshared(self, values: NDArray[Any], variance: Floats) -> tuple[NDArray[Any], Floats]:
-        """Coefficients without the errors that they share, and the variance of the rest."""
+    def _unshared(
+        self, values: NDArray[Any], variance: Floats, measured: Mask | None
+    ) -> tuple[NDArray[Any], Floats]:
+        """Coefficients without the errors that they share, and the variance of the rest.
+
+        Those that are not ``measured`` tell nothing, and stay 0.
+        """
         own = self._decoder.own_variance(variance)
         if not self._columns.size:
             return values, own
-        shared, prior = variance[self._decoder.shared], self._prior.variance(values)
-        return without_shared_errors(self._columns, values, own=own, shared=shared, prior=prior)
+        shared, prior = variance[self._decoder.shared], self._prior.variance(values, measured)
+        if measured is not None:
+            prior = np.where(measured, prior, np.inf)
+        values, left = without_shared_errors(
+            self._columns, values, own=own, shared=shared, prior=prior
+        )
+        if measured is not None:
+            values[~measured] = 0
+        return values, left
 
-    def _estimated(self, signal: NDArray[Any], values: NDArray[Any]) -> NoiseLevels:
+    def _estimated(
+        self,
+        signal: NDArray[Any],
+        values: NDArray[Any],
+        usable: Mask | None,
+        measured: Mask | None,
+    ) -> NoiseLevels:
         """Noise of each reading, where nothing is known of it."""
-        told = variance_by_repetition(self._redundant, signal)
+        redundant = self._redundant
+        if usable is not None:
+            redundant = redundant.only(redundant.resting_on(usable))
+        told = variance_by_repetition(redundant, signal)
         if told is not None:
             repeated = NoiseLevels(np.sqrt([told]), np.ones(1))
-            sure = self._throughput.probability_of_noise(signal)
-            return repeated if sure == 1 else repeated.or_less(sure, self._by_spectrum(values))
-        levels = self._by_spectrum(values)
+            sure = self._throughput.probability_of_noise(signal, usable)
+            if sure == 1:
+                return repeated
+            return repeated.or_less(sure, self._by_spectrum(values, measured))
+        levels = self._by_spectrum(values, measured)
         if self._columns.size:  # what all share looks white, too
-            values, _ = self._unshared(values, np.full(signal.shape, levels.mean**2))
-            levels = self._by_spectrum(values)
+            values, _ = self._unshared(values, np.full(signal.shape, levels.mean**2), measured)
+            levels = self._by_spectrum(values, measured)
         return levels
 
-    def _by_spectrum(self, values: NDArray[Any]) -> NoiseLevels:
+    def _by_spectrum(self, values: NDArray[Any], measured: Mask | None) -> NoiseLevels:
         varying, expected = self._prior.varying, self._prior.expected
+        if measured is not None:
+            expected = expected[measured[varying]]
+            varying = varying & measured
         readings = self._decoder.matrix.shape[1]
         of_one = self._decoder.own_variance(np.ones(readings))[varying]
         length = self._decoder.operator.row_length
         scaled = values[varying] / np.sqrt(of_one)
-        return levels_by_spectrum(scaled, expected * length**2 / of_one, self._contrast(values))
+        contrast = self._contrast(values, measured)
+        return levels_by_spectrum(scaled, expected * length**2 / of_one, contrast)
 
-    def _contrast(self, values: NDArray[Any]) -> float | None:
+    def _contrast(self, values: NDArray[Any], measured: Mask | None) -> float | None:
         """The usual contrast of images of this level, None where it is not measured."""
         operator = self._decoder.operator
-        if operator.level is None:
+        if operator.level is None or (measured is not None and not measured[operator.level]):
             return None
         mean = operator.mean_level(values[operator.level], np.zeros(operator.image_shape))
         return usual_contrast(abs(mean) ** 2, float((self._prior.deviation**2).mean())) or None

@@ -26,6 +26,7 @@ from .prior import SPREAD, usual_contrast
 
 POINTS, ROUNDS = 12, 3
 """Contrasts in each round, of which the next looks closer at the likely ones."""
+STEPS = np.linspace(0, 1, POINTS)
 UNLIKELY = 8.0
 """Log-density below the highest that is not looked at more closely."""
 LEAST = 1e-3
@@ -85,40 +86,95 @@ def contrasts(
     noise: Floats | float,
     expected: float | None,
     levels: NoiseLevels = CERTAIN,
+    usual: Floats | None = None,
+    lost: Floats | None = None,
 ) -> Contrasts:
     """Posterior of v, of components (K,), not all 0, with noise of variance ``noise``.
 
     ``spreads`` (E, K): variances l, of each spectrum; ``expected``: median of v before, if told;
-    ``levels``: what the standard deviation may be, over that of ``noise``.
+    ``levels``: what the standard deviation may be, over that of ``noise``; ``usual`` (K,): the
+    variances by which contrasts are looked for, the mean of ``spreads`` if None. Where noise is
+    equal, ``lost`` (K, f) are combinations of the components of which nothing is known.
     A complex component counts as one number, as if all of the image had one phase.
     """
-    power = np.abs(measured) ** 2
-    usual = spreads.mean(axis=0)
+    told = None if expected is None else np.array([expected])
+    found = contrasts_of_frames(measured[None], spreads, noise, told, levels, usual, lost)
+    return Contrasts(*(each[0] for each in found))
+
+
+def contrasts_of_frames(
+    measured: NDArray[Any],
+    spreads: Floats,
+    noise: Floats | float,
+    expected: Floats | None,
+    levels: NoiseLevels = CERTAIN,
+    usual: Floats | None = None,
+    lost: Floats | None = None,
+) -> Contrasts:
+    """The same of components (F, K) of several frames: each result has an axis of frames before.
+
+    ``noise`` is to be broadcast to (F, K), ``expected`` (F,); ``lost`` are of one frame alone.
+    """
+    usual = spreads.mean(axis=0) if usual is None else usual
     seen = usual > 1e-12 * usual.max()
-    noise = np.maximum(np.broadcast_to(noise, power.shape), NOISELESS * power.mean())[seen]
-    power, spreads, usual = power[seen], spreads[:, seen], usual[seen]
+    power = np.abs(measured) ** 2
+    frames, count = power.shape
+    least_noise = NOISELESS * (power.sum(axis=1, keepdims=True) / count)
+    variances = np.maximum(np.broadcast_to(noise, power.shape), least_noise)
     times = np.repeat(np.maximum(levels.sigma, NOISELESS) ** 2, len(spreads))
-    equal = (noise / usual).min() * times[:, None]  # half of the strongest component is noise
-    most = np.maximum((power / usual).max(), equal)
+    # At ``equal`` (F, L E, 1) half of the strongest component is noise.
+    equal = (variances[:, seen] / usual[seen]).min(axis=1)[:, None, None] * times[:, None]
+    most = np.maximum((power[:, seen] / usual[seen]).max(axis=1)[:, None, None], equal)
+    expected = None if expected is None else expected[:, None, None]
     least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
     low, high = np.log(np.minimum(least, LEAST * equal)), np.log(10 * most)
-    logs = low + (high - low) * np.linspace(0, 1, POINTS)
-    signal, power = np.tile((spreads / noise).T, levels.sigma.size) / times, power / noise
+    logs = low + (high - low) * STEPS  # (F, L E, J)
+    signal = spreads.T[:, None] / variances.T[..., None]
+    signal = np.concatenate([signal] * levels.sigma.size, axis=-1) / times
+    signal = np.repeat(signal.reshape(count, -1), POINTS, axis=1)  # (K, F L E J)
+    power /= variances
+    missing = None if lost is None else _Missing(measured[0] / np.sqrt(variances[0]), lost)
     for last in np.arange(ROUNDS) == ROUNDS - 1:
-        variance = np.exp(logs) * signal[..., None] + 1  # (K, L E, J), over that of noise
-        misfit = (power @ (1 / variance).reshape(power.size, -1)).reshape(logs.shape)
-        density = -(_sum_of_logs(variance) + misfit / times[:, None]) / 2
+        variance = np.exp(logs).ravel() * signal  # over that of noise
+        variance += 1
+        precision = 1 / variance
+        misfit = power[:, None] @ precision.reshape(count, frames, -1).swapaxes(0, 1)
+        misfit, volume = misfit.ravel(), _sum_of_logs(variance)
+        if missing is not None:
+            explained, log_determinant = missing(precision)
+            misfit, volume = misfit - explained, volume + log_determinant
+        misfit = misfit.reshape(logs.shape) / times[:, None]
+        density = -(volume.reshape(logs.shape) + misfit) / 2
         density += _told(logs, expected) if expected is not None else _untold(logs, equal)
         if not last:
             logs = _closer(logs, density)
-    weight = np.exp(density - density.max(axis=1, keepdims=True))
+    weight = np.exp(density - density.max(axis=-1, keepdims=True))
     values = np.exp(logs)
-    given = (weight * values).sum(axis=1) / weight.sum(axis=1)
-    density = density.reshape(levels.sigma.size, -1)
-    weight = np.exp(density - density.max(axis=1, keepdims=True)).reshape(logs.shape)
-    weight = (weight * (logs[:, 1:2] - logs[:, :1])).reshape(density.shape)
-    weight *= levels.probability[:, None] / weight.sum(axis=1, keepdims=True)
+    given = (weight * values).sum(axis=-1) / weight.sum(axis=-1)
+    density = density.reshape(frames, levels.sigma.size, -1)
+    weight = np.exp(density - density.max(axis=-1, keepdims=True)).reshape(logs.shape)
+    weight = (weight * (logs[..., 1:2] - logs[..., :1])).reshape(density.shape)
+    weight *= levels.probability[:, None] / weight.sum(axis=-1, keepdims=True)
     return Contrasts(values, weight.reshape(logs.shape), given)
+
+
+class _Missing:
+    """What likelihoods of components (K,) lack where combinations ``lost`` (K, f) are not known.
+
+    Both are over the noise, which is equal.
+    """
+
+    def __init__(self, measured: NDArray[Any], lost: Floats) -> None:
+        self._count = lost.shape[1]
+        self._squares = (lost[:, :, None] * lost[:, None]).reshape(len(lost), -1).T
+        self._seen = (lost * measured[:, None]).T
+
+    def __call__(self, precision: Floats) -> tuple[Floats, Floats]:
+        """Chi squared and volume (n,) that they account for, of precisions (K, n)."""
+        matrix = (self._squares @ precision).T.reshape(-1, self._count, self._count)
+        seen = (self._seen @ precision).T[..., None]
+        explained = (np.conj(seen) * np.linalg.solve(matrix, seen)).real.sum(axis=(1, 2))
+        return explained, np.linalg.slogdet(matrix)[1]
 
 
 def _sum_of_logs(values: Floats) -> Floats:
@@ -128,15 +184,15 @@ def _sum_of_logs(values: Floats) -> Floats:
 
 
 def _closer(logs: Floats, density: Floats) -> Floats:
-    """As many logarithms (E, J) about the likely ones of each spectrum."""
-    likely = density > density.max(axis=1, keepdims=True) - UNLIKELY
-    first = np.maximum(likely.argmax(axis=1) - 1, 0)
-    last = np.minimum(POINTS - likely[:, ::-1].argmax(axis=1), POINTS - 1)
-    each = np.arange(len(logs))
-    return np.linspace(logs[each, first], logs[each, last], POINTS, axis=1)
+    """As many logarithms (..., J) about the likely ones of each spectrum."""
+    likely = density > density.max(axis=-1, keepdims=True) - UNLIKELY
+    first = np.maximum(likely.argmax(axis=-1) - 1, 0)
+    last = np.minimum(POINTS - likely[..., ::-1].argmax(axis=-1), POINTS - 1)
+    low, high = (np.take_along_axis(logs, at[..., None], axis=-1) for at in (first, last))
+    return low + (high - low) * STEPS
 
 
-def _told(logs: Floats, expected: float) -> Floats:
+def _told(logs: Floats, expected: Floats) -> Floats:
     """Log-density of logarithms of v before anything but the level is measured."""
     return np.asarray(-(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2)
 
@@ -152,13 +208,13 @@ def shrunk(
 ) -> Shrunk:
     """Posterior of components with ``spreads`` (E, K) and noise of variance ``noise``.
 
-    ``levels``: as for `contrasts`.
+    ``levels``: as for `contrasts`. Of several frames, ``noise`` is (F, 1, 1, 1).
     """
     noise = np.repeat(levels.sigma**2, len(spreads))[:, None, None] * noise
-    signal = known.value[..., None] * np.tile(spreads, (levels.sigma.size, 1))[:, None]
+    signal = known.value[..., None] * np.concatenate([spreads] * levels.sigma.size)[:, None]
     gains = signal / (signal + noise)
     weighted = known.probability[..., None] * gains
-    gain = weighted.sum(axis=(0, 1))
-    square = np.einsum("ejk,ejk->k", weighted, gains)
-    by_noise = (weighted * noise).sum(axis=(0, 1))
+    gain = weighted.sum(axis=(-3, -2))
+    square = np.einsum("...ejk,...ejk->...k", weighted, gains)
+    by_noise = (weighted * noise).sum(axis=(-3, -2))
     return Shrunk(gain, by_noise, np.maximum(square - gain**2, 0))

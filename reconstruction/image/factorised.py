@@ -51,6 +51,13 @@ class Factorised(Posterior):
         """The mean: there is no other."""
         return self.mean
 
+    @property
+    def seen(self) -> NDArray[Any]:
+        """What rows (K,) see of the mean, 0 of those that are left out."""
+        seen = np.zeros(self.noise.size, self.mean.dtype)
+        seen[self._known] = self._rows @ self.mean.ravel()
+        return seen
+
     def _solved(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         return np.asarray(cho_solve(self._factor, coefficients, check_finite=False))
 

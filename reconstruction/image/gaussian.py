@@ -15,37 +15,57 @@ the frame, v is fitted as if coefficients were independent, and the variance of 
 those around it.
 """
 
-from collections import OrderedDict
+from collections.abc import Iterator
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Floats
 from .noise import CERTAIN, NoiseLevels
-from .posterior import Components, Field, Posterior
+from .posterior import Combined, Components, Field, OwnPosterior, Posterior
 
 LEAST_NOISE = 1e-6
 """Least noise over the rms of coefficients: without any the posterior is a limit."""
-MAX_KEPT = 4
-"""Sets of coefficients of which the eigendecomposition is kept."""
-
+MOST_LOST = 32
+"""Coefficients of which nothing is known, at most, that are taken out of the eigendecomposition of
+all: the remaining ones have their own otherwise."""
+AT_A_TIME = 16
+"""Frames, so that what is known of their contrasts stays in the cache of a processor."""
 ALIKE = 1e-6
 """Relative difference of noise that is none."""
+
+
+class _Turned(NamedTuple):
+    """Components of one frame's coefficients, as `Posterior` takes them."""
+
+    components: Components
+    turned: NDArray[Any]
+    lost: Floats
+    noise: Floats
+    rms: float
 
 
 class GaussianModel:
     """Images of a field, times v, of which ``rows`` (K, N), spectra of any length, are measured.
 
-    ``usual`` (K,): relative noise for which the eigendecomposition is made, equal noise if None.
+    ``usual`` (K,): relative noise for which the eigendecomposition is made, equal noise if None;
+    ``combined``: what sums up rows by weights (..., K), where that is faster than a product.
     """
 
-    def __init__(self, rows: Floats, field: Field, usual: Floats | None = None) -> None:
+    def __init__(
+        self,
+        rows: Floats,
+        field: Field,
+        usual: Floats | None = None,
+        combined: Combined | None = None,
+    ) -> None:
         self.field = field
         self.rows = rows
+        self._combined = combined
         self.usual = np.ones(len(rows)) if usual is None else usual
-        self._kept: OrderedDict[bytes, Components] = OrderedDict()
+        self._fewer: tuple[bytes, Components] | None = None
 
     def given(
         self,
@@ -60,19 +80,76 @@ class GaussianModel:
         before they are, where something tells; ``levels``: what noise may be, over ``noise``,
         which is looked at where it is the usual one.
         """
-        known = np.isfinite(noise)
-        usual = self.usual[known]
-        least = LEAST_NOISE * float(np.sqrt(np.mean(np.abs(measured[known] / usual) ** 2)))
-        noise = np.maximum(noise, least * self.usual)
-        relative = noise[known] / usual
-        if np.ptp(relative) > ALIKE * relative.max():
-            from .factorised import Factorised  # SciPy takes long to import
+        noise, relative = self._noise(measured, noise)
+        if relative is None:
+            return self._factorised(measured, noise, expected)
+        return Posterior(*self._turned(measured, noise, relative), expected, levels)
 
-            return Factorised(
-                measured, noise, self.rows, self.gram, self.seen, self.field, expected
-            )
-        rms = float(np.sqrt(np.mean(relative**2)))
-        return Posterior(measured[known], noise, rms, self._components(known), expected, levels)
+    def many(
+        self, measured: NDArray[Any], rms: Floats, expected: Floats
+    ) -> Iterator[tuple[NDArray[Any], Floats, float]]:
+        """Mean, variance and contrast of frames (F, K) of the usual noise times ``rms`` (F,).
+
+        ``expected`` (F,) as for `given`.
+        """
+        for start in range(0, len(measured), AT_A_TIME):
+            some = np.s_[start : start + AT_A_TIME]
+            turned = measured[some] @ self._components.turn.T
+            found = self._components.posteriors(turned, rms[some], expected[some])
+            yield from zip(*found, strict=True)
+
+    def usual_rms(self, measured: NDArray[Any], noise: Floats) -> float | None:
+        """By what ``noise`` (K,) is larger than the usual one, None where it is another."""
+        if not np.isfinite(noise).all():
+            return None
+        return self._noise(measured, noise)[1]
+
+    def own(
+        self, measured: NDArray[Any], noise: Floats, expected: float | None = None
+    ) -> OwnPosterior:
+        """The same of the prior's own exponent alone, and one contrast."""
+        noise, relative = self._noise(measured, noise)
+        if relative is None:
+            return self._factorised(measured, noise, expected)
+        told = self._turned(measured, noise, relative)
+        contrast = told.components.own_contrast(told.turned, told.lost, told.rms, expected)
+        return OwnPosterior(*told, contrast)
+
+    def _noise(self, measured: NDArray[Any], noise: Floats) -> tuple[Floats, float | None]:
+        """Noise (K,) to divide by, and its size over the usual one, None where it is another."""
+        known, usual = np.isfinite(noise), self.usual
+        if not known.all():
+            measured, usual = measured[known], usual[known]
+        size = np.abs(measured / usual)
+        least = LEAST_NOISE * float(np.sqrt(size @ size / size.size))
+        noise = np.maximum(noise, least * self.usual)
+        relative = (noise if known.all() else noise[known]) / usual
+        largest = relative.max()
+        if largest - relative.min() > ALIKE * largest:
+            return noise, None
+        return noise, float(np.sqrt(relative @ relative / relative.size))
+
+    def _factorised(
+        self, measured: NDArray[Any], noise: Floats, expected: float | None
+    ) -> Posterior:
+        from .factorised import Factorised  # SciPy takes long to import
+
+        return Factorised(measured, noise, self.rows, self.gram, self.seen, self.field, expected)
+
+    def _turned(self, measured: NDArray[Any], noise: Floats, rms: float) -> _Turned:
+        known = np.isfinite(noise)
+        (lost,) = np.nonzero(~known)
+        if lost.size > MOST_LOST:
+            components, lost = self._of_some(known), lost[:0]
+        else:
+            components = self._components
+        turn = components.turn
+        turned = turn @ np.where(known, measured, 0)
+        return _Turned(components, turned, turn[:, lost], noise, rms)
+
+    @cached_property
+    def _components(self) -> Components:
+        return Components(self.field, self.rows, self.usual, combined=self._combined)
 
     @cached_property
     def gram(self) -> Floats:
@@ -85,11 +162,9 @@ class GaussianModel:
         spectra = self.rows.reshape(-1, *self.field.variance.shape) * self.field.variance
         return self.field.image(spectra).reshape(len(spectra), -1)
 
-    def _components(self, known: NDArray[np.bool_]) -> Components:
+    def _of_some(self, known: NDArray[np.bool_]) -> Components:
+        """Those of the coefficients that are known, kept for as long as it is the same ones."""
         key = known.tobytes()
-        if key not in self._kept:
-            self._kept[key] = Components(self.field, self.rows[known], self.usual[known])
-        self._kept.move_to_end(key)
-        if len(self._kept) > MAX_KEPT:
-            self._kept.popitem(last=False)
-        return self._kept[key]
+        if self._fewer is None or self._fewer[0] != key:
+            self._fewer = key, Components(self.field, self.rows, self.usual, known)
+        return self._fewer[1]

@@ -1,12 +1,13 @@
 """Image methods compiled for a pattern plan, for whichever of its readings are usable."""
 
-from collections import OrderedDict
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arrays import Floats, Mask
 from ..operators import (
     PatternPlan,
     SpoiltReadings,
@@ -15,40 +16,42 @@ from ..operators import (
     drift_of,
     redundant_combinations,
 )
-from .coefficients import CoefficientDecoder
+from .coefficients import CoefficientDecoder, Coefficients
 from .method import CarryingMethod, ImageMethod, ImageSolver
 from .methods import image_method
 from .prior import Prior
 
-MAX_KEPT = 4
-"""Sets of usable readings of each plan for which what was compiled is kept, on average."""
-
 
 class Imaging:
-    """Everything that frames share in which the same readings are usable; made once for each.
+    """Everything that frames share, made once for each plan.
 
-    ``plans`` are those of successive frames, over and over. Methods that carry something from frame
-    to frame begin here.
+    ``plans`` are those of successive frames, over and over. Readings that are not usable have
+    infinite noise, which takes no compiling. Only where patterns are not orthogonal, and so every
+    coefficient rests on every reading, the usable ones are compiled for, and kept as long as it is
+    the same ones. Methods that carry something from frame to frame begin here.
     """
 
     def __init__(self, *plans: PatternPlan) -> None:
         self._plans = plans
-        self._kept: OrderedDict[tuple[int, bytes], UsableReadings] = OrderedDict()
+        self._whole: dict[int, CompiledPlan] = {}
+        self._fewer: tuple[tuple[int, bytes], CompiledPlan] | None = None
         self._begun: dict[str, ImageMethod] = {}
 
-    def of(self, usable: NDArray[np.bool_], frame: int = 0) -> "UsableReadings":
-        """What is compiled for these ``usable`` (M,) readings of a frame.
+    def of(self, usable: Mask, frame: int = 0) -> "UsableReadings":
+        """What is compiled for a frame of which these readings (M,) are ``usable``.
 
         Raises InputError where the plan does not tell the background.
         """
         turn = frame % len(self._plans)
-        key = turn, np.packbits(usable).tobytes()
-        if key not in self._kept:
-            self._kept[key] = UsableReadings(self._plans[turn], usable, self._method)
-        self._kept.move_to_end(key)
-        if len(self._kept) > MAX_KEPT * len(self._plans):
-            self._kept.popitem(last=False)
-        return self._kept[key]
+        plan = self._plans[turn]
+        if not plan.patterns.orthogonal and not usable.all():
+            key = turn, np.packbits(usable).tobytes()
+            if self._fewer is None or self._fewer[0] != key:
+                self._fewer = key, CompiledPlan(plan, usable, self._method)
+            return UsableReadings(self._fewer[1], None)
+        if turn not in self._whole:
+            self._whole[turn] = CompiledPlan(plan, np.ones_like(usable), self._method)
+        return UsableReadings(self._whole[turn], None if usable.all() else usable)
 
     def _method(self, name: str) -> ImageMethod:
         """A method by its name, for this recording alone where it carries something."""
@@ -60,27 +63,24 @@ class Imaging:
         return self._begun[name]
 
 
-class UsableReadings:
-    """Decoding of some of a plan's readings, and solvers of its coefficients by method."""
+class CompiledPlan:
+    """Decoding of some readings (M,) of a plan, and solvers of its coefficients by method."""
 
     def __init__(
-        self,
-        plan: PatternPlan,
-        usable: NDArray[np.bool_],
-        method: Callable[[str], ImageMethod],
+        self, plan: PatternPlan, readings: Mask, method: Callable[[str], ImageMethod]
     ) -> None:
-        self._plan, self._usable, self._method = plan, usable, method
-        self.decoder = decoder_for(plan, usable)
+        self._plan, self._readings, self._method = plan, readings, method
+        self.decoder = decoder_for(plan, readings)
         self._solvers: dict[str, ImageSolver] = {}
 
     @cached_property
     def spoilt(self) -> SpoiltReadings:
-        """Which of the usable readings cannot be right."""
-        return SpoiltReadings(self._plan, self._usable, self._throughput)
+        """Which of the readings cannot be right."""
+        return SpoiltReadings(self._plan, self._readings, self._throughput)
 
     @cached_property
     def _throughput(self) -> Throughput:
-        return Throughput(self._plan, self._usable)
+        return Throughput(self._plan, self._readings)
 
     @cached_property
     def decode(self) -> CoefficientDecoder:
@@ -88,9 +88,9 @@ class UsableReadings:
         return CoefficientDecoder(
             self.decoder,
             lambda: Prior(self.decoder.operator),
-            redundant_combinations(self._plan, self._usable),
+            redundant_combinations(self._plan, self._readings),
             self._throughput,
-            drift_of(self._plan, self._usable),
+            drift_of(self._plan, self._readings),
         )
 
     def solver(self, method: str) -> ImageSolver:
@@ -98,3 +98,39 @@ class UsableReadings:
         if method not in self._solvers:
             self._solvers[method] = self._method(method).compile(self.decoder.operator)
         return self._solvers[method]
+
+
+class UsableReadings:
+    """A compiled plan, and which readings (M,) of a frame are ``usable``, None for all of them."""
+
+    def __init__(self, compiled: CompiledPlan, usable: Mask | None) -> None:
+        self._compiled, self._usable = compiled, usable
+        self.decoder = compiled.decoder
+        self.solver = compiled.solver
+
+    @cached_property
+    def measured(self) -> Mask:
+        """Which coefficients (K,) there are."""
+        if self._usable is None:
+            return np.ones(self.decoder.operator.shape[0], dtype=bool)
+        return self.decoder.measured(self._usable)
+
+    @property
+    def patterns(self) -> int:
+        """Number of different patterns that an image rests on."""
+        if self._usable is None:
+            return self.decoder.index.size
+        return int(np.count_nonzero(self.measured))
+
+    @property
+    def level(self) -> bool:
+        """Whether the mean level of an image is told."""
+        return self.decoder.level and bool(self.measured[self.decoder.operator.level])
+
+    def spoilt(self, signal: NDArray[Any]) -> Mask:
+        """Which of the usable readings (M,) cannot be right."""
+        return self._compiled.spoilt(signal, self._usable)
+
+    def decode(self, signal: NDArray[Any], variance: Floats) -> Coefficients:
+        """From readings (M,) to coefficients."""
+        return self._compiled.decode(signal, variance, self._usable)

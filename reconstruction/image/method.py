@@ -28,6 +28,14 @@ ImageSolver = Callable[[Coefficients], Estimate]
 """From the coefficients of one frame to the image and its standard deviation."""
 
 
+@runtime_checkable
+class SolverOfMany(Protocol):
+    """An `ImageSolver` that is faster with several frames at once."""
+
+    def many(self, frames: Sequence[Coefficients]) -> list[Estimate]:
+        """What it makes of each frame."""
+
+
 class ImageMethod(Protocol):
     """A way from coefficients to an image; everything that frames share is done by `compile`."""
 

@@ -114,8 +114,7 @@ class Network:
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
         half, layer = squares_as_channels(maps), self._layers
-        constant = np.broadcast_to(numbers[:, None, None], (len(numbers), *half.shape[1:]))
-        kept = positive(layer("enter", np.concatenate([half, constant])))
+        kept = positive(layer("enter", half, numbers))
         kept = positive(layer("before", kept))
         quarter = positive(layer("down", squares_as_channels(kept)))
         quarter = layer.changed("wide", quarter, WIDE_LAYERS // 2)

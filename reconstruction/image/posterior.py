@@ -1,15 +1,18 @@
 """Gaussian fields, and what coefficients tell of one; see `gaussian`."""
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from .contrast import contrasts, shrunk
-from .noise import NoiseLevels
+from ..arrays import Floats, Mask
+from .contrast import Contrasts, contrasts, contrasts_of_frames, shrunk
+from .noise import CERTAIN, NoiseLevels
 
+Combined = Callable[[NDArray[Any]], NDArray[Any]]
+"""Sums (..., H, W) of rows of spectra by their weights (..., K)."""
 POWERS = (1.0, 0.5, 1.5, 2.0)
 """Of the spread of components: exponents of 2, the prior's own, and 1, 3 and 4 of frequency."""
 
@@ -39,46 +42,93 @@ class Field:
         return np.asarray(self.vertical**2 @ self.variance @ self.horizontal.T**2)
 
 
-class Posterior:
-    """Of one frame: ``mean`` (H, W), a spectrum, complex where coefficients are.
+class OwnPosterior:
+    """Of one frame: what one contrast v, and the exponent that the prior has, leave of images.
 
-    Mean and variance are averages over contrasts and, for what is measured, exponents: the rest is
-    as the prior's own exponent has it. ``contrast`` v is the mean one of that exponent, for which
-    are `own_mean`, `covariance` and ``noise_energy``: what noise adds to own_mean^T C^-1 own_mean,
-    on average. ``noise`` (K,) is that of the coefficients, nowhere too small to divide by. Where
-    it may have several ``levels``, mean and variance are those over all of them.
+    `own_mean` and ``noise_energy``, what noise adds to own_mean^T C^-1 own_mean, on average.
+    ``noise`` (K,) is that of the coefficients, nowhere too small to divide by, ``rms`` that of the
+    components. Of the combinations ``lost`` (K, f) of components nothing is known: as if they had
+    infinite noise, which is a downdate of rank f.
     """
 
     def __init__(
         self,
-        measured: NDArray[Any],
+        components: "Components",
+        turned: NDArray[Any],
+        lost: Floats,
         noise: Floats,
         rms: float,
-        components: "Components",
-        expected: float | None,
-        levels: NoiseLevels,
+        contrast: float,
     ) -> None:
-        turned = components.turn @ measured
+        self.noise, self.contrast = noise, contrast
         spread = components.spread
-        levels = levels.and_one  # of which is `contrast`
-        known = contrasts(turned, components.spreads, rms**2, expected, levels)
-        each = shrunk(known, components.spreads, rms**2, levels)
-        self.noise = noise
-        self.contrast = float(known.given[0])
-        shrinking = each.gain * components.inverse
-        self.mean = ((shrinking * turned) @ components.spectra).reshape(components.shape)
-        left = each.by_noise + each.between * np.abs(turned) ** 2
-        self._explained = (self.contrast * spread - left) * components.inverse**2
-        own = self.contrast / (self.contrast * spread + rms**2)
-        self.noise_energy = float((own**2 * spread).sum() * rms**2)
-        self._of_one = self.contrast * own
-        self._turned, self._components = own * turned, components
+        precision = 1 / (contrast * spread + rms**2)
+        energy = (spread * precision**2).sum()
+        told = precision * turned
+        self._lost = lost
+        if lost.shape[1]:
+            missing = precision[:, None] * lost
+            factor = np.linalg.cholesky(lost.T @ missing)
+            missing = np.linalg.solve(factor, missing.T).T
+            told = told - missing @ (missing.T @ turned)
+            weighed = spread[:, None] * missing
+            energy -= 2 * (precision[:, None] * missing * weighed).sum()
+            energy += ((missing.T @ weighed) * (missing.T @ missing)).sum()
+            self._lost = contrast * missing
+        self.noise_energy = float(contrast**2 * rms**2 * energy)
+        self._of_one = contrast**2 * precision
+        self._told, self._components = contrast * told, components
+        self._filled = told / precision
 
     @property
     def own_mean(self) -> NDArray[Any]:
-        """The mean (H, W) of contrast v and the prior's own exponent."""
+        """The mean (H, W), a spectrum, complex where coefficients are."""
+        return self._components.spectrum(self._told)
+
+    def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """The posterior covariance times a spectrum (H, W)."""
         components = self._components
-        return np.asarray((self._turned @ components.spectra).reshape(components.shape))
+        seen = components.spectra @ spectrum.ravel()
+        explained = self._of_one * seen
+        if self._lost.shape[1]:
+            explained -= self._lost @ (self._lost.T @ seen)
+        prior = self.contrast * components.field.variance * spectrum
+        return np.asarray(prior - components.spectrum(explained))
+
+
+class Posterior(OwnPosterior):
+    """The same, with a mean and a variance that are averages over contrasts and exponents.
+
+    What is measured has these, the rest is as the prior's own exponent has it; ``contrast`` is the
+    mean one of that exponent. ``mean`` (H, W) is a spectrum. Where noise may have several
+    ``levels``, mean and variance are those over all of them.
+    """
+
+    def __init__(
+        self,
+        components: "Components",
+        turned: NDArray[Any],
+        lost: Floats,
+        noise: Floats,
+        rms: float,
+        expected: float | None,
+        levels: NoiseLevels,
+    ) -> None:
+        levels = levels.and_one  # of which is `contrast`
+        known = components.contrasts(turned, lost, rms, expected, levels)
+        super().__init__(components, turned, lost, noise, rms, float(known.given[0]))
+        each = shrunk(known, components.spreads, rms**2, levels)
+        weights = each.gain * components.inverse * self._filled
+        self.mean = components.spectrum(weights)
+        self._weights = weights
+        left = each.by_noise + each.between * np.abs(self._filled) ** 2
+        self._explained = (self.contrast * components.spread - left) * components.inverse**2
+
+    @property
+    def seen(self) -> NDArray[Any]:
+        """What rows (K,) of the components see of the mean."""
+        components = self._components
+        return np.asarray(components.back @ (components.spread * self._weights))
 
     @property
     def variance(self) -> Floats:
@@ -88,37 +138,109 @@ class Posterior:
         weights = (self._explained / self.contrast).astype(np.float32)
         prior = components.pixel_variance
         explained = (weights @ components.squared).reshape(prior.shape)
-        return self.contrast * np.maximum(prior - explained, 0)
+        variance = self.contrast * np.maximum(prior - explained, 0)
+        if self._lost.shape[1]:
+            images = components.field.image(components.spectrum(self._lost.T))
+            variance += (np.abs(images) ** 2).sum(axis=0)
+        return variance
 
-    def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """The posterior covariance of contrast v times a spectrum (H, W)."""
-        components = self._components
-        explained = (self._of_one * (components.spectra @ spectrum.ravel())) @ components.spectra
-        prior = self.contrast * components.field.variance * spectrum
-        return np.asarray(prior - explained.reshape(spectrum.shape))
+
+class Posteriors(NamedTuple):
+    """Of several frames: ``mean`` (F, h, w), ``contrast`` (F,) and the ``variance`` of pixels."""
+
+    mean: NDArray[Any]
+    variance: Floats
+    contrast: Floats
 
 
 class Components:
     """What varies independently in coefficients of which the noise has ``relative`` size (K,).
 
-    ``spread`` (K,): the l above, ``inverse`` (K,) its inverse, 0 for 0; ``turn`` (K, K): U^T T^-1;
+    In those of them that are ``known`` (K,), all if None; there are as many components.
+
+    ``spread`` (K,): the l above, ``inverse`` (K,) its inverse, 0 for 0; ``turn`` (K, K): U^T T^-1,
+    ``back`` its inverse;
     ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): the same l to several powers, all of
     the same sum.
     """
 
-    def __init__(self, field: Field, rows: Floats, relative: Floats) -> None:
-        self.field = field
+    def __init__(
+        self,
+        field: Field,
+        rows: Floats,
+        relative: Floats,
+        known: Mask | None = None,
+        combined: Combined | None = None,
+    ) -> None:
+        self.field, self._combined = field, combined
         self.shape = field.shape
+        known = np.ones(len(rows), dtype=bool) if known is None else known
+        rows, relative = rows[known], relative[known]
         seen = rows * field.variance.ravel()
         spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
         self.spread: Floats = np.maximum(spread, 0)
         told = spread > 1e-12 * spread.max()
         self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=told)
-        self.turn: Floats = turn.T / relative
-        self.spectra: Floats = self.turn @ seen
+        self.turn: Floats = np.zeros((len(rows), known.size))
+        self.turn[:, known] = turn.T / relative
+        self.back: Floats = np.zeros((known.size, len(rows)))
+        self.back[known] = relative[:, None] * turn
+        self.spectra: Floats = self.turn[:, known] @ seen
         powers = self.spread ** np.array(POWERS)[:, None]
         self.spreads: Floats = powers * (self.spread.sum() / powers.sum(axis=1, keepdims=True))
+        self._usual: Floats = self.spreads.mean(axis=0)
         self.pixel_variance = field.pixel_variance
+
+    def spectrum(self, weights: NDArray[Any]) -> NDArray[Any]:
+        """Sum (..., H, W) of the spectra by weights (..., K)."""
+        if self._combined is not None:
+            return self.field.variance * self._combined(weights @ self.turn)
+        return np.asarray((weights @ self.spectra).reshape(*weights.shape[:-1], *self.shape))
+
+    def contrasts(
+        self,
+        turned: NDArray[Any],
+        lost: Floats,
+        rms: float,
+        expected: float | None,
+        levels: NoiseLevels,
+    ) -> Contrasts:
+        """Contrasts of all exponents, of components (K,) with noise ``rms``."""
+        return self._contrasts(self.spreads, turned, lost, rms, expected, levels)
+
+    def own_contrast(
+        self, turned: NDArray[Any], lost: Floats, rms: float, expected: float | None
+    ) -> float:
+        """The mean contrast of the prior's own exponent."""
+        found = self._contrasts(self.spreads[:1], turned, lost, rms, expected, CERTAIN)
+        return float(found.given[0])
+
+    def _contrasts(
+        self,
+        spreads: Floats,
+        turned: NDArray[Any],
+        lost: Floats,
+        rms: float,
+        expected: float | None,
+        levels: NoiseLevels,
+    ) -> Contrasts:
+        missing = lost if lost.shape[1] else None
+        return contrasts(turned, spreads, rms**2, expected, levels, self._usual, missing)
+
+    def posteriors(self, turned: NDArray[Any], rms: Floats, expected: Floats | None) -> Posteriors:
+        """What `Posterior` is of each frame, of components (F, K) with noise ``rms`` (F,)."""
+        noise = rms[:, None] ** 2
+        known = contrasts_of_frames(turned, self.spreads, noise, expected, usual=self._usual)
+        contrast = known.given[:, :1]
+        each = shrunk(known, self.spreads, noise[..., None, None])
+        left = each.by_noise + each.between * np.abs(turned) ** 2
+        explained = (contrast * self.spread - left) * self.inverse**2 / contrast
+        told = (explained.astype(np.float32) @ self.squared).reshape(-1, *self.pixel_variance.shape)
+        return Posteriors(
+            self.spectrum(each.gain * self.inverse * turned),
+            contrast[..., None] * np.maximum(self.pixel_variance - told, 0),
+            contrast[:, 0],
+        )
 
     @cached_property
     def squared(self) -> NDArray[np.float32]:

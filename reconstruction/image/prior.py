@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..arrays import Floats, Mask
 from ..operators import MeasurementOperator
 from .dictionaries.dct import DICTIONARY
 
@@ -43,16 +43,21 @@ class Prior:
     def _fit(self) -> "VarianceFit":
         return VarianceFit(self.expected)
 
-    def variance(self, coefficients: NDArray[Any]) -> Floats:
+    def variance(self, coefficients: NDArray[Any], known: Mask | None = None) -> Floats:
         """Variance (K,) that coefficients (K,) like these have from image to image.
 
-        Infinite for the level, which may be any, and where nothing was measured.
+        Infinite for the level, which may be any, and where nothing was measured. Only some may be
+        ``known`` (K,).
         """
         variance = np.full(coefficients.size, np.inf)
-        measured = coefficients[self.varying]
+        measured, expected = coefficients[self.varying], self.expected
         if measured.any():
-            scale, white = self._fit(measured)
-            variance[self.varying] = scale * (self.expected + white)
+            fit = self._fit
+            if known is not None:
+                measured = measured[known[self.varying]]
+                fit = VarianceFit(expected[known[self.varying]])
+            scale, white = fit(measured)
+            variance[self.varying] = scale * (expected + white)
         return variance
 
 

@@ -38,7 +38,7 @@ def without_shared_errors(
     weighted = columns / (prior + own)[:, None]
     # Both sides times V: a reading without error, v = 0, is fine.
     system = np.eye(shared.size) + shared[:, None] * (columns.T @ weighted)
-    errors = np.linalg.solve(system, shared * (weighted.T @ coefficients))
-    covariance = np.linalg.solve(system, np.diag(shared))
+    inverse = np.linalg.inv(system)
+    errors, covariance = inverse @ (shared * (weighted.T @ coefficients)), inverse * shared
     left = ((columns @ covariance) * columns).sum(axis=1)
     return coefficients - columns @ errors, own + left

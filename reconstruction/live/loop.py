@@ -5,8 +5,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..chosen_methods import USUAL_IMAGES, Names, check_names
-from ..depth import DEPTH_METHODS, MIN_FREE, check_min_free, lacks
+from ..chosen_methods import Names, check_names
+from ..depth import MIN_FREE, check_min_free
 from ..errors import InputError, in_words
 from ..reconstructor import Reconstructor
 from .counts import Latencies
@@ -17,25 +17,22 @@ from .setups import StreamSetup
 logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
-SWIFT_DEPTHS = ("anchored", "nearest")
-"""Those that leave time for the rest of a frame at video rate."""
 
 
 class Loop:
     """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
 
-    Methods are named as for a `Reconstructor`; of the usual images there is the first alone, of the
-    usual depths those of `SWIFT_DEPTHS`; ``min_free`` is that of a `Reconstructor`, too.
-    Whatever a method raises costs its own part of a frame, and what a setup or a frame raises
-    costs these alone: it is counted and told. Raises InputError for unknown methods, for those
-    that the first setup of a file or pipe does not suit, and where the reception has failed.
+    Methods are named as for a `Reconstructor`, and ``min_free`` is that of one, too. Whatever a
+    method raises costs its own part of a frame, and what a setup or a frame raises costs these
+    alone: it is counted and told. Raises InputError for unknown methods, for those that the first
+    setup of a file or pipe does not suit, and where the reception has failed.
     """
 
     def __init__(
         self,
         reception: Reception,
         *,
-        image: Names = USUAL_IMAGES[0],
+        image: Names = None,
         ranging: Names = None,
         depth: Names = None,
         weather: str | None = None,
@@ -51,11 +48,11 @@ class Loop:
         self._methods: dict[str, Any] = {
             "image": image,
             "ranging": ranging,
+            "depth": depth,
             "weather": weather,
             "min_free": min_free,
             "failed": self._method_failed,
         }
-        self._depth = depth
         self._results = results
         self._states = states
         self._clock = clock
@@ -92,20 +89,12 @@ class Loop:
             return
         first, self._stream, self._reconstruct = self._stream is None, stream, None
         try:
-            self._reconstruct = Reconstructor(
-                stream.setup, depth=self._depths(stream), **self._methods
-            )
+            self._reconstruct = Reconstructor(stream.setup, **self._methods)
             self._trouble = None
         except Exception as error:
             if first and self._reception.final and isinstance(error, InputError):
                 raise
             self._trouble = f"the setup cannot be used: {self._in_words(error)}"
-
-    def _depths(self, stream: StreamSetup) -> Names:
-        """Those that are named, else the swift ones that the setup suits."""
-        if self._depth is not None:
-            return self._depth
-        return [name for name in SWIFT_DEPTHS if not lacks(DEPTH_METHODS[name], stream.setup)]
 
     def _frame(self, arrival: Arrival) -> None:
         self._compile(arrival.stream)

@@ -44,6 +44,12 @@ class Decoder:
         """Whether the mean level of an image is told."""
         return self.operator.level is not None
 
+    def measured(self, usable: Mask) -> Mask:
+        """Which coefficients (K,) of an orthogonal basis rest on ``usable`` (M,) readings alone."""
+        if isinstance(self.matrix, SparseRows):
+            return self.matrix.resting_on(usable)
+        return np.ones(len(self.matrix), dtype=bool)
+
     def decode(self, signal: NDArray[Any]) -> NDArray[Any]:
         """Coefficients (..., K) of the readings (..., M) in their unit, real or complex."""
         flat = np.asarray(signal).reshape(-1, self.matrix.shape[1])
@@ -80,17 +86,10 @@ def decoder_for(plan: PatternPlan, usable: Mask | None = None) -> Decoder:
     if not plan.patterns.orthogonal:
         return _dense_decoder(plan, usable)
     matrix = _row_decoder(plan)
-    complete = rows_resting_on(matrix, usable)
+    complete = matrix.resting_on(usable)
     matrix, index = matrix.only(complete), plan.distinct[complete]
     shared = np.bincount(matrix.columns, minlength=plan.exposures) > 1
     return Decoder(matrix, RowOperator(plan.patterns, index), index, shared)
-
-
-def rows_resting_on(matrix: SparseRows, usable: Mask) -> Mask:
-    """Which rows (K,) rest on ``usable`` (M,) readings alone."""
-    resting = np.ones(matrix.shape[0], dtype=bool)
-    resting[matrix.rows[~usable[matrix.columns]]] = False
-    return resting
 
 
 def _row_decoder(plan: PatternPlan) -> SparseRows:

@@ -1,7 +1,9 @@
 """What decoded readings say of an image: linear operators with orthogonal rows of one length."""
 
+from collections.abc import Hashable
 from functools import cached_property
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,8 @@ class MeasurementOperator:
     def __init__(self, rows: int, image_shape: tuple[int, int]) -> None:
         self.image_shape = image_shape
         self.usual_noise = np.ones(rows)
+        # What methods make of this operator and share, for as long as any of them needs it.
+        self.shared: WeakValueDictionary[Hashable, Any] = WeakValueDictionary()
         self.shape = rows, image_shape[0] * image_shape[1]
 
     def forward(self, images: NDArray[Any]) -> NDArray[Any]:
@@ -54,7 +58,7 @@ class MeasurementOperator:
     def _level_row(self) -> Floats:
         return self.back_project((~self.varying).astype(np.float64))
 
-    @property
+    @cached_property
     def varying(self) -> NDArray[np.bool_]:
         """Rows (K,) other than the level."""
         return np.arange(self.shape[0]) != (-1 if self.level is None else self.level)
@@ -103,6 +107,10 @@ class SeenAtoms:
     def of(self, atoms: tuple[NDArray[np.intp], ...]) -> Floats:
         """Products with the atoms at these rows and columns (A,) of the band: (K, A)."""
         return self._products[:, atoms[0], atoms[1]]
+
+    def combined(self, weights: NDArray[Any]) -> NDArray[Any]:
+        """Sums of products by weights (..., K) of the rows: (..., a, b)."""
+        return np.tensordot(weights, self._products, axes=1)
 
 
 class RowOperator(MeasurementOperator):
@@ -181,6 +189,21 @@ class _SeenFactors(SeenAtoms):
     def of(self, atoms: tuple[NDArray[np.intp], ...]) -> Floats:
         tall, wide = self._rows
         return self._vertical[tall[:, None], atoms[0]] * self._horizontal[wide[:, None], atoms[1]]
+
+    def combined(self, weights: NDArray[Any]) -> NDArray[Any]:
+        above, beside, place = self._occurring
+        there = np.zeros((*weights.shape[:-1], len(above) * len(beside)), weights.dtype)
+        there[..., place] = weights
+        there = there.reshape(*weights.shape[:-1], len(above), len(beside))
+        return np.asarray(above.T @ there @ beside)
+
+    @cached_property
+    def _occurring(self) -> tuple[Floats, Floats, NDArray[np.intp]]:
+        """Products of the factors that occur, and where each row is among pairs of these."""
+        above, row = np.unique(self._rows[0], return_inverse=True)
+        beside, column = np.unique(self._rows[1], return_inverse=True)
+        place = row * beside.size + column
+        return self._vertical[above], self._horizontal[beside], place
 
 
 class MatrixOperator(MeasurementOperator):

@@ -64,7 +64,11 @@ def drift_of(plan: PatternPlan, usable: Mask) -> "Drift | None":
     groups = [group for group in equal_sums(plan, usable) if len(group) > 1]
     sums = matrix_of([_of_length_1(each) for group in groups for each in group], plan.exposures)
     of_group = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-    freedom = of_group.size - len(groups) - DEGREE
+    return _drift_in(sums, of_group)
+
+
+def _drift_in(sums: SparseRows, of_group: NDArray[np.intp]) -> "Drift | None":
+    freedom = of_group.size - np.unique(of_group).size - DEGREE
     return Drift(sums, of_group, freedom) if freedom >= FEWEST else None
 
 
@@ -81,8 +85,16 @@ class Drift:
         self._seen = np.stack([self._deviations(power) for power in self._powers.T], axis=1)
         self._inverse = np.linalg.pinv(self._seen)
 
-    def __call__(self, signal: NDArray[Any]) -> NDArray[Any]:
-        """The drift in each of the readings (M,): 0 where it is not beyond doubt."""
+    def __call__(self, signal: NDArray[Any], usable: Mask | None = None) -> NDArray[Any]:
+        """The drift in each of the readings (M,): 0 where it is not beyond doubt.
+
+        By those sums alone that rest on ``usable`` (M,) readings, where not all do.
+        """
+        if usable is not None:
+            kept = self._sums.resting_on(usable)
+            _, of_group = np.unique(self._of_group[kept], return_inverse=True)
+            fewer = _drift_in(self._sums.only(kept), of_group)
+            return np.zeros_like(signal) if fewer is None else fewer(signal)
         deviations = self._deviations(signal)
         course = self._inverse @ deviations
         explained = np.sum(np.abs(self._seen @ course) ** 2) / DEGREE

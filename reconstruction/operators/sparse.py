@@ -33,6 +33,12 @@ class SparseRows:
     def _starts(self) -> NDArray[np.intp]:
         return np.flatnonzero(np.diff(self.rows, prepend=-1))
 
+    def resting_on(self, usable: Mask) -> Mask:
+        """Which rows have entries in ``usable`` columns alone."""
+        resting = np.ones(self.shape[0], dtype=bool)
+        resting[self.rows[~usable[self.columns]]] = False
+        return resting
+
     def only(self, kept: Mask) -> "SparseRows":
         """The rows of a mask."""
         entries = kept[self.rows]

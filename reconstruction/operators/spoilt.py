@@ -36,17 +36,19 @@ class SpoiltReadings:
         self._usable = usable
         self._throughput = throughput
 
-    def __call__(self, signal: NDArray[np.float64]) -> Mask:
-        """Which of the readings (M,) are spoilt, (M,)."""
+    def __call__(self, signal: NDArray[np.float64], usable: Mask | None = None) -> Mask:
+        """Which of the readings (M,) are spoilt, (M,), where fewer are ``usable`` than usually."""
         found = np.zeros(signal.shape, dtype=bool)
         if not self._groups or np.iscomplexobj(signal):
             return found
-        if self._throughput.score(signal) > BEYOND_DOUBT:
+        if self._throughput.score(signal, usable) > BEYOND_DOUBT:
             return found
-        usable = signal[self._usable]
-        least = HARMFUL * _deviation(usable - np.median(usable))
+        told = signal[self._usable if usable is None else usable]
+        if not told.size:
+            return found
+        least = HARMFUL * _deviation(told - np.median(told))
         for group in self._groups:
-            found |= group.spoilt(signal, least)
+            found |= group.spoilt(signal, least, usable)
         return found
 
 
@@ -57,14 +59,20 @@ class _Group:
         self._sums = matrix_of(sums, readings)
         self._of = [np.array(list(weights)) for weights in sums]
 
-    def spoilt(self, signal: NDArray[np.float64], least: float) -> Mask:
-        off = self._sums @ signal
+    def spoilt(self, signal: NDArray[np.float64], least: float, usable: Mask | None) -> Mask:
+        found = np.zeros(signal.shape, dtype=bool)
+        sums, numbers = self._sums, np.arange(self._sums.shape[0])
+        if usable is not None:
+            kept = sums.resting_on(usable)
+            sums, numbers = sums.only(kept), numbers[kept]
+            if numbers.size < FEWEST:
+                return found
+        off = sums @ signal
         off = off - _course(off)
         limit = max(FAR * _deviation(off), least)
         far = np.abs(off) > limit
-        found = np.zeros(signal.shape, dtype=bool)
         if limit > 0 and far.mean() <= FEW:  # 0 of counts of few photons, most of them the same
-            for number in np.flatnonzero(far):
+            for number in numbers[far]:
                 found[self._of[number]] = True
         return found
 

@@ -36,29 +36,36 @@ class Throughput:
             [plus | minus for (plus, _), minus in zip(pairs, less, strict=True)], plan.exposures
         )
 
-    def score(self, signal: NDArray[np.float64]) -> float:
+    def score(self, signal: NDArray[np.float64], usable: Mask | None = None) -> float:
         """How far sums are from those of noise alone, in standard errors; 0 of too few pairs.
 
-        The larger of Spearman's correlation of sums with the size of differences, and of what the
-        median of the latter lacks to that of noise.
+        Of those alone that rest on ``usable`` (M,) readings, where not all do. The larger of
+        Spearman's correlation of sums with the size of differences, and of what the median of the
+        latter lacks to that of noise.
         """
-        pairs = self._sums.shape[0]
+        of_sums, of_differences = self._sums, self._differences
+        if usable is not None:
+            kept = of_sums.resting_on(usable)
+            of_sums, of_differences = of_sums.only(kept), of_differences.only(kept)
+        pairs = of_sums.shape[0]
         if pairs < FEWEST or np.iscomplexobj(signal):
             return 0.0
-        sums, differences = self._sums @ signal, np.abs(self._differences @ signal)
+        sums, differences = of_sums @ signal, np.abs(of_differences @ signal)
         sharp = sums[1:-1] - (sums[2:] + sums[:-2]) / 2  # without a slow drift
         correlation = _correlation(_ranks(sharp), _ranks(differences[1:-1])) * np.sqrt(pairs - 3)
         scatter = float(np.median(np.abs(np.diff(sums)))) / np.sqrt(2)
         lacking = 1 - float(np.median(differences)) / scatter if scatter > 0 else 0.0
         return max(correlation, lacking * np.sqrt(pairs) / ERROR)
 
-    def probability_of_noise(self, signal: NDArray[np.float64]) -> float:
+    def probability_of_noise(
+        self, signal: NDArray[np.float64], usable: Mask | None = None
+    ) -> float:
         """How likely sums scatter by noise alone, where that is as likely as not beforehand.
 
         The score is about normal, of variance 1 by noise and of 1 + n/4 for n pairs of which
         throughputs correlate with differences by some 0.5. Up to `USUAL` it is taken for noise.
         """
-        score, spread = self.score(signal), self._sums.shape[0] / 4
+        score, spread = self.score(signal, usable), self._sums.shape[0] / 4
         if score <= USUAL:
             return 1.0
         odds = np.sqrt(1 + spread) * np.exp(-(score**2) / 2 * spread / (1 + spread))

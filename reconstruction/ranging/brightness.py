@@ -33,7 +33,9 @@ def brightness_at(positions: Floats, image: Floats, deviation: Floats) -> Bright
             around = tuple(
                 slice(max(at - NEIGHBOURS, 0), at + NEIGHBOURS + 1) for at in (row, column)
             )
-            electrons[spot], sigma[spot] = image[around].mean(), deviation[around].mean()
+            of_image, of_deviation = image[around], deviation[around]
+            electrons[spot] = of_image.sum() / of_image.size
+            sigma[spot] = of_deviation.sum() / of_deviation.size
     return Brightness(electrons, sigma)
 
 

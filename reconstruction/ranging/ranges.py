@@ -120,7 +120,12 @@ def ranges_from_paths(paths: Paths, spots: Spots) -> Ranges:
         "ambiguous": paths.ambiguous,
         "too close": paths.path_m <= np.linalg.norm(spots.detector_positions_m, axis=1),
     }
-    status = np.select(list(reasons.values()), list(reasons), "ok")
+    status = np.array(
+        [
+            next((reason for reason, there in reasons.items() if there[spot]), "ok")
+            for spot in range(len(range_m))
+        ]
+    )
     return Ranges(
         range_m=np.where(status == "ok", range_m, np.nan),
         sigma_m=np.where(status == "ok", slope * paths.sigma_m, np.nan),

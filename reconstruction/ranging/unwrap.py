@@ -7,6 +7,8 @@ frequencies agree best, in the weighted least-squares sense (D. Droeschel, D. Ho
 "Time-of-Flight Cameras", Springer 2012, ch. 2), by trying each.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,8 @@ PHASE_ERROR_RAD = 0.05
 LONGEST_PATH_M = 20_000.0
 """Paths beyond this are not considered where several frequencies could tell them: no laser of a
 drone shows anything there."""
+TOLD_APART = 1e-9, 1e9
+"""Standard deviations of phases: without signal they are infinite."""
 TRIED_AT_A_TIME = 2**20
 """Phases times wraps, which bounds the memory."""
 
@@ -34,6 +38,8 @@ def path_from_phases(
     it is within MIN_SIGNAL of its own standard deviations of where all phases repeat, or of 0.
     """
     limit_m = unambiguous_path_m(frequencies_hz)
+    if frequencies_hz.size == 1:
+        return _of_one(phases[0], sigmas[0], limit_m)
     wraps = int(np.ceil(limit_m * frequencies_hz.max() / c - 1e-9))
     rows = phases.reshape(len(phases), -1), sigmas.reshape(len(phases), -1)
     step = max(1, TRIED_AT_A_TIME // (wraps * len(phases)))
@@ -53,6 +59,21 @@ def path_from_phases(
     return path, sigma, ambiguous
 
 
+def _of_one(
+    phases: Floats, sigmas: Floats, limit_m: float
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """`path_from_phases` of a single frequency, which nothing contradicts."""
+    metres_per_radian = limit_m / (2 * np.pi)
+    path = np.mod(phases, 2 * np.pi) * metres_per_radian
+    sigma = np.clip(sigmas, *TOLD_APART) * metres_per_radian
+    return path, sigma, _repeated(path, sigma, limit_m)
+
+
+def _repeated(path: Floats, sigma: Floats, limit_m: float) -> NDArray[np.bool_]:
+    """Where a path may be as near to 0 as to where all phases repeat."""
+    return np.asarray(np.abs(path - limit_m / 2) > limit_m / 2 - MIN_SIGNAL * sigma)
+
+
 def _of_some(
     phases: Floats, sigmas: Floats, frequencies_hz: Floats, limit_m: float, wraps: int
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
@@ -64,7 +85,7 @@ def _of_some(
 
     off = phases[:, None] - candidates / metres_per_radian[:, None]
     off = (np.mod(off + np.pi, 2 * np.pi) - np.pi) * metres_per_radian[:, None]  # (J, wraps, ...)
-    sigmas = np.clip(sigmas, 1e-9, 1e9)  # without signal it is infinite
+    sigmas = np.clip(sigmas, *TOLD_APART)
     trusted = 1 / ((sigmas**2 + PHASE_ERROR_RAD**2) * metres_per_radian**2)
     precise = 1 / (sigmas * metres_per_radian) ** 2
     mean = (trusted[:, None] * off).sum(axis=0) / trusted.sum(axis=0)
@@ -80,8 +101,7 @@ def _of_some(
     total = precise.sum(axis=0)
     path = path + (precise * correction).sum(axis=0) / total
     sigma = 1 / np.sqrt(total)
-    repeated = np.abs(path - limit_m / 2) > limit_m / 2 - MIN_SIGNAL * sigma
-    return path, sigma, contradicted | rivalled | repeated
+    return path, sigma, contradicted | rivalled | _repeated(path, sigma, limit_m)
 
 
 def unambiguous_path_m(frequencies_hz: Floats) -> float:
@@ -90,9 +110,14 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
     That is c / f of a single one. Of several it is the first multiple of the shortest wavelength at
     which no phase differs by more than `path_from_phases` could tell, LONGEST_PATH_M at most.
     """
-    shortest = c / float(frequencies_hz.max())
+    return _repeated_after_m(tuple(np.unique(frequencies_hz).tolist()))
+
+
+@lru_cache(maxsize=16)  # the same for all frames of a recording
+def _repeated_after_m(frequencies_hz: tuple[float, ...]) -> float:
+    shortest = c / max(frequencies_hz)
     unlike = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
     paths = shortest * np.arange(1, int(LONGEST_PATH_M / shortest) + 2)
-    cycles = np.multiply.outer(paths, frequencies_hz / c)
+    cycles = np.multiply.outer(paths, np.array(frequencies_hz) / c)
     repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < unlike
     return float(paths[repeats.argmax()]) if repeats.any() else LONGEST_PATH_M

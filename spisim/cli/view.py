@@ -14,7 +14,7 @@ from reconstruction.errors import InputError
 
 from .console import print_json, say, warn
 from .inputs import captures_in
-from .options import Json, Methods, Overwrite, StatedWeather, number_option
+from .options import Json, Methods, Overwrite, number_option
 
 if TYPE_CHECKING:
     from spisim.viewer import Recording, Sight
@@ -41,7 +41,6 @@ def command(
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
-    weather: StatedWeather = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -52,15 +51,14 @@ def command(
     from reconstruction.cli.reconstruct import names
     from reconstruction.live.links import is_link
 
-    choice = {"image": names(image), "ranging": names(ranging), "depth": names(depth)}
-    choice |= {"weather": weather}
+    methods = {"image": names(image), "ranging": names(ranging), "depth": names(depth)}
     streamed = is_link(source) or Path(source).suffix == ".stream"
     _check(source, save, overwrite)
     with _recording(save) as recording:
         if streamed:
-            _follow(source, recording, frames, choice)
+            _follow(source, recording, frames, methods)
         else:
-            _show(_sights(Path(source), choice), recording, frames)
+            _show(_sights(Path(source), methods), recording, frames)
     if json:
         print_json({"written": [] if save is None else [save], "frames": recording.frames})
     elif save is not None:
@@ -117,13 +115,13 @@ def _recording(save: Path | None) -> Iterator[Recording]:
         stage.unlink(missing_ok=True)
 
 
-def _sights(source: Path, choice: dict[str, Any]) -> Iterator[Sight]:
+def _sights(source: Path, methods: dict[str, Any]) -> Iterator[Sight]:
     from spisim.dataset import open as open_data_set
     from spisim.viewer import sights_of_captures, sights_of_samples
 
     if (source / MANIFEST).is_file():
-        return sights_of_samples(open_data_set(source), choice)
-    return sights_of_captures(captures_in([source]), choice)
+        return sights_of_samples(open_data_set(source), methods)
+    return sights_of_captures(captures_in([source]), methods)
 
 
 def _show(sights: Iterator[Sight], recording: Recording, frames: int | None) -> None:
@@ -140,15 +138,21 @@ def _show(sights: Iterator[Sight], recording: Recording, frames: int | None) -> 
 def _follow(source: str, recording: Recording, frames: int | None, choice: dict[str, Any]) -> None:
     import threading
 
-    from reconstruction.chosen_methods import USUAL_IMAGES
-    from reconstruction.live import Loop, Reception
+    from reconstruction.live import Loop, Reception, State
     from reconstruction.live.links import source_at
     from spisim.viewer import StreamViewer
 
     viewer = StreamViewer(recording, source)
     reception = Reception(source_at(source), recorders=[viewer.frame])
-    chosen = choice | {"image": choice["image"] or USUAL_IMAGES[0]}
-    loop = Loop(reception, results=[viewer.result], **chosen)
+    trouble = reception.trouble
+
+    def tell(state: State) -> None:
+        nonlocal trouble
+        if state.trouble and state.trouble != trouble:
+            say(state.trouble)
+        trouble = state.trouble
+
+    loop = Loop(reception, results=[viewer.result], states=[tell], **choice)
     say(f"Waiting for frames of {source}; Ctrl-C ends.")
     receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
     receiving.start()

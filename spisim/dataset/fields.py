@@ -170,7 +170,7 @@ FIELDS = {
     ),
     "spot_readings": Field(
         (*_SPOTS, "tap"),
-        "int64",
+        "float64",
         "count",
         "taps of the spots, or bins of their histograms",
         _spots("readings"),

@@ -110,13 +110,13 @@ def _images(
     frame, buckets = result.frame, capture.buckets
     plan = capture.setup.plan_of(frame).only(kept)
     readings = Imaging(plan).of(buckets.usable[frame, kept])
-    if not readings.decoder.index.size:
+    if not readings.patterns:
         return {}
     coefficients = readings.decode(buckets.signal[frame, kept], buckets.variance[frame, kept])
     images = {
         each: np.asarray(readings.solver(each)(coefficients).image, np.float64) for each in names
     }
-    if readings.decoder.level:
+    if readings.level:
         return images
     return {each: image - image.min() for each, image in images.items()}  # the darkest is dark
 

@@ -62,9 +62,9 @@ def evaluation_of(capture: Capture, methods: Methods = ()) -> Evaluation:
     """
     if capture.truth is None:
         raise InputError("the capture holds no truth to compare with")
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {option: ["usual"] for option in _OPTIONS.values()}
     for station, name in methods:
-        names.setdefault(_OPTIONS[station], ["usual"]).append(name)
+        names[_OPTIONS[station]].append(name)
     reconstructor = Reconstructor(capture.setup, **names)
     results = reconstructor.batch(capture.batch(0, capture.frames))
     return Evaluation(metrics.measure(capture, results), depth_profile(results, capture.truth))

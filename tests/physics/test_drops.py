@@ -15,6 +15,8 @@ from spisim.measurement import bucket_light, record
 from spisim.transport import LightSequence, Transport
 from spisim.transport.drops import falling_drops, on_buckets, on_spots
 from spisim.transport.drops.discs import disc_points, on_the_way_out, passing
+from spisim.transport.drops.echo import echo
+from spisim.transport.views import DetectorView
 
 SEEDS = 100
 WALL_M = 3.0
@@ -216,6 +218,21 @@ def test_a_drop_hides_its_disc_and_sends_its_echo():
         image = np.zeros((16, 16))
         image[where] = 1.0
         assert one_exposure(one, falling, [image], dark)[0] == pytest.approx(-share, rel=1e-6)
+
+
+def test_fog_takes_light_of_a_drops_echo_out_and_back():
+    """To a detector half a metre beside the pinhole the way back is another one."""
+    place_m = np.array([[0.3, 0.1, 2.0]])
+    seen_from = np.array([[0.5, 0.0, 0.0]])
+    detector = DetectorView(seen_from, np.array([[0.0, 0.0, 1.0]]), 1e-4, 1.0)
+    optics = rain(10.0).optics
+    clear, foggy = (
+        echo(place_m, np.array([2.0]), optics, detector, 0, fog_per_m)
+        for fog_per_m in (0.0, FOG_PER_M)
+    )
+    path_m = np.linalg.norm(place_m) + np.linalg.norm(place_m - seen_from)
+    assert foggy.length_m == pytest.approx(path_m)
+    assert foggy.share / clear.share == pytest.approx(np.exp(-FOG_PER_M * path_m))
 
 
 def test_a_drop_behind_the_wall_does_nothing():

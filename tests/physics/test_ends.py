@@ -7,8 +7,10 @@ import pytest
 import trimesh
 
 import worlds
+from spisim.transport.engine.apertures import JointDetectors
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import Strategy
+from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.world import build_world
 
@@ -129,6 +131,32 @@ def test_a_flight_that_ends_at_the_lens_has_a_density():
     importance = 1 / (worlds.projector().pixel_area * 16 * 16)
     angle = np.pi / 2 + np.arctan(2)
     assert density(0) == pytest.approx(importance / (angle * 5) / 0.1, rel=1e-4)
+
+
+@pytest.mark.parametrize("samples", [1, 16])
+def test_places_of_a_footprint_are_as_likely_as_the_directions_to_them(plane_world, samples):
+    """A field of half angle a has directions in proportion to their cosine, cos / (pi sin² a), of
+    however many that are launched one is drawn."""
+    half_angle_deg, lanes = 12.0, 64
+    view = worlds.detector(half_angle_deg=half_angle_deg)
+    detectors = JointDetectors.of(view, samples)
+    footprint = Footprint(plane_world, detectors)
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(0, lanes)
+    vertex = mi.Point3f(dr.full(mi.Float, 0.4, lanes), 0.1, 2.0)
+    end, density = footprint.connect(vertex, sampler, mi.Bool(True))
+    place = np.array(end.point).T
+    out_m = np.linalg.norm(place, axis=1)
+    gap = np.array([0.4, 0.1, 2.0]) - place
+    gap_m = np.linalg.norm(gap, axis=1)
+    normalised = 1 / (np.pi * np.sin(np.radians(half_angle_deg)) ** 2)
+    cosine, on_the_way = place[:, 2] / out_m, -gap[:, 2] / gap_m  # the plane is across the axis
+    per_area = normalised * cosine * cosine / out_m**2
+    np.testing.assert_allclose(np.array(density), per_area * gap_m**2 / on_the_way, rtol=1e-3)
+    seen = detectors.connect(mi.UInt32(0), vertex, sampler)
+    distance_m = np.sqrt(0.4**2 + 0.1**2 + 2**2)
+    expected = normalised * 2.0 / distance_m / distance_m**2
+    np.testing.assert_allclose(np.array(footprint.density(seen)), expected, rtol=1e-3)
 
 
 def test_rays_through_the_edge_of_the_field_have_a_density(plane_world):

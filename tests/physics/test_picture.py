@@ -1,11 +1,14 @@
 """A camera's picture of a lit scene: traced from both ends, it is that of one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import worlds
 from spisim.instrument import load_instrument
 from spisim.scene import load_scene
+from spisim.scene.pose import look_at
 from spisim.transport import camera_view
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import image_light
@@ -13,6 +16,7 @@ from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import ImageTally, Tallies
 from spisim.transport.engine.walk import Walk
 from spisim.transport.engine.weights import alone
+from spisim.transport.picture import CAMERA_OFFSET_M, camera_at
 from spisim.transport.world import build_world
 
 RUNS = 40
@@ -51,3 +55,10 @@ def test_a_dark_pattern_shows_daylight_alone() -> None:
     lit = camera_view(scene, instrument, width=8, height=8, spp=8)
     assert np.isfinite(view).all()
     assert (view < lit).all()
+
+
+def test_the_camera_sits_above_the_light() -> None:
+    """Shadows lie below what casts them, as the drone's light has them."""
+    level = replace(worlds.scene(), drone_pose=look_at((1, 2, 3), (5, 2, 3), (0, 0, 1)))
+    camera = camera_at(level, VIEW, 4, 4)
+    np.testing.assert_allclose(camera.pose[:3, 3], (1, 2, 3 + CAMERA_OFFSET_M), atol=1e-6)

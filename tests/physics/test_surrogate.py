@@ -52,6 +52,13 @@ def test_in_fog_it_is_near_the_light_traced():
     np.testing.assert_allclose(powers[0], powers[1], rtol=0.1)
 
 
+def test_in_fog_alone_as_much_is_scattered_again_as_in_light_traced():
+    """At 30 m of visibility that is an eighth of all light; nothing else is guessed there."""
+    fog = worlds.scene(worlds.plane(200.0, 0.01), extinction_per_m=0.1, albedo=0.99, g=0.8)
+    guessed, traced = surrogate(fog, PAPER, seed=1), solve(fog, PAPER, spp=16, seed=2)
+    assert guessed.image.sum() == pytest.approx(traced.image.sum(), rel=0.03)
+
+
 def test_phasors_of_modulated_patterns_tell_the_same_ranges_as_the_light_traced():
     wall = worlds.scene(worlds.plane(4.0, 0.5))
     images = [

@@ -19,6 +19,21 @@ def test_budget_prints_what_dominates() -> None:
     assert "no certification" in run.stdout
 
 
+def test_the_table_has_the_figures_of_the_report_in_its_units() -> None:
+    """What --json gives in SI units: seconds in ms, metres of sigma in cm."""
+    table = spisim("budget", "paper", "--visibility", "50").stdout
+    ranges = json.loads(spisim("budget", "paper", "--visibility", "50", "--json").stdout)["range"]
+    rows = {
+        line.partition("  ")[0].strip(): line.partition("  ")[2].split()[0]
+        for line in table.splitlines()
+        if "  " in line.strip()
+    }
+    told = float(rows["time of a frame, ms"])
+    assert told == pytest.approx(1e3 * ranges["frame_time_s"], rel=0.01)
+    assert float(rows["standard deviation, cm"]) == pytest.approx(1e2 * ranges["sigma_m"], rel=0.05)
+    assert float(rows["unambiguous up to, m"]) == pytest.approx(ranges["unambiguous_m"], rel=0.01)
+
+
 def test_budget_as_json() -> None:
     run = spisim("budget", "fga015", "--visibility", "50", "--range", 4, "--json")
     assert run.exit_code == 0, run.stderr

@@ -10,7 +10,7 @@ from instruments import changed
 from reconstruction.ranging.fog.overlap import overlap
 from spisim.atmosphere import Atmosphere, fog, henyey_greenstein
 from spisim.budget import Target, fog_budget, range_sigma_m, spot_link
-from spisim.instrument import list_presets, load_instrument
+from spisim.instrument import Instrument, list_presets, load_instrument
 
 LIMIT_M = 0.01
 FOG = fog(50.0, "moderate-radiation")
@@ -92,20 +92,34 @@ def test_every_preset_has_one(name: str) -> None:
     assert found["longest_m"] >= 0
 
 
-def test_stamps_of_thresholds_have_no_bound() -> None:
-    """They do not show how much light the fog sends back."""
-    stamps = changed(
+def thresholded(sigmas: float) -> Instrument:
+    """Stamps of a current that crosses a threshold of so many of its noise."""
+    return changed(
         "apd",
         tof={
             **load_instrument("fog-spad").tof.model_dump(include={
                 "method", "pulse_fwhm_s", "pulses", "repetition_rate_hz", "bin_width_s", "bins"}),
-            "threshold_sigma": 5.0,
+            "threshold_sigma": sigmas,
             "detector": {
                 **load_instrument("apd").tof.detector.model_dump(exclude_none=True),
                 "amplifier": {"noise_pa_per_sqrt_hz": 2.0, "bandwidth_hz": 200e6},
             },
         },
     )  # fmt: skip
+
+
+def test_stamps_of_thresholds_have_no_bound() -> None:
+    """They do not show how much light the fog sends back."""
+    stamps = thresholded(5.0)
     found = fog_budget(stamps, target(4.0, FOG), FOG, LIMIT_M)
     assert found.sigma_m is None
     assert found.longest_m is None
+
+
+def test_false_alarms_of_a_threshold_take_cycles_away_at_the_rate_of_rice() -> None:
+    """B / √3 exp(-t² / 2) a second: of a stamp as far off as L, exp(-rate L / c) are left."""
+    stamping = thresholded(2.0).tof.stamping
+    lengths_m = np.array([0.0, 30.0])
+    near, far = stamping.sigma_s(lengths_m, np.full(2, 1e13), np.zeros(2))
+    rate_hz = stamping.bandwidth_hz / np.sqrt(3) * np.exp(-(2.0**2) / 2)
+    assert (far / near) ** 2 == pytest.approx(np.exp(rate_hz * 30.0 / c), rel=1e-9)

@@ -160,3 +160,12 @@ def test_times_are_those_of_the_reference() -> None:
     value, interval = yardstick.on_reference(12.0, between(9.0, 16.0))
     assert value == pytest.approx(4.0)
     assert interval(0.95) == pytest.approx((9 / 4, 16 / 2))
+
+
+def test_what_a_lagging_machine_loses_tells_nothing() -> None:
+    """Nothing is lost for sure on a machine as fast as the reference alone."""
+    for slowness, holds in ((1.0, False), (2.0, None)):
+        clock = iter([0.0, slowness * REFERENCE_S])
+        yardstick = Yardstick(lambda clock=clock: next(clock), laps=1)
+        yardstick.look()
+        assert Check("lost", 3, 0, interval=yardstick.of_lateness(3)).holds is holds

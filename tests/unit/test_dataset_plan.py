@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from reconstruction.errors import InputError
+from spisim.dataset.plan import MAX_SAMPLES
 from spisim.dataset.planned import PlannedSet, Sample, load_plan
 from spisim.dataset.preview import check
 from spisim.dataset.sample import load
@@ -397,3 +398,16 @@ def test_a_material_of_a_scene_alone_may_be_replaced(tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(scene))
     own, shipped = {"scene": "own.yaml"}, {"scene": "target-plane"}
     check(planned(tmp_path, scenes=[own, shipped], materials={"my paint": "cardboard"}))
+
+
+def test_every_flight_has_a_seed_of_its_own(tmp_path: Path) -> None:
+    """Both frames of a flight share it; no other flight has it, of this plan or of another seed."""
+    poses = {"count": 2, "flight_s": 1.0}
+    plans = [planned(tmp_path, samples=240, seed=seed, poses=poses) for seed in (0, 1)]
+    seeds = [plan._pose_seed(round_) for plan in plans for round_ in range(120)]
+    assert len(set(seeds)) == len(seeds) / 2
+
+
+def test_as_many_samples_as_can_be_made_are_a_plan(tmp_path: Path) -> None:
+    assert planned(tmp_path, samples=MAX_SAMPLES).plan.size == MAX_SAMPLES
+    assert str(MAX_SAMPLES) in mistake(tmp_path, samples=MAX_SAMPLES + 1)

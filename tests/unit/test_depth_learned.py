@@ -32,6 +32,7 @@ from reconstruction.depth.shown import (
     Anchors,
     Shown,
     inputs_of,
+    places_of,
     veil,
 )
 from reconstruction.errors import InputError
@@ -128,14 +129,13 @@ def test_the_veil_of_a_fog_that_is_known_comes_off():
     image = np.full((32, 32), scale * (surface + in_fog))
     fog = {"extinction_per_m": alpha, "backscatter_per_m_sr": beta}
     frame = seen(np.full((32, 32), depth), image, **fog)
-    anchors = np.array([[7.5, 7.5], [7.5, 23.5], [23.5, 7.5], [23.5, 23.5]])
-    assert veil(frame, anchors) == pytest.approx(scale * in_fog, rel=1e-6)
+    assert veil(frame, places_of(frame)) == pytest.approx(scale * in_fog, rel=1e-6)
     for unknown in (
         replace(frame, extinction_per_m=np.nan),
         replace(frame, log_reflectance=np.full(4, np.nan)),
         replace(frame, plain=NOTHING),
     ):
-        assert veil(unknown, anchors) == 0
+        assert veil(unknown, places_of(unknown)) == 0
 
 
 @pytest.mark.parametrize("spots", range(5))
@@ -234,6 +234,18 @@ def test_reflectance_is_that_of_the_wall(capture):
     # By one frequency the air is not known to be clear, which takes ranges off by some per cent.
     np.testing.assert_allclose(np.exp(found.log_reflectance), 0.5 * cosines, rtol=0.12)
     assert found.reach_m == pytest.approx(10.0, rel=1e-3)
+
+
+def test_light_lost_in_known_fog_is_put_back_on_the_way_out_and_back(capture):
+    view = view_of(capture)
+    plain = measure_ranges(capture.spots)
+    found = [
+        Observer.of(capture.setup)(
+            replace(view, ranges=replace(plain, fog=FogOptics(extinction_per_m, 1e-3, 0.1)))
+        ).log_reflectance
+        for extinction_per_m in (0.0, 0.05)
+    ]
+    np.testing.assert_allclose(found[1] - found[0], 2 * 0.05 * plain.range_m, rtol=1e-6)
 
 
 def test_ranges_that_know_of_fog_are_not_made_again(capture):
@@ -352,10 +364,10 @@ def test_features_are_as_many_as_their_names(weights):
 
 def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, monkeypatch):
     usual = ["learned", "anchored", "nearest"]
-    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual
+    assert list(Reconstructor(capture.setup, depth="usual")(capture.frame(0)).depths) == usual
     monkeypatch.setattr(learned, "WEIGHTS", learned.WEIGHTS.with_name("missing.npz"))
     learned.shipped.cache_clear()
-    assert list(Reconstructor(capture.setup)(capture.frame(0)).depths) == usual[1:]
+    assert list(Reconstructor(capture.setup, depth="usual")(capture.frame(0)).depths) == usual[1:]
     learned.shipped.cache_clear()
 
 

@@ -15,7 +15,7 @@ from exported import nerf_points, read_pcd, with_scene
 from reconstruction import InputError, reconstruct, write_capture
 from reconstruction.cli import main
 from reconstruction.depth import pixel_rays
-from reconstruction.exports.poses import OPTICAL_IN_BODY, quaternion_of, rotation
+from reconstruction.exports.poses import OPTICAL_IN_BODY, quaternion_of, read_poses, rotation
 from reconstruction.outputs.result_file import result_bytes
 from spisim.dataset import EXPORTS
 from spisim.dataset.shots import placed
@@ -286,3 +286,14 @@ def test_a_result_is_exported_as_its_capture_is(recording, file, tmp_path, capsy
     assert main(["export", str(found), "-o", str(tmp_path / "c"), "--depth", "nope"]) != 0
     assert "holds no depth by 'nope'" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
+
+
+def test_poses_may_be_far_off_and_late_but_not_beyond_what_is_meant(tmp_path):
+    """Ten thousand million seconds are 317 years, metres 67 distances of the sun."""
+    path = tmp_path / "poses.txt"
+    path.write_text("9999999999 -9999999999 0 0 0 0 0 1\n")
+    (found,) = read_poses(path)
+    assert found.time_s == -found.pose[0, 3] == 9_999_999_999
+    path.write_text("0 10000000001 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match="tx should be a number within ±1e\\+10"):
+        read_poses(path)

@@ -21,7 +21,7 @@ from reconstruction.cli import main
 from reconstruction.depth import pixel_rays
 from reconstruction.exports import Shot, shots_of
 from reconstruction.exports.poses import OPTICAL_IN_BODY
-from reconstruction.exports.ros import STALE, WARN, ranging_status, state_message
+from reconstruction.exports.ros import STALE, WARN, along, ranging_status, state_message
 from reconstruction.live import Counts, Loop, Reception, Sender, State
 from reconstruction.live.sinks import sink_to
 from reconstruction.live.sinks.mcap import McapRecord
@@ -314,3 +314,12 @@ def test_the_example_node_publishes_the_same(recording, results, monkeypatch):
     assert published["/camera/spot_0/range"][3]["range"] == results[3].ranges.range_m[0]
     assert published["/diagnostics"][0]["status"][0]["level"] == b"\x00"
     assert published["/diagnostics"][-1]["status"][0]["name"] == "spisim: stream"
+
+
+@pytest.mark.parametrize("direction", [(0.1, -0.2, 1.0), (0.0, 0.3, 4.0)])
+def test_a_spots_frame_is_orthonormal_and_looks_along_it(direction):
+    pose = along(np.array(direction))
+    np.testing.assert_allclose(pose[:3, :3].T @ pose[:3, :3], np.eye(3), atol=1e-12)
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
+    np.testing.assert_allclose(pose[:3, 0], np.array(direction) / np.linalg.norm(direction))
+    assert pose[1, 2] < 0  # its z axis points up, y of an optical frame down

@@ -42,13 +42,15 @@ def in_pixels(field, covariance):
     return np.diag(pixels @ covariance @ pixels.T)
 
 
-@pytest.mark.parametrize("noise", ["even", "uneven", "one unknown"])
+@pytest.mark.parametrize("noise", ["even", "uneven", "one unknown", "even, ten unknown"])
 def test_the_posterior_is_that_of_the_joint_covariance(field, rows, noise):
     rng = np.random.default_rng(1)
-    sigma = np.full(39, 2.0) if noise == "even" else rng.uniform(0.5, 3, 39)
+    sigma = np.full(39, 2.0) if noise.startswith("even") else rng.uniform(0.5, 3, 39)
     measured = rows @ drawn(field, 50.0, 2).ravel() + sigma * rng.standard_normal(39)
     if noise == "one unknown":
         sigma[7], measured[7] = np.inf, 0
+    if noise == "even, ten unknown":
+        sigma[5:15], measured[5:15] = np.inf, 0
     posterior = GaussianModel(rows, field).given(measured, sigma)
     known = np.isfinite(sigma)
     prior, seen = posterior.contrast * np.diag(field.variance.ravel()), rows[known]
@@ -57,9 +59,14 @@ def test_the_posterior_is_that_of_the_joint_covariance(field, rows, noise):
     np.testing.assert_allclose(
         posterior.own_mean.ravel(), gain @ measured[known], rtol=1e-4, atol=1e-4
     )
-    if noise != "even":
+    if not noise.startswith("even"):
         exact = np.isclose(posterior.variance.ravel(), in_pixels(field, covariance), rtol=1e-4)
         assert exact.sum() >= exact.size // 16
+    # What noise adds to the mean, in the prior's norm.
+    spread = gain * sigma[known] / np.sqrt(field.variance.ravel() + 1e-300)[:, None]
+    exact = (spread[field.variance.ravel() > 0] ** 2).sum()
+    if noise.startswith("even"):
+        assert posterior.noise_energy == pytest.approx(exact, rel=1e-4)
     image = rng.standard_normal(SHAPE)
     np.testing.assert_allclose(
         posterior.covariance(image).ravel(), covariance @ image.ravel(), rtol=1e-3, atol=1e-3

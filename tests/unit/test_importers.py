@@ -242,3 +242,9 @@ def test_several_frames():
 def test_bad_readings_are_refused(readings, untrusted, message):
     with pytest.raises(InputError, match=message):
         capture_from_readings(readings, make_plan((2, 2), polarity="signed"), untrusted)
+
+
+def test_where_real_numbers_are_wanted_complex_ones_are_named(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"data": np.ones(3) * 1j})
+    with pytest.raises(InputError, match="holds complex128, not real numbers"):
+        load_array(tmp_path / "a.mat")

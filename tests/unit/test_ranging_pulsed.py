@@ -18,7 +18,7 @@ from fourspots import (
     counts,
 )
 from reconstruction.capture.readings.pulsed import PulsedSpots
-from reconstruction.ranging import measure_ranges
+from reconstruction.ranging import MIN_SIGNAL, measure_ranges
 from reconstruction.ranging.geometry import range_from_path
 from reconstruction.ranging.methods.pulsed import share_in_second
 
@@ -104,3 +104,12 @@ def test_statuses_have_their_reasons():
 
 def test_nothing_at_all_is_no_signal():
     assert measure_ranges(spots(np.zeros((4, 3)))).status == ("no signal",) * 4
+
+
+@pytest.mark.parametrize(("times", "status"), [(0.97, "no signal"), (1.03, "ambiguous")])
+def test_a_signal_is_one_beyond_the_noise_of_the_background_taken_off_twice(times, status):
+    """It is the sum of two windows less twice the background: var = v1 + v2 + 4 v0."""
+    noise = 1e4  # of the amplifier, beside which shot noise is nothing
+    signal = times * MIN_SIGNAL * np.sqrt(6) * noise
+    electrons = np.tile([0.0, signal / 2, signal / 2], (4, 1))
+    assert measure_ranges(spots(electrons, noise_electrons=noise)).status == (status,) * 4

@@ -1,6 +1,8 @@
 """The compiled reconstruction: the same per frame, in a batch, and as one call; its methods."""
 
+import gc
 from dataclasses import replace
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -19,6 +21,9 @@ from reconstruction.depth import DEPTH_METHODS, DepthEstimate
 from reconstruction.image import IMAGE_METHODS, Estimate, Imaging
 from reconstruction.operators import expose
 from reconstruction.ranging import RANGING_METHODS, Ranges, ranging_method
+
+USUAL = dict.fromkeys(("image", "ranging", "depth"), "usual")
+"""Methods that `reconstruct` takes."""
 
 
 def frames_of(capture: Capture, frames: int) -> Capture:
@@ -66,7 +71,7 @@ def assert_alike(found, expected):
 
 def test_called_per_frame_in_any_order_it_equals_the_function(capture):
     several = frames_of(capture, 4)
-    reconstructor = Reconstructor(several.setup)
+    reconstructor = Reconstructor(several.setup, **USUAL)
     for frame in (2, 0, 1, 3, 1):
         assert_alike(reconstructor(several.frame(frame)), reconstruct(several, frame))
 
@@ -82,10 +87,19 @@ def test_a_batch_equals_single_calls(capture):
         reconstructor(several.batch(1, 4))
 
 
+def test_a_batch_of_least_squares_is_a_product_for_all_frames(capture):
+    several = frames_of(capture, 40)
+    reconstructor = Reconstructor(several.setup, image="least-squares", ranging=(), depth=())
+    for result in reconstructor.batch(several.batch(0, 40)):
+        alone = reconstructor(several.frame(result.frame))
+        for found, expected in ((result.image, alone.image), (result.deviation, alone.deviation)):
+            np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * alone.image.max())
+
+
 def test_frames_and_captures_of_all_kinds_are_reconstructed_alike():
     whole = full_capture()
     for capture in (whole, *(replace(whole, spots=make_spots(m)) for m in ("pulsed", "dtof"))):
-        reconstructor = Reconstructor(capture.setup)
+        reconstructor = Reconstructor(capture.setup, **USUAL)
         for frame in (0, 1):
             assert_alike(reconstructor(capture.frame(frame)), reconstruct(capture, frame))
 
@@ -101,29 +115,60 @@ def test_results_follow_the_readings_of_their_frame(capture):
 
 def test_a_setup_serves_another_recording_of_the_same_instrument(capture):
     one, other = frames_of(capture, 2), frames_of(capture, 3)
-    assert_alike(Reconstructor(one.setup)(other.frame(2)), reconstruct(other, 2))
+    assert_alike(Reconstructor(one.setup, **USUAL)(other.frame(2)), reconstruct(other, 2))
 
 
-def test_what_saturation_takes_is_compiled_once_for_each_set_and_not_kept_for_ever():
-    plan = make_plan((8, 8), polarity="signed")
+@pytest.mark.parametrize("lost", [1, 10])
+def test_a_failed_reading_takes_no_compiling(capture, lost):
+    """All that is compiled serves whichever readings are usable; nothing is kept of them."""
+    plan = capture.plan
     imaging = Imaging(plan)
     every = np.ones(plan.exposures, dtype=bool)
     first = imaging.of(every)
-    for k in range(1, 20):
+    for k in range(1, 6):
         without = every.copy()
-        without[k] = False
+        without[k : k + lost] = False
         found = imaging.of(without)
-        assert found.decoder.index.size == 63
-        assert imaging.of(without.copy()) is found
-        assert imaging.of(every) is first  # the usual set is asked for again and again
-    one = every.copy()
-    one[1] = False
-    kept = imaging.of(one)
-    for k in range(2, 20):
-        without = every.copy()
-        without[k] = False
-        imaging.of(without)
-    assert imaging.of(one) is not kept
+        assert found.decoder is first.decoder
+        assert found.solver("edge-preserving") is first.solver("edge-preserving")
+        assert found.patterns < first.patterns
+
+
+@pytest.mark.parametrize("lost", [1, 10, 60])
+def test_with_failed_readings_an_image_is_that_of_a_plan_without_them(lost):
+    """Whatever the failed readings hold, up to how contrasts are averaged over."""
+    image = natural_image(32, 4)
+    plan = make_plan((32, 32), 128, polarity="signed")
+    rng = np.random.default_rng(lost)
+    variance = np.full(plan.exposures, (0.02 * np.ptp(image) * 32) ** 2)
+    signal = expose(plan, image) + np.sqrt(variance) * rng.standard_normal(plan.exposures)
+    usable = np.ones(plan.exposures, dtype=bool)
+    usable[1 + rng.choice(plan.exposures - 1, lost, replace=False)] = False
+    spoilt = np.where(usable, signal, 1e9)
+    some = Imaging(plan).of(usable)
+    fewer = Imaging(plan.only(usable)).of(usable[usable])
+    assert some.patterns == fewer.patterns == plan.exposures - lost
+    for method in ("least-squares", "zero-filled", "pursuit", "total-variation"):
+        found, expected = (
+            readings.solver(method)(readings.decode(*told))
+            for readings, told in (
+                (some, (spoilt, variance)),
+                (fewer, (signal[usable], variance[usable])),
+            )
+        )
+        error = np.abs(found.image - expected.image).max() / np.ptp(expected.image)
+        assert error < 0.01, method
+        if expected.deviation is not None:
+            np.testing.assert_allclose(found.deviation, expected.deviation, rtol=0.02)
+
+
+def test_what_is_compiled_goes_with_its_reconstructor(capture):
+    reconstructor = Reconstructor(capture.setup, image="least-squares", ranging=(), depth=())
+    operator = ref(reconstructor._imaging.of(capture.buckets.usable[0]).decoder.operator)
+    reconstructor(capture.frame(0))
+    del reconstructor
+    gc.collect()
+    assert operator() is None
 
 
 # Methods by name
@@ -136,6 +181,9 @@ def test_the_usual_methods_are_those_that_fit(capture):
     assert list(result.depths) == ["anchored", "nearest"]
     assert result.image is result.images["edge-preserving"]
     assert result.depth_m is result.depths["anchored"]
+    alone = Reconstructor(capture.setup)(capture.frame(0))
+    assert list(alone.images) == ["edge-preserving", "zero-filled"]
+    assert (list(alone.rangings), list(alone.depths)) == (["cw"], ["anchored"])
     bare = reconstruct(replace(capture, spots=None, optics=None, truth=None))
     assert bare.rangings == bare.depths == {}
     assert bare.ranges is bare.depth_m is bare.range_m is bare.range_over_depth is None

@@ -61,6 +61,25 @@ def test_the_first_frame_is_as_it_was_read():
     assert not known.values[30:].any()
 
 
+def test_a_steady_shift_takes_off_the_square_of_its_age():
+    """Shifted n times by v it is shifted by n v, and exp(-(2 pi f n v)^2 / 2) is left, not n times
+    what one shift leaves; a cut would leave nothing."""
+    memory = Memory(OPERATOR, speeds=(0.1,))
+    memory.take(EVERY, Coefficients(OPERATOR.forward(natural_image(16, 3)), np.full(60, 1e-3)))
+    prior, stays = memory._expected * memory._scale, memory.weights[0]
+    nothing = np.zeros(0)
+
+    def told():
+        """E(x) of every coefficient: what is held, by how much that counts against the prior."""
+        known = memory._precision * prior
+        return memory._values * known / (1 + known)
+
+    first, left = told(), memory._left[0]
+    for age in (1, 2, 3):
+        memory._predict(prior, np.zeros(0, dtype=int), nothing, nothing)
+        np.testing.assert_allclose(told(), stays**age * left ** (age**2) * first, rtol=1e-3)
+
+
 def test_what_a_shift_leaves_is_the_correlation_of_shifted_images():
     """By quadrature over the shifts, of images of independent cosines of the prior's variance."""
     speed = 0.5

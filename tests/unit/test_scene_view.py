@@ -190,3 +190,10 @@ def test_mistakes_are_told_before_the_work(tmp_path: Path) -> None:
         assert run.exit_code == 2
         assert words in run.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_nearest_point_lies_where_the_nearest_surface_is() -> None:
+    place = replace(scene(plane(4)), drone_pose=look_at((1, 0, 0), (1, 0, 9), (0, 1, 0)))
+    found = survey(place, spisim.load_instrument("paper"), RayCaster.of(place))
+    assert found.nearest_m[2] == pytest.approx(4, abs=1e-3)
+    assert found.nearest_m[0] == pytest.approx(1, abs=0.1)

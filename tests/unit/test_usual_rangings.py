@@ -20,5 +20,9 @@ def test_fog_comes_first_where_it_may_be(preset, expected) -> None:
     capture = spisim.simulate(
         spisim.load_scene("target-plane"), instrument, light="surrogate"
     ).capture
-    result = Reconstructor(capture.setup, depth=())(capture.frame(0))
-    assert list(result.rangings) == expected
+    usual, alone = (
+        Reconstructor(capture.setup, ranging=names, depth=())(capture.frame(0)).rangings
+        for names in ("usual", None)
+    )
+    assert list(usual) == expected
+    assert list(alone) == expected[:1]

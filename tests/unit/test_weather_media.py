@@ -194,6 +194,25 @@ def test_empirical_models_outside_their_range(arguments: tuple, parts: list[str]
         assert part in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [  # Kruse et al. 1962; Kim et al. 2001; Al Naboulsi et al. 2004; Ijaz et al. 2013
+        ("kruse", 1000, 100_000),
+        ("kim", 10, 100_000),
+        ("al-naboulsi-advection", 50, 1000),
+        ("al-naboulsi-radiation", 50, 1000),
+        ("ijaz-fog", 15, 1000),
+    ],
+)
+def test_empirical_models_are_for_the_visibilities_they_were_fitted_in(
+    name: str, least: float, most: float
+) -> None:
+    assert empirical_extinction(name, least) > empirical_extinction(name, most)
+    for outside in (0.99 * least, 1.01 * most):
+        with pytest.raises(InputError, match="visibility_m from"):
+            empirical_extinction(name, outside)
+
+
 # Rain and snow
 
 

@@ -66,7 +66,7 @@ def _phasor_images(
     taps = frame.pattern_taps
     assert taps is not None
     usable = imaging.of(~taps.saturated[0].any(axis=-1), frame.first)
-    if not usable.decoder.level:
+    if not usable.level:
         return None
     images: list[NDArray[np.complex128]] = []
     errors: list[Floats] = []

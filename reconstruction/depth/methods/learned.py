@@ -81,11 +81,11 @@ class LearnedSolver:
         """The map, or the anchored one of a view unlike those learned from."""
         if view.ranges is None:
             return None
-        if not np.percentile(view.image, 90) > 0:
-            return _Instead(self._anchored, "the image is dark")(view)
         shown = self._observer(view)
+        if not shown.bright > 0:
+            return _Instead(self._anchored, "the image is dark")(view)
         inputs = inputs_of(shown)
-        unlike = self._network.unlike(shown, inputs)
+        unlike = self._network.unlike(inputs)
         if unlike is not None:
             return _Instead(self._anchored, unlike)(view)
         told = self._network(inputs)

@@ -29,7 +29,7 @@ from ...arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
-from ..gaussian import Field, GaussianModel, Posterior
+from ..gaussian import Field, GaussianModel, OwnPosterior, Posterior
 from ..grid import Grid, at_most, band
 from ..method import Estimate, ImageSolver
 from .fitted_covariance import METHOD as FITTED_COVARIANCE
@@ -100,10 +100,9 @@ class EdgePreservingSolver:
         linear = self.linear
         measured, noise = linear.varying(coefficients)
         height, width = self._grid.shape
-        higher = start.mean.copy()
-        higher[:height, :width] = 0
-        low = measured - linear.model.rows @ higher.ravel()
-        first = self._model.given(low, noise, linear.expected_contrast(coefficients))
+        # Without what rows see of the frequencies that are beyond the grid.
+        low = measured - start.seen + self._model.rows @ start.mean[:height, :width].ravel()
+        first = self._model.own(low, noise, linear.expected_contrast(coefficients))
         edges = self._rounds(low, first)
         energy = self._slopes.tensors(edges).energy
         trusted = self._trusted(first)
@@ -112,7 +111,7 @@ class EdgePreservingSolver:
         unevenness = 1 + trusted * (self._grid.finer_density(energy / energy.mean()) - 1)
         return spectrum, linear.variance(start) * unevenness
 
-    def _trusted(self, first: Posterior) -> float:
+    def _trusted(self, first: OwnPosterior) -> float:
         """How far edges are followed: the square of the share of gradients that is no noise.
 
         Of a prior near 1/f, x^T C^-1 x is about the energy of the gradients, up to a factor.
@@ -120,7 +119,7 @@ class EdgePreservingSolver:
         energy = float((np.abs(first.own_mean) ** 2 * self._precision).sum())
         return max(0.0, 1 - first.noise_energy / energy) ** 2 if energy > 0 else 0.0
 
-    def _rounds(self, measured: NDArray[Any], first: Posterior) -> NDArray[Any]:
+    def _rounds(self, measured: NDArray[Any], first: OwnPosterior) -> NDArray[Any]:
         """Spectrum on the grid after the last round."""
         spectrum = first.own_mean
         for _ in range(ROUNDS):
@@ -134,7 +133,7 @@ class EdgePreservingSolver:
         spectrum: NDArray[Any],
         measured: NDArray[Any],
         stiffness: Linear,
-        start: Posterior,
+        start: OwnPosterior,
     ) -> NDArray[Any]:
         """Some steps of conjugate gradients, preconditioned by the first posterior covariance P.
 
@@ -147,15 +146,16 @@ class EdgePreservingSolver:
         residual = (misfit @ rows).reshape(spectrum.shape) - stiffness(spectrum)
         step, unconditioned = start.covariance(residual), residual
         size = np.vdot(residual, step).real
-        for _ in range(STEPS):
+        for left in reversed(range(STEPS)):
             curved = unconditioned - precision * step + stiffness(step)
             length = size / np.vdot(step, curved).real
             spectrum = spectrum + length * step
-            residual = residual - length * curved
-            ready = start.covariance(residual)
-            before, size = size, np.vdot(residual, ready).real
-            step = ready + (size / before) * step
-            unconditioned = residual + (size / before) * unconditioned
+            if left:
+                residual = residual - length * curved
+                ready = start.covariance(residual)
+                before, size = size, np.vdot(residual, ready).real
+                step = ready + (size / before) * step
+                unconditioned = residual + (size / before) * unconditioned
         return spectrum
 
 
@@ -180,38 +180,41 @@ class Slopes:
     """
 
     def __init__(self, grid: tuple[int, int], scale: tuple[float, float]) -> None:
-        self._vertical, self._horizontal = (DICTIONARY.atoms(side) for side in grid)
-        self.atoms = self._vertical, self._horizontal
-        self._down = scale[0] * _derivative(self._vertical)
-        self._along = scale[1] * _derivative(self._horizontal)
+        vertical, horizontal = (DICTIONARY.atoms(side) for side in grid)
+        self.atoms = vertical, horizontal
+        # Down and along: what makes slopes of a spectrum, from the left and from the right.
+        self._left = np.array([scale[0] * _derivative(vertical), vertical])
+        self._right = np.array([horizontal.T, scale[1] * _derivative(horizontal).T])
+        self._back = self._left.swapaxes(1, 2).copy(), self._right.swapaxes(1, 2).copy()
         self._windows = _window(grid[0]), _window(grid[1]).T
 
-    def gradient(self, spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Slopes between each pixel and the next, down and along, of a spectrum's image."""
-        down = self._down @ spectrum @ self._horizontal.T
-        return down, self._vertical @ spectrum @ self._along.T
+    def gradient(self, spectrum: NDArray[Any]) -> NDArray[Any]:
+        """Slopes (2, h, w) between each pixel and the next, down and along."""
+        return np.asarray(self._left @ spectrum @ self._right)
 
     def tensors(self, spectrum: NDArray[Any]) -> Tensors:
         """Structure tensors in the Gaussian window, and on their diagonal the mean gradient."""
-        down, along = self.gradient(spectrum)
-        mean = (np.abs(down).mean() + np.abs(along).mean()) / 2
-        products = np.abs(down) ** 2, np.abs(along) ** 2, (down * np.conj(along)).real
-        vertical, horizontal, across = (
-            self._windows[0] @ product @ self._windows[1] for product in products
-        )
+        slopes = self.gradient(spectrum)
+        size = np.abs(slopes)
+        mean = size.sum() / size.size
+        products = np.empty((3, *size.shape[1:]))
+        products[:2] = size**2
+        products[2] = (slopes[0] * np.conj(slopes[1])).real
+        vertical, horizontal, across = self._windows[0] @ products @ self._windows[1]
         return Tensors(vertical + mean**2, horizontal + mean**2, across)
 
     def stiffness(self, tensors: Tensors, weight: float) -> Linear:
         """D^T W D of spectra, D the gradient and W the inverse tensors times their mean."""
         determinant = tensors.vertical * tensors.horizontal - tensors.across**2
         scale = weight * tensors.energy.mean() / 2 / determinant
-        vertical, horizontal = scale * tensors.horizontal, scale * tensors.vertical
+        own = scale * np.array([tensors.horizontal, tensors.vertical])
         across = -scale * tensors.across
+        left, right = self._back
 
         def apply(spectrum: NDArray[Any]) -> NDArray[Any]:
-            down, along = self.gradient(spectrum)
-            back = self._down.T @ (vertical * down + across * along) @ self._horizontal
-            return back + self._vertical.T @ (across * down + horizontal * along) @ self._along
+            slopes = self.gradient(spectrum)
+            back = left @ (own * slopes + across * slopes[::-1]) @ right
+            return np.asarray(back[0] + back[1])
 
         return apply
 

@@ -4,8 +4,8 @@ The power of natural images falls with the square of spatial frequency (D. J. Fi
 Am. A 4, 2379 (1987)): so do the variances of the cosines that they consist of.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..dictionaries.dct import DICTIONARY
 from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import at_most, band
 from ..method import Estimate
+from ..noise import CERTAIN
 from ..prior import Deviation, Prior
 from ..shrinking import ShrinkingSolver
 
@@ -39,10 +40,12 @@ class LeastSquares:
 
     def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
         """Solver of one operator's coefficients: the same for all methods that begin with it."""
-        return _compiled(operator, self.deviation)
+        found = operator.shared.get(self.deviation)
+        if found is None:
+            found = operator.shared[self.deviation] = _compiled(operator, self.deviation)
+        return found
 
 
-@lru_cache(maxsize=4)
 def _compiled(
     operator: MeasurementOperator, deviation: Deviation
 ) -> "LeastSquaresSolver | ShrinkingSolver":
@@ -73,6 +76,7 @@ class LeastSquaresSolver:
             prior.atoms.of((lowest[0], lowest[1])),
             Field(tall[:, :height], wide[:, :width], variance[:height, :width]),
             operator.usual_noise[operator.varying],
+            prior.atoms.combined if shape == operator.image_shape else None,
         )
         kept = variance[:height, :width]
         self.precision: Floats = np.divide(1, kept, out=np.zeros_like(kept), where=kept > 0)
@@ -87,6 +91,33 @@ class LeastSquaresSolver:
         if posterior is None:
             return self.flat(coefficients)
         return self.estimate(posterior.mean, self.variance(posterior), coefficients)
+
+    def many(self, frames: Sequence[Coefficients]) -> list[Estimate]:
+        """The most probable image of each of several frames, by products for all of them.
+
+        But for frames of which something is missing, or the noise is not sure.
+        """
+        plain = [number for number, each in enumerate(frames) if self._is_plain(each)]
+        found: dict[int, Estimate] = {}
+        if plain:
+            told = [self.varying(frames[number]) for number in plain]
+            rms = [self.model.usual_rms(*each) for each in told]
+            expected = [self.expected_contrast(frames[number]) for number in plain]
+            values = np.array([measured for measured, _ in told])
+            posteriors = self.model.many(values, np.array(rms), np.array(expected, np.float64))
+            for number, (mean, variance, contrast) in zip(plain, posteriors, strict=True):
+                whole = variance + contrast * self._higher
+                found[number] = self.estimate(mean, whole, frames[number])
+        return [found.get(number) or self(each) for number, each in enumerate(frames)]
+
+    def _is_plain(self, coefficients: Coefficients) -> bool:
+        measured, noise = self.varying(coefficients)
+        return (
+            bool(measured.any())
+            and coefficients.levels is CERTAIN
+            and self.model.usual_rms(measured, noise) is not None
+            and self.expected_contrast(coefficients) is not None
+        )
 
     def flat(self, coefficients: Coefficients) -> Estimate:
         """The level alone."""

@@ -68,8 +68,9 @@ class PursuitSolver:
         rows = coefficients.measured[self.varying]
         columns, gram, expected = self._columns, self.gram, self._expected
         if measured.size < len(columns):
+            lost = columns[~rows]
             columns, expected = columns[rows], expected[rows]
-            gram = columns.T @ columns
+            gram = gram - lost.T @ lost
         weighed = self._trust[rows] * measured
         variance, ridge = fit_variance(weighed, expected)
         values = batch_omp(

@@ -14,9 +14,9 @@ from ..ranges import Alternative
 from .algebra import inverse, solved
 from .belief import FogBelief
 from .chances import chi_squared_above, chi_squared_limit
-from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, SEARCH, Modes, Places
+from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, Modes, Places
 from .posterior import Posterior, SpotPosterior, joined, posterior
-from .templates import STEP_M, Templates
+from .templates import SEARCH, STEP_M, Templates
 
 UNLIKELY = 1e-3
 """Misfits that chance makes less often than this need another explanation."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Floats, Mask
 from .algebra import inverse, solved
-from .templates import PATCH_STEP, STEP_M, Templates
+from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Places = NDArray[np.intp]
 
@@ -20,8 +20,6 @@ BACKSCATTER_PER_SR = 0.035
 """Albedo times phase function at 180 degrees, median of fogs (Mie, 1550 nm)."""
 LOG_DEVIATION = 0.6
 """Of the logarithm of that, over kinds of fog."""
-SEARCH = 4
-"""Steps of the table between ranges where minima are looked for."""
 NEAREST_M = 0.3
 CUTOFF = 40.0
 """Minima worse than the best of spot and extinction by this much, in chi squared, do not count."""
@@ -128,8 +126,7 @@ def _search(
     typical = templates.uneven[:, :, templates.uneven.shape[2] // 2]
     noise = covariance[:, None] + guess[:, None, None] ** 2 * typical
     white = np.linalg.inv(np.linalg.cholesky(noise))  # (4, K, n, n)
-    a = white @ templates.target[..., ::SEARCH]
-    g = white @ templates.fog[..., ::SEARCH]
+    a, g = (white @ table for table in templates.searched)
     y = white @ readings[:, None, :, None]
     prior = 1 / (guess * LOG_DEVIATION) ** 2
     aa, ag = (a * a).sum(axis=2), (a * g).sum(axis=2)

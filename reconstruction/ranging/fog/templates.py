@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +18,8 @@ OVERLAP_STEP_M = 0.02
 """Between ranges for which the overlap of beams and fields is computed."""
 PATCH_STEP = 25
 """Steps of the table between ranges at which the echo of uneven fog is known."""
+SEARCH = 4
+"""Steps of the table between ranges where minima are looked for."""
 EXTINCTIONS_PER_M = np.array([0.002, 0.01, 0.025, 0.045, 0.07, 0.1, 0.15, 0.22, 0.32])
 """From what no range feels to 10 m of visibility."""
 UNEVENNESS = 0.25
@@ -41,6 +44,11 @@ class Templates:
     target: Floats
     fog: Floats
     uneven: Floats
+
+    @cached_property
+    def searched(self) -> tuple[Floats, Floats]:
+        """Target and fog at every SEARCH-th range."""
+        return self.target[..., ::SEARCH].copy(), self.fog[..., ::SEARCH].copy()
 
     def rougher(self, times: float) -> "Templates":
         """The same of fog that deviates from its mean so many times more."""

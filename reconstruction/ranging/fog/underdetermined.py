@@ -18,7 +18,6 @@ fog that is uneven, are noise of `TEXTURE`, `VEIL` and `templates.UNEVENNESS`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,17 +25,15 @@ from ...arrays import Floats, Mask
 from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
-from ..brightness import Brightness, bucket_optics
+from ..brightness import Brightness
 from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
 from ..weather import weather_of
 from .answer import CERTAIN, ranges_of
 from .belief import FogBelief, FogSolver
 from .chances import chi_squared_limit, normal_share
-from .modes import Places
-from .overlap import overlap, path_lengths
 from .posterior import Posterior, SpotPosterior
 from .reflectance import log_of_anything, log_of_surfaces
-from .templates import PATCH_STEP, STEP_M, make_templates
+from .roots import Roots, RootTables, Symmetric
 
 EXTINCTIONS_PER_M = np.array(
     [1e-4, 0.003, 0.006, 0.01, 0.016, 0.025, 0.04, 0.06, 0.09, 0.13, 0.19, 0.28]
@@ -48,10 +45,6 @@ CLEAR = 0.2
 """Prior probability of clear air where nothing is stated; all extinctions are likely alike."""
 EMPTY = 0.2
 """Prior probability that a spot has no target within range."""
-STRIDE = 8
-"""Steps of the templates between ranges where roots are looked for."""
-OUTSIDE = 2.0
-"""Steps by which a root may lie beside the one that it was found in, as amplitudes bend."""
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 """Of backscattering, log-normal at each extinction."""
 ASIDE_NODES, ASIDE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
@@ -61,13 +54,15 @@ over that straight back: by Mie theory 0.2 (advection fog, beside its glory) to 
 GAIN_NODES, GAIN_WEIGHTS = np.polynomial.hermite_e.hermegauss(3)
 LOG_GAIN_SIGMA = 0.2
 """Of the image's calibration, common to all spots."""
+ASIDES, GAINS = ASIDE * np.exp(LOG_ASIDE_SIGMA * ASIDE_NODES), np.exp(LOG_GAIN_SIGMA * GAIN_NODES)
+"""By which fog is brighter in the image, and all light: A combinations, asides the faster,"""
+LIGHT_PRIOR = np.outer(GAIN_WEIGHTS, ASIDE_WEIGHTS).ravel()
+LIGHT_PRIOR /= LIGHT_PRIOR.sum()
+"""and how probable each is (A,)."""
 TEXTURE = 0.35
 """Brightness of a pixel over that of a spot in it, relative rms,"""
 VEIL = 0.15
 """and the same of the fog's veil."""
-BEYOND = 0.05
-"""Prior probability of a target that is as far again as phases tell apart, and looks near: that of
-spots up to there in drawn worlds."""
 SUPPORT = 2.0
 """Where neither image nor user tells the fog, the prior over weather outweighs the readings. Sigma
 reaches to every fog with so little less log likelihood than the best (two units of support;
@@ -86,46 +81,6 @@ LARGEST = 0.3
 """Sigma over range beyond which fog leaves a range too uncertain."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Tables:
-    """Readings, as complex numbers, by spot, extinction and range (R,).
-
-    ``target`` (4, K, R) for unit reflectance, ``fog`` (4, K, R) for unit backscattering in front
-    of that range, ``uneven`` (4, K, P, 2, 2) as in `Templates`; ``pixel_target`` and ``pixel_fog``
-    (4, K, R) electrons of a pixel by the same, None without an image.
-    """
-
-    range_m: Floats
-    target: Floats
-    fog: Floats
-    uneven: Floats
-    pixel_target: Floats | None
-    pixel_fog: Floats | None
-
-
-@dataclass(frozen=True, eq=False)
-class _Roots:
-    """Ranges that explain a spot's readings in a fog, each (C,), exactly.
-
-    ``spot``, ``node`` (of extinction) and ``draw`` (of backscattering) are indices; ``noise_m2`` is
-    the variance of the range in this fog, uneven as it is, ``reading_m2`` that of noise alone,
-    ``strength`` the target in standard deviations, ``log_prior`` the logarithm of range's and
-    reflectance's prior over the Jacobian of the readings.
-    """
-
-    spot: Places
-    node: Places
-    draw: Places
-    range_m: Floats
-    noise_m2: Floats
-    reading_m2: Floats
-    strength: Floats
-    signal: Floats
-    log_prior: Floats
-    pixel_surface: Floats
-    pixel_veil: Floats
-
-
 def underdetermined_solver(
     spots: CwSpots | PulsedSpots,
     optics: Optics | None,
@@ -134,9 +89,8 @@ def underdetermined_solver(
     longest_m: float,
 ) -> FogSolver:
     """Solver of one recording's readings, which ``combine`` (2, readings) makes two numbers."""
-    reach_m = longest_m * (2 if isinstance(spots, CwSpots) else 1)
     scaled = bool(np.isfinite(spots.electrons_per_joule))
-    tables = _tables(spots, optics if scaled else None, response, reach_m)
+    tables = RootTables(spots, optics if scaled else None, response, longest_m, EXTINCTIONS_PER_M)
     log_density = log_of_surfaces if scaled else log_of_anything
     stated = weather_of(spots)
     told = not np.isnan(stated.visibility_m)
@@ -147,14 +101,14 @@ def underdetermined_solver(
     ) -> tuple[Ranges, FogBelief]:
         assert isinstance(spots, CwSpots | PulsedSpots)
         readings = spots.electrons(spots.taps[0])
-        covariance = (combine * spots.variance(readings)[:, None]) @ combine.T
+        covariance = Symmetric.of((combine * spots.variance(readings)[:, None]) @ combine.T)
         pairs = readings @ combine.T
         saturated = spots.saturated[0].any(axis=1)
-        dark = _squares(pairs, covariance) < noise
+        dark = covariance.squares(*pairs.T) < noise
         backscatter = np.exp(belief.log_median[:, None] + belief.log_deviation[:, None] * NODES)
-        roots = _roots(tables, pairs @ [1, 1j], covariance, backscatter, longest_m, log_density)
+        roots = tables.roots(pairs, covariance, backscatter, log_density)
         shown = brightness is not None and np.isfinite(brightness.electrons).any()
-        seen = brightness if shown and tables.pixel_fog is not None else None
+        seen = brightness if shown and tables.empty_pixel is not None else None
         guessed = seen is None and not told
         weight, by_root, support = _weights(
             tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, belief, seen
@@ -165,8 +119,7 @@ def underdetermined_solver(
             supported = held >= held.max() - SUPPORT
         reaching = supported[roots.node, roots.draw]
         estimate = Posterior(
-            tuple(_spot_posterior(roots, by_root, reaching, spot) for spot in range(4)),
-            belief.updated(weight, backscatter),
+            _spot_posteriors(roots, by_root, reaching), belief.updated(weight, backscatter)
         )
         widest_m = SURE_M if guessed else np.inf
         statuses = tuple(
@@ -183,122 +136,11 @@ def underdetermined_solver(
     return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, stated, CLEAR), solve)
 
 
-def _tables(
-    spots: CwSpots | PulsedSpots,
-    optics: Optics | None,
-    response: Callable[[Floats], Floats],
-    reach_m: float,
-) -> _Tables:
-    made = make_templates(spots, response, reach_m + STRIDE * STEP_M, EXTINCTIONS_PER_M)
-
-    def pairs(table: Floats) -> Floats:
-        return np.asarray(table[:, :, 0] + 1j * table[:, :, 1])
-
-    pixel_target = pixel_fog = None
-    if photodiodes := bucket_optics(optics, spots):
-        assert optics is not None
-        weight = np.sum([overlap(each, made.range_m)[0] for each in photodiodes], axis=0)
-        path_m = np.mean([path_lengths(each, made.range_m) for each in photodiodes], axis=0)
-        damped = np.exp(-EXTINCTIONS_PER_M[:, None] * path_m[:, None])
-        seen = np.mean(optics.pixel_electrons) * weight[:, None] * damped
-        in_front = (np.cumsum(seen, axis=-1) - seen / 2) * STEP_M
-        pixel_target, pixel_fog = seen / np.pi, in_front
-    return _Tables(
-        range_m=made.range_m,
-        target=pairs(made.target),
-        fog=pairs(made.fog),
-        uneven=made.uneven,
-        pixel_target=pixel_target,
-        pixel_fog=pixel_fog,
-    )
-
-
-def _roots(
-    tables: _Tables,
-    pairs: Floats,
-    covariance: Floats,
-    backscatter: Floats,
-    longest_m: float,
-    log_density: Callable[[Floats], Floats],
-) -> _Roots:
-    """All of them, for readings (4,) and backscattering (K, B), between neighbouring ranges."""
-    coarse = slice(None, None, STRIDE)
-    turned = np.conj(tables.target[..., coarse])
-    whole = (pairs[:, None, None] * turned)[:, :, None]
-    echo = (tables.fog[..., coarse] * turned)[:, :, None]
-    beta = backscatter[:, :, None]
-    across, along = whole.imag - beta * echo.imag, whole.real - beta * echo.real
-    crossing = (across[..., 1:] * across[..., :-1] <= 0) & (along[..., 1:] > 0)
-    spot, node, draw, cell = np.nonzero(crossing & (along[..., :-1] > 0))
-    beta = backscatter[node, draw]
-    before, behind = across[spot, node, draw, cell], across[spot, node, draw, cell + 1]
-    at = cell * STRIDE + (STRIDE * _crossed(before, behind)).astype(int)
-    at = np.minimum(at, tables.range_m.size - 2)
-    before, behind = (
-        (
-            (pairs[spot] - beta * tables.fog[spot, node, end])
-            * np.conj(tables.target[spot, node, end])
-        ).imag
-        for end in (at, at + 1)
-    )
-    fraction = np.clip(_crossed(before, behind), -OUTSIDE, 1 + OUTSIDE)
-
-    def here(table: Floats) -> Floats:
-        ends = table[spot, node, at], table[spot, node, at + 1]
-        return np.asarray((1 - fraction) * ends[0] + fraction * ends[1])
-
-    target = here(tables.target)
-    slope = (tables.target[spot, node, at + 1] - tables.target[spot, node, at]) / STEP_M
-    size = np.abs(target)
-    reflectance = ((pairs[spot] - beta * here(tables.fog)) * np.conj(target)).real / size**2
-    reflectance = np.maximum(reflectance, 1e-12)
-    farther = reflectance * slope + np.pi * beta * target  # more fog in front, too
-    jacobian = np.abs((np.conj(farther) * target).imag)
-    patch = np.minimum(at // PATCH_STEP, tables.uneven.shape[2] - 1)
-    noise = covariance[spot] + (beta**2)[:, None, None] * tables.uneven[spot, node, patch]
-    unit = target / size
-    perpendicular = np.stack([-unit.imag, unit.real], axis=-1)
-    radial = np.stack([unit.real, unit.imag], axis=-1)
-
-    def variance(direction: Floats, covariance: Floats) -> Floats:
-        return np.asarray((direction * (covariance @ direction[..., None])[..., 0]).sum(axis=-1))
-
-    with np.errstate(divide="ignore", over="ignore"):
-        noise_m2, reading_m2 = (
-            variance(perpendicular, each) * (size / jacobian) ** 2
-            for each in (noise, covariance[spot])
-        )
-        log_prior = log_density(reflectance) - np.log(jacobian * longest_m)
-    range_m = tables.range_m[at] + fraction * STEP_M
-    log_prior += np.log(np.where(range_m > longest_m, BEYOND, 1 - BEYOND))
-    pixel_target = np.zeros(len(spot)) if tables.pixel_target is None else here(tables.pixel_target)
-    pixel_fog = np.zeros(len(spot)) if tables.pixel_fog is None else here(tables.pixel_fog)
-    return _Roots(
-        spot=spot,
-        node=node,
-        draw=draw,
-        range_m=range_m,
-        noise_m2=noise_m2,
-        reading_m2=reading_m2,
-        strength=reflectance * size / np.sqrt(variance(radial, noise)),
-        signal=reflectance * size,
-        log_prior=np.where(jacobian > 0, log_prior, -np.inf),
-        pixel_surface=reflectance * pixel_target,
-        pixel_veil=beta * pixel_fog,
-    )
-
-
-def _crossed(before: Floats, behind: Floats) -> Floats:
-    """Where a line through two values is 0, as a fraction of the way between them."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.nan_to_num(before / (before - behind), posinf=0.0, neginf=0.0)
-
-
 def _weights(
-    tables: _Tables,
-    roots: _Roots,
+    tables: RootTables,
+    roots: Roots,
     pairs: Floats,
-    covariance: Floats,
+    covariance: Symmetric,
     usable: Mask,
     backscatter: Floats,
     belief: FogBelief,
@@ -308,92 +150,116 @@ def _weights(
 
     A spot without a target has the echo of fog alone, and a pixel with its veil.
     """
-    aside = np.repeat(ASIDE * np.exp(LOG_ASIDE_SIGMA * ASIDE_NODES), GAIN_NODES.size)
-    gain = np.tile(np.exp(LOG_GAIN_SIGMA * GAIN_NODES), ASIDE_NODES.size)
-    beta = backscatter[..., None]
-    alone = pairs[:, None, None] - beta * _as_pairs(tables.fog[..., -1])[:, :, None]
-    noise = covariance[:, None, None] + beta[..., None] ** 2 * tables.uneven[:, :, None, -1]
-    empty = np.log(EMPTY) - _squares(alone, noise) / 2
-    empty = (empty - np.log(2 * np.pi) - np.linalg.slogdet(noise)[1] / 2)[..., None]
-    target = (np.log(1 - EMPTY) + roots.log_prior)[:, None]
-    if brightness is None:
-        aside = np.ones(1)
-    else:
-        assert tables.pixel_fog is not None
-        veil = backscatter * tables.pixel_fog[:, :, None, -1]
-        at = (roots.spot,)
-        target = target + _log_likelihood_of_pixel(
-            aside, gain, roots.pixel_surface, roots.pixel_veil, *(each[at] for each in brightness)
+    log_empty = np.log(EMPTY) + _log_density_of_fog(tables, pairs, covariance, backscatter)
+    log_target = np.log(1 - EMPTY) + roots.log_prior
+    fogs = log_empty.shape[1:]  # (K, B)
+    group = (roots.spot * fogs[0] + roots.node) * fogs[1] + roots.draw
+    starts = np.flatnonzero(np.append(-1, group[:-1]) != group)
+    having = group[starts]
+    peak = log_empty.flatten()
+    if starts.size:
+        peak[having] = np.maximum(peak[having], np.maximum.reduceat(log_target, starts))
+    empty, target = np.exp(log_empty.ravel() - peak)[None], np.exp(log_target - peak[group])[None]
+    prior = np.ones(1)
+    if brightness is not None:
+        assert tables.empty_pixel is not None
+        prior = LIGHT_PRIOR
+        veil = (tables.empty_pixel[..., None] * backscatter).ravel()
+        own = np.repeat(np.arange(4), fogs[0] * fogs[1])
+        empty = empty * _likelihood_of_pixel(
+            np.zeros(veil.size), veil, *(each[own] for each in brightness)
         )
-        own = (each[:, None, None] for each in brightness)
-        empty = empty + _log_likelihood_of_pixel(aside, gain, np.zeros_like(veil), veil, *own)
-    empty = np.broadcast_to(empty, (*empty.shape[:-1], aside.size))
-    target = np.broadcast_to(target, (len(roots.spot), aside.size))
-    peak = empty.copy()
-    index = (roots.spot, roots.node, roots.draw)
-    np.maximum.at(peak, index, target)
-    relative = np.exp(target - peak[index])
-    total = np.exp(empty - peak)
-    np.add.at(total, index, relative)
-    evidence = (peak + np.log(total))[usable].sum(axis=0)
-    support = evidence.max(axis=-1)
-    evidence = evidence + np.log(np.maximum(belief.share, 1e-300))[:, None, None]
-    evidence = evidence + np.log(WEIGHTS / WEIGHTS.sum())[:, None]
-    if aside.size > 1:
-        prior = np.outer(ASIDE_WEIGHTS, GAIN_WEIGHTS).ravel()
-        evidence = evidence + np.log(prior / prior.sum())
+        target = target * _likelihood_of_pixel(
+            roots.pixel_surface, roots.pixel_veil, *(each[roots.spot] for each in brightness)
+        )
+    total = empty.copy()
+    if starts.size:
+        total[:, having] += np.add.reduceat(target, starts, axis=1)
+    by_spot = np.log(total).reshape(prior.size, 4, -1) + peak.reshape(4, -1)
+    evidence = by_spot[:, usable].sum(axis=1)
+    support = evidence.max(axis=0).reshape(fogs)
+    evidence += np.log(prior)[:, None]
+    evidence += np.log(
+        np.maximum(belief.share, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
+    ).T.ravel()
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
-    by_root = (relative / total[index] * weight[roots.node, roots.draw]).sum(axis=-1)
-    return weight.sum(axis=-1), by_root, support
+    of_each = np.tile(weight, 4) / total
+    by_root = np.einsum("ac,ac->c", target, of_each[:, group])
+    return weight.sum(axis=0).reshape(fogs), by_root, support
 
 
-def _log_likelihood_of_pixel(
-    aside: Floats, gain: Floats, surface: Floats, veil: Floats, electrons: Floats, sigma: Floats
+def _log_density_of_fog(
+    tables: RootTables, pairs: Floats, covariance: Symmetric, backscatter: Floats
 ) -> Floats:
-    """Log likelihood (..., A) of a pixel with so much of surface and, times ``aside``, veil.
+    """Of readings of each spot, without a target, in each fog: (4, K, B)."""
+    beta = backscatter[None]
+    x, y = pairs.T[..., None, None]
+    own = Symmetric(*(each[:, None, None] for each in vars(covariance).values()))
+    uneven = Symmetric(*(each[..., None] for each in vars(tables.empty_uneven).values()))
+    noise = own.plus(uneven, beta**2)
+    left = x - beta * tables.empty_x[..., None], y - beta * tables.empty_y[..., None]
+    return np.asarray(-(noise.squares(*left) + np.log(noise.determinant)) / 2 - np.log(2 * np.pi))
 
-    ``aside`` and ``gain`` (A,), by which all light of the image is brighter.
+
+def _likelihood_of_pixel(surface: Floats, veil: Floats, electrons: Floats, sigma: Floats) -> Floats:
+    """Likelihood (A, n) of pixels (n,) with so much of surface and, times `ASIDES`, veil.
+
+    Student's t, up to a factor; 1 where nothing is known of a pixel.
     """
-    surface, veil = gain * surface[..., None], gain * aside * veil[..., None]
-    light, spread = surface + veil, np.hypot(TEXTURE * surface, VEIL * veil)
-    scale = np.hypot(sigma[..., None], spread)
-    away = (electrons[..., None] - light) / scale
-    likelihood = -(FREEDOM + 1) / 2 * np.log1p(away**2 / FREEDOM) - np.log(scale)
-    return np.where(np.isfinite(likelihood), likelihood, 0.0)
+    veil = ASIDES[:, None] * veil
+    spread = (TEXTURE * surface) ** 2 + (VEIL * veil) ** 2
+    square = sigma**2 + GAINS[:, None, None] ** 2 * spread  # (gains, asides, n)
+    away = electrons - GAINS[:, None, None] * (surface + veil)
+    wider = square + away**2 / FREEDOM
+    with np.errstate(divide="ignore", invalid="ignore"):
+        likelihood = ((square / wider) ** (FREEDOM / 2) / np.sqrt(wider)).reshape(-1, veil.shape[1])
+    return np.where(np.isfinite(likelihood) & (likelihood > 0), likelihood, 1.0)
 
 
-def _spot_posterior(roots: _Roots, by_root: Floats, reaching: Mask, spot: int) -> SpotPosterior:
-    """Roots of one spot by alternatives; sigma reaches to the farthest of some (C,)."""
-    here = np.flatnonzero(roots.spot == spot)
-    weight = by_root[here]
-    here = here[weight > NEGLIGIBLE * weight.sum()]
+def _spot_posteriors(roots: Roots, by_root: Floats, reaching: Mask) -> tuple[SpotPosterior, ...]:
+    """What is known of each spot; roots that are close to each other are one alternative.
+
+    Sigma reaches to the farthest of some (C,).
+    """
+    of_spot = np.bincount(roots.spot, by_root, minlength=4)
+    here = np.flatnonzero(by_root > NEGLIGIBLE * of_spot[roots.spot])
     if not here.size:
-        return SpotPosterior()
-    here = here[np.argsort(roots.range_m[here])]
-    range_m, weight = roots.range_m[here], by_root[here]
-    branch = np.cumsum(np.diff(range_m, prepend=range_m[0]) > APART_M)
-    total = np.bincount(branch, weight)
+        return (SpotPosterior(),) * 4
+    here = here[np.lexsort((roots.range_m[here], roots.spot[here]))]
+    spot, range_m, weight = roots.spot[here], roots.range_m[here], by_root[here]
+    apart = (np.diff(range_m) > APART_M) | (np.diff(spot) > 0)
+    starts = np.flatnonzero(np.append(True, apart))
+    total = np.add.reduceat(weight, starts)
 
     def mean(values: Floats) -> Floats:
-        return np.asarray(np.bincount(branch, weight * values) / total)
+        return np.asarray(np.add.reduceat(weight * values, starts) / total)
 
     centre, noise_m2 = mean(range_m), mean(roots.noise_m2[here])
-    away_m2 = (range_m - centre[branch]) ** 2
-    farthest_m2 = np.zeros(total.size)
-    np.maximum.at(farthest_m2, branch, np.where(reaching[here], away_m2, 0.0))
-    sigma_m = np.sqrt(noise_m2 + np.maximum(mean(away_m2), farthest_m2))
-    best = int(total.argmax())
-    return SpotPosterior(
-        alternatives=tuple(
-            Alternative(float(centre[k]), float(sigma_m[k]), float(total[k] / total.sum()))
-            for k in np.argsort(-total)
-        ),
-        target=float(total.sum()),
-        strength=float(mean(roots.strength[here])[best]),
-        signal=float(mean(roots.signal[here])[best]),
-        noise_m=float(np.sqrt(mean(roots.reading_m2[here])[best])),
-    )
+    away_m = range_m - np.repeat(centre, np.diff(np.append(starts, here.size)))
+    farthest_m2 = np.maximum.reduceat(np.where(reaching[here], away_m**2, 0.0), starts)
+    sigma_m = np.sqrt(noise_m2 + np.maximum(mean(away_m**2), farthest_m2))
+    strength, signal = mean(roots.strength[here]), mean(roots.signal[here])
+    noise_m = np.sqrt(mean(roots.reading_m2[here]))
+
+    def of(number: int) -> SpotPosterior:
+        branches = np.flatnonzero(spot[starts] == number)
+        if not branches.size:
+            return SpotPosterior()
+        branches = branches[np.argsort(-total[branches])]
+        best, target = branches[0], float(total[branches].sum())
+        return SpotPosterior(
+            alternatives=tuple(
+                Alternative(float(centre[k]), float(sigma_m[k]), float(total[k]) / target)
+                for k in branches
+            ),
+            target=target,
+            strength=float(strength[best]),
+            signal=float(signal[best]),
+            noise_m=float(noise_m[best]),
+        )
+
+    return tuple(of(number) for number in range(4))
 
 
 def _status(spot: SpotPosterior, longest_m: float, widest_m: float) -> Status:
@@ -406,13 +272,3 @@ def _status(spot: SpotPosterior, longest_m: float, widest_m: float) -> Status:
     if likeliest.sigma_m > min(widest_m, LARGEST * likeliest.range_m):
         return "fog"
     return "ok" if likeliest.sigma_m <= UNAFFECTED * spot.noise_m else "weather prior"
-
-
-def _as_pairs(values: Floats) -> Floats:
-    return np.stack([values.real, values.imag], axis=-1)
-
-
-def _squares(pairs: Floats, covariance: Floats) -> Floats:
-    """Chi squared (...) of pairs (..., 2) that are but noise."""
-    solved = np.linalg.solve(covariance, pairs[..., None])[..., 0]
-    return np.asarray((pairs * solved).sum(axis=-1))

@@ -1,0 +1,81 @@
+"""Parts of ranging in fog against closed forms: what is held of the fog, and the modes."""
+
+import numpy as np
+import pytest
+
+from reconstruction.ranging import Alternative
+from reconstruction.ranging.fog.belief import CHANGE, DRIFT, FogBelief
+from reconstruction.ranging.fog.edges import odd_spots
+from reconstruction.ranging.fog.modes import find_modes
+from reconstruction.ranging.fog.posterior import Posterior, SpotPosterior
+from reconstruction.ranging.fog.templates import STEP_M, Templates
+
+RANGE_M = 0.01 + STEP_M * np.arange(800)
+
+
+def test_a_frame_later_the_fog_is_a_mixture_of_what_drifted_and_of_another() -> None:
+    """Mean and variance of the mixture, by its two parts: how far apart they are is part of it."""
+    share, prior_share = np.array([0.7, 0.3]), np.array([0.2, 0.8])
+    held = FogBelief(share, np.array([0.0, 1.0]), np.array([0.1, 0.2]))
+    prior = FogBelief(prior_share, np.array([3.0, -2.0]), np.array([0.6, 0.6]))
+    later = held.later(prior)
+    weights = np.stack([(1 - CHANGE) * share, CHANGE * prior_share])
+    weights /= weights.sum(axis=0)
+    mean = np.stack([held.log_median, prior.log_median])
+    variance = np.stack([held.log_deviation**2 + DRIFT**2, prior.log_deviation**2])
+    expected = (weights * mean).sum(axis=0)
+    squares = (weights * (variance + mean**2)).sum(axis=0)
+    np.testing.assert_allclose(later.log_median, expected)
+    np.testing.assert_allclose(later.log_deviation, np.sqrt(squares - expected**2))
+
+
+def templates() -> Templates:
+    """Phasors of two frequencies, and fog whose echo grows with the range by pi of the target's.
+
+    A Lambertian target of reflectance 1 sends 1 / pi back per steradian, fog its backscattering.
+    """
+    phases = 2 * np.pi * RANGE_M[None] / np.array([[20.0], [7.0]])
+    told = np.concatenate([np.cos(phases), np.sin(phases)])  # (4 readings, R)
+    target = 1e4 / RANGE_M**2 * told
+    fog = np.pi * np.cumsum(target, axis=-1) * STEP_M
+    whole = (4, 2, 4, RANGE_M.size)
+    return Templates(
+        range_m=RANGE_M,
+        extinction_per_m=np.array([0.02, 0.03]),
+        target=np.broadcast_to(target, whole).copy(),
+        fog=np.broadcast_to(fog, whole).copy(),
+        uneven=np.zeros((4, 2, RANGE_M.size // 25 + 1, 4, 4)),
+    )
+
+
+def test_the_range_of_a_mode_has_the_variance_of_its_linear_model() -> None:
+    """Cramér and Rao, of derivatives by differences: a target farther off has more fog before it,
+    which moves readings, too."""
+    tables, rho, beta = templates(), 0.3, 0.1
+    place = 500
+
+    def model(at: int, reflectance: float, scattering: float) -> np.ndarray:
+        return reflectance * tables.target[0, 0, :, at] + scattering * tables.fog[0, 0, :, at]
+
+    along = (model(place + 1, rho, beta) - model(place - 1, rho, beta)) / (2 * STEP_M)
+    jacobian = np.stack([along, tables.target[0, 0, :, place], tables.fog[0, 0, :, place]], axis=1)
+    information = jacobian.T @ jacobian
+    inner = np.linalg.inv(information[:2, :2])
+    readings = np.tile(model(place, rho, beta), (4, 1))
+    covariance = np.tile(np.eye(4), (4, 1, 1))
+    found = find_modes(tables, readings, covariance, np.ones(4, dtype=bool), False)
+    near = found.only(np.abs(found.range_m - RANGE_M[place]) < 0.005)
+    assert near.spot.size > 0
+    np.testing.assert_allclose(near.backscatter, beta, rtol=0.02)
+    np.testing.assert_allclose(near.variance_m2, inner[0, 0], rtol=0.03)
+    np.testing.assert_allclose(near.drift, -(inner @ information[:2, 2])[0], rtol=0.03)
+    left = information[2, 2] - information[2, :2] @ inner @ information[:2, 2]
+    assert near.curvature == pytest.approx(np.full(near.spot.size, left), rel=0.03)
+
+
+@pytest.mark.parametrize(("misfit", "odd"), [(8.0, False), (13.0, True)])
+def test_three_readings_of_a_spot_leave_one_to_judge_it_by(misfit: float, odd: bool) -> None:
+    """Range and reflectance take two. Chance gives 10.8 or more once in a thousand times of one."""
+    spot = SpotPosterior(alternatives=(Alternative(3.0, 0.01, 1.0),), misfit=misfit)
+    known = Posterior((spot,) * 4, FogBelief(*(np.ones(1),) * 3))
+    assert odd_spots(known, 3) == (list(range(4)) if odd else [])
