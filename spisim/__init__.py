@@ -15,6 +15,8 @@ from spisim.llvm import prefer_working_llvm
 from spisim.version import __version__
 
 if TYPE_CHECKING:
+    from spisim.dataset.making import make_dataset
+    from spisim.dataset.reader import open_dataset
     from spisim.instrument import Instrument, load_instrument
     from spisim.progress import progress_bar
     from spisim.report.capture import write_report
@@ -31,6 +33,8 @@ __all__ = [
     "__version__",
     "load_instrument",
     "load_scene",
+    "make_dataset",
+    "open_dataset",
     "progress_bar",
     "simulate",
     "write_report",
@@ -42,6 +46,8 @@ _HOMES = {
     "Simulation": "simulation",
     "load_instrument": "instrument",
     "load_scene": "scene",
+    "make_dataset": "dataset.making",
+    "open_dataset": "dataset.reader",
     "progress_bar": "progress",
     "simulate": "simulation",
     "write_report": "report.capture",

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Self
 
 from spisim.dataset.folder import Layout, fingerprint
+from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import NO_SPACE, Outcome, failure
 
 
@@ -67,6 +68,13 @@ class Fake:
         """Processes that made samples, once each."""
         names = [path.name for path in (self.folder / "pids").glob("*-*")]
         return sorted({int(name.partition("-")[2]) for name in names})
+
+
+@dataclass(frozen=True)
+class OfPlan(Fake):
+    """For samples of a plan."""
+
+    planned: PlannedSet | None = None
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,17 @@ class Intrinsics(NamedTuple):
     cx: float
     cy: float
 
+    @classmethod
+    def of(cls, optics: Optics, shape: tuple[int, int]) -> Self:
+        """Of the projector, as whose camera the pixels (rows, columns) are seen."""
+        height, width = shape
+        return cls(
+            fx=width / (2 * optics.tan_half_width),
+            fy=height / (2 * optics.tan_half_height),
+            cx=(width - 1) / 2,
+            cy=(height - 1) / 2,
+        )
+
     @property
     def matrix(self) -> Floats:
         """(3, 3), from directions to pixels (column, row, 1)."""
@@ -76,14 +87,7 @@ class Shot:
     @property
     def intrinsics(self) -> Intrinsics:
         """Of the projector, as whose camera the pixels are seen; InputError if not known."""
-        height, width = self.shape
-        optics = self.known_optics
-        return Intrinsics(
-            fx=width / (2 * optics.tan_half_width),
-            fy=height / (2 * optics.tan_half_height),
-            cx=(width - 1) / 2,
-            cy=(height - 1) / 2,
-        )
+        return Intrinsics.of(self.known_optics, self.shape)
 
     @property
     def known_optics(self) -> Optics:

@@ -7,6 +7,7 @@ import errno
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
@@ -24,6 +25,7 @@ from spisim.dataset.records import (
     meta_of,
     record_of,
     row_of,
+    values_of,
 )
 
 #: Seconds to wait for a reader that holds the file.
@@ -103,6 +105,12 @@ class Manifest:
     def record(self, *outcomes: Outcome) -> None:
         """Put outcomes in place of the samples' last, all or none, and count the attempts."""
         rows = [row_of(outcome, self.attempts(outcome.index) + 1) for outcome in outcomes]
+        with self._writing() as connection:
+            connection.executemany(INSERT, rows)
+
+    def keep(self, *records: Record) -> None:
+        """Put rows as another manifest has them."""
+        rows = [values_of(asdict(record)) for record in records]
         with self._writing() as connection:
             connection.executemany(INSERT, rows)
 

@@ -27,6 +27,7 @@ from spisim.dataset.folder import (
     origin_of,
 )
 from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
+from spisim.dataset.pack import INDEX
 from spisim.dataset.plan import Keep
 from spisim.dataset.planned import PlannedSet, order_of
 from spisim.dataset.records import Outcome
@@ -72,6 +73,8 @@ def opened(
 def _check_is_free(planned: PlannedSet, layout: Layout) -> None:
     """InputError unless a folder is new, holds nothing but what a run leaves, or is this set's."""
     layout.refuse_links()
+    if (layout.folder / INDEX).exists():
+        raise InputError(f"{layout.folder} is a pack, not a data set; choose another folder")
     if layout.plan.exists():
         _check_same_fields(planned, layout)
         return

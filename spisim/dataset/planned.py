@@ -215,6 +215,15 @@ def load_plan(path: Path, kind: type[Plan] = Plan) -> PlannedSet:
     return PlannedSet(parse_model(text, kind, path), text, path.absolute())
 
 
+def stated_plan(fields: Mapping[str, Any], kind: type[Plan] = Plan) -> PlannedSet:
+    """Plan from the fields of a file; files that it names lie in the working folder.
+
+    Raises InputError, naming the field, for whatever is wrong with it.
+    """
+    text = dump_yaml(fields)
+    return PlannedSet(parse_model(text, kind, "plan"), text, Path("plan").absolute())
+
+
 def _name_drawn(scene: Mapping[str, Any]) -> str | None:
     """Name that a scene of a family gets; None for others."""
     return f"{scene['family']}-{scene.get('seed') or 0}" if scene.get("family") else None

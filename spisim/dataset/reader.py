@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -12,13 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture, read_capture
-from reconstruction.errors import InputError, nearest
+from reconstruction.errors import InputError, naming, nearest
 from reconstruction.notebook import picture, shown, told
 from spisim.dataset.extras import needed
-from spisim.dataset.fields import FIELDS
+from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import read_manifest
+from spisim.dataset.pack import Pack
+from spisim.dataset.parameters import Parameters
+from spisim.dataset.planned import load_plan
 from spisim.dataset.records import Record
+from spisim.dataset.rows import CaptureRows, PackedRows
 from spisim.dataset.split import Split, part_of
 
 if TYPE_CHECKING:
@@ -40,30 +44,37 @@ class StoredSample:
     parameters: Mapping[str, Any]
     path: Path
     sidecars: tuple[Path, ...]  # files of the light itself, where the plan keeps them
+    drawn: Parameters = field(repr=False)  # for all samples of the data set
+    pack: Pack | None = field(repr=False, default=None)  # which has arrays in place of the capture
 
     @cached_property
     def capture(self) -> Capture:
-        """The capture; InputError, naming the file, if it is missing or damaged."""
+        """The capture; InputError, naming the file, if it is missing or damaged, and of a pack."""
+        if self.pack is not None:
+            raise InputError(
+                f"{self.pack.folder}: a pack holds arrays and no captures; open the data set"
+            )
         return read_capture(self.path)
 
     def array(self, name: str) -> NDArray[Any]:
-        """Array of one of the FIELDS, or the number of a parameter.
+        """Array of a field, as "depth_m" or "depth_m.anchored", or the number of a parameter.
 
-        Raises InputError if the sample has nothing of this name, or no number.
+        That is nan where only other samples have the parameter.
+        Raises InputError for an array that the capture lacks, and if no sample of the data set has
+        a number of this name.
         """
-        if name in FIELDS:
-            values = FIELDS[name].read(self.capture)
-        else:
-            values = np.asarray(self.parameters.get(name))
-            if values.dtype.kind not in "biuf":
-                values = None
-        if values is None:
-            numbers = [key for key, value in self.parameters.items() if _is_number(value)]
-            raise InputError(
-                f"{self.path}: no numbers under the name {name!r}: "
-                f"{nearest(name, [*FIELDS, *numbers])}"
-            )
-        return values
+        field = find_field(name)
+        if field is None:
+            _check_names([name], self.drawn, self.path)
+            return self.drawn.number(name, self.parameters)
+        if self.pack is not None:
+            (row,) = self.pack.rows([self.index])
+            return self.pack.column(name)[row]
+        with naming(self.path):
+            values = field.read(self.capture)
+            if values is None:
+                raise InputError(f"the capture holds no {name}: {field.meaning}")
+        return values.astype(field.dtype, copy=False)
 
 
 @dataclass(frozen=True)
@@ -79,6 +90,8 @@ class DataSet(Sequence[StoredSample]):
     meta: Mapping[str, str]  # name, plan's digest, when made, by which software
     records: tuple[Record, ...]
     failed: tuple[Record, ...]
+    drawn: Parameters = field(repr=False, compare=False)  # for all finished samples
+    pack: Pack | None = field(repr=False, compare=False, default=None)
 
     def __len__(self) -> int:
         return len(self.records)
@@ -122,6 +135,8 @@ class DataSet(Sequence[StoredSample]):
             record.parameters,
             layout.own(self.folder / str(record.file)),
             tuple(layout.own(self.folder / name) for name in record.sidecars),
+            self.drawn,
+            self.pack,
         )
 
     def __iter__(self) -> Iterator[StoredSample]:
@@ -140,7 +155,7 @@ class DataSet(Sequence[StoredSample]):
         """Samples whose parameters fulfil a condition, as in `lambda p: p["scene"] == "forest"`.
 
         A sample without a parameter that the condition asks for is left out. InputError if no
-        sample has it.
+        sample of the data set has it.
         """
         kept: list[Record] = []
         missing: set[str] = set()
@@ -151,7 +166,7 @@ class DataSet(Sequence[StoredSample]):
             except KeyError as error:
                 missing.add(str(error.args[0]))
         for name in missing:
-            if all(name not in record.parameters for record in self.records):
+            if name not in self.drawn.names:
                 raise InputError(
                     f"{self.folder}: no sample has a parameter {name!r}: "
                     f"{nearest(name, self.parameter_names)}"
@@ -160,8 +175,8 @@ class DataSet(Sequence[StoredSample]):
 
     @property
     def parameter_names(self) -> list[str]:
-        """Names of all parameters, of whichever sample."""
-        return list(dict.fromkeys(name for record in self.records for name in record.parameters))
+        """Names of all parameters, of whichever sample of the data set."""
+        return self.drawn.names
 
     def split(
         self,
@@ -202,6 +217,21 @@ class DataSet(Sequence[StoredSample]):
                 )
         return parts
 
+    def sequences(self) -> list[DataSet]:
+        """The samples of each flight, in order: those of one scene from its poses, one a part.
+
+        What failed, or is not selected, is missing in its part. InputError for a plan without
+        `poses`.
+        """
+        plan = load_plan(Layout(self.folder).plan).plan
+        if plan.poses.count == 1:
+            raise InputError(f"{self.folder}: its plan has no `poses`, so no sequences")
+        flights: dict[tuple[int, int], list[Record]] = {}
+        for record in self.records:
+            round_, combination = divmod(record.index, plan.combinations)
+            flights.setdefault((round_ // plan.poses.count, combination), []).append(record)
+        return [replace(self, records=tuple(flight)) for flight in flights.values()]
+
     def _key(self, record: Record, by: str) -> str:
         if by == "scene_name":
             return str(record.scene)
@@ -213,10 +243,14 @@ class DataSet(Sequence[StoredSample]):
         return repr(record.parameters[by])
 
     def arrays(self, *names: str) -> dict[str, NDArray[Any]]:
-        """Stacked arrays (samples, …) of FIELDS or parameters, read from all captures.
+        """Stacked arrays (samples, …) of fields or parameters, read from all captures.
 
-        Raises InputError for names that there are not, and where shapes differ.
+        A parameter is nan in samples that lack it. Raises InputError for names that there are not,
+        before anything is read, and where shapes differ.
         """
+        self.check_names(names)
+        if self.pack is not None:
+            return {name: np.array(values) for name, values in self._packed(names).items()}
         rows: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
         for sample in self:
             for name, values in rows.items():
@@ -246,65 +280,113 @@ class DataSet(Sequence[StoredSample]):
         return pandas.DataFrame(rows, index=index, columns=columns)
 
     def xarray(self, *names: str) -> xarray.Dataset:
-        """Stacked arrays with named axes and units; all FIELDS of the first sample, unless named.
+        """Stacked arrays with named axes and units; unless named, all that the first capture holds.
 
-        Numbers and words among the parameters are coordinates of the samples. InputError as
-        `arrays`, and without xarray.
+        Numbers and words among the parameters are coordinates of the samples, nan in those that
+        lack them. InputError as `arrays`, and without xarray.
         """
         xarray = needed("xarray", "data")
-        names = names or tuple(
-            name
-            for name, field in FIELDS.items()
-            if len(self) and field.read(self[0].capture) is not None
-        )
+        names = names or self._held()
         variables = {}
         for name, values in self.arrays(*names).items():
-            field = FIELDS.get(name)
+            field = find_field(name)
             own_dims = tuple(f"{name}.{axis}" for axis in range(values.ndim - 1))
             dims, told = (own_dims, {}) if field is None else (field.dims, _told(field))
             variables[name] = (("sample", *dims), values, told)
-        coordinates = {
-            name: ("sample", [record.parameters.get(name) for record in self.records])
-            for name in self.parameter_names
+        coordinates: dict[str, Any] = {
+            name: ("sample", self._column(name))
+            for name in self.drawn.names
             if name not in names and self._is_plain(name)
         }
         coordinates["scene_name"] = ("sample", [record.scene for record in self.records])
         coordinates["sample"] = ("sample", [record.index for record in self.records])
         return xarray.Dataset(variables, coordinates, dict(self.meta))
 
-    def _is_plain(self, name: str) -> bool:
-        return all(
-            isinstance(record.parameters.get(name), str | int | float) for record in self.records
+    def _held(self) -> tuple[str, ...]:
+        """Names of the arrays that the first sample holds."""
+        if self.pack is not None:
+            return tuple(self.pack.columns)
+        return tuple(
+            name
+            for name, field in FIELDS.items()
+            if len(self) and field.recorded and field.read(self[0].capture) is not None
         )
+
+    def _is_plain(self, name: str) -> bool:
+        values = [record.parameters.get(name) for record in self.drawn.records]
+        there = [value for value in values if value is not None]
+        return bool(there) and all(isinstance(value, str | int | float) for value in there)
+
+    def _column(self, name: str) -> NDArray[Any]:
+        """A parameter of every sample, nan where one lacks it."""
+        if name in self.drawn.shapes:
+            rows = [self.drawn.number(name, record.parameters) for record in self.records]
+            return np.array(rows, dtype=None if rows else float)
+        words = [record.parameters.get(name) for record in self.records]
+        return np.array([np.nan if word is None else word for word in words], dtype=object)
+
+    def rows(self, *names: str) -> Sequence[dict[str, NDArray[Any]]]:
+        """Arrays by name of one sample after the other, and its `index`: read when asked for.
+
+        Names as for `arrays`. Those of a pack are views, which cannot be written into. It can be
+        sent to other processes. InputError for names that there are not.
+        """
+        self.check_names(names)
+        if self.pack is None:
+            return CaptureRows(self, names)
+        rows = self.pack.rows([record.index for record in self.records])
+        numbers = {name: self._column(name) for name in names if find_field(name) is None}
+        return PackedRows(self.pack, names, rows, numbers)
+
+    def _packed(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+        assert self.pack is not None
+        rows = self.pack.rows([record.index for record in self.records])
+        return {
+            name: self._column(name) if find_field(name) is None else self.pack.column(name)[rows]
+            for name in names
+        }
+
+    def check_names(self, names: Iterable[str]) -> None:
+        """InputError, telling the nearest, for names of neither arrays nor numbers drawn."""
+        _check_names(names, self.drawn, self.folder)
+        for name in names:
+            if self.pack is not None and find_field(name) is not None:
+                self.pack.column(name)
 
     def torch(self, *names: str) -> torch.utils.data.Dataset[dict[str, torch.Tensor]]:
         """Map-style data set for a DataLoader: tensors by name, and the sample's `index`.
 
-        Names as for `arrays`; numbers become float32. InputError without torch.
+        Names as for `arrays`; numbers become float32. InputError for names that there are not,
+        and without torch.
         """
+        rows = self.rows(*names)
         tensors: torch.utils.data.Dataset[dict[str, torch.Tensor]] = needed(
             "spisim.dataset.torch", "torch"
-        ).Tensors(self, names)
+        ).Tensors(rows)
         return tensors
 
 
-def open_data_set(folder: str | Path) -> DataSet:
-    """Open a data set, finished or not; a run that is under way is not disturbed.
+def open_dataset(folder: str | Path) -> DataSet:
+    """Open a data set, finished or not, or a pack; a run that is under way is not disturbed.
 
-    Raises InputError where there is none, and where its manifest is damaged.
+    Raises InputError where there is none, where its manifest or what is packed is damaged, and for
+    a pack whose data set has other samples by now.
     """
     folder = Path(folder)
     meta, records = read_manifest(folder)
-    return DataSet(
-        folder,
-        meta,
-        tuple(record for record in records if record.done),
-        tuple(record for record in records if not record.done),
-    )
+    done = tuple(record for record in records if record.done)
+    failed = tuple(record for record in records if not record.done)
+    return DataSet(folder, meta, done, failed, Parameters(done), Pack.of(folder, done))
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float)
+def _check_names(names: Iterable[str], drawn: Parameters, source: Path) -> None:
+    """InputError for a name that stands neither for an array nor for a number drawn."""
+    for name in names:
+        if find_field(name) is None and name not in drawn.shapes:
+            raise InputError(
+                f"{source}: no numbers under the name {name!r}: "
+                f"{nearest(name, [*FIELDS, *drawn.shapes])}"
+            )
 
 
 def _told(field: Any) -> dict[str, str]:

@@ -171,7 +171,11 @@ def meta_of(connection: sqlite3.Connection) -> dict[str, str]:
 def row_of(outcome: Outcome, attempts: int) -> tuple[Any, ...]:
     """Row of an outcome, as INSERT takes it."""
     finished = datetime.now(UTC).isoformat(timespec="seconds")
-    values = asdict(outcome) | {"attempts": attempts, "finished": finished}
+    return values_of(asdict(outcome) | {"attempts": attempts, "finished": finished})
+
+
+def values_of(values: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Row of a record's fields, as INSERT takes it."""
     return tuple(
         json.dumps(values[name], ensure_ascii=False) if name in _JSON else values[name]
         for name in _COLUMNS

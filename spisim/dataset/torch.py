@@ -1,30 +1,29 @@
 """A data set as tensors; needs PyTorch."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch.utils.data import Dataset
-
-if TYPE_CHECKING:
-    from spisim.dataset.reader import DataSet
 
 
 class Tensors(Dataset[dict[str, torch.Tensor]]):
     """Named arrays of every sample, read when asked for; workers may have copies of it."""
 
-    def __init__(self, samples: DataSet, names: tuple[str, ...]) -> None:
-        self.samples = samples
-        self.names = names
+    def __init__(self, rows: Sequence[Mapping[str, NDArray[Any]]]) -> None:
+        self.rows = rows
 
     def __len__(self) -> int:
-        return len(self.samples)
+        return len(self.rows)
 
     def __getitem__(self, place: int) -> dict[str, torch.Tensor]:
-        sample = self.samples[place]
-        tensors = {
-            name: torch.from_numpy(np.array(sample.array(name), np.float32)) for name in self.names
-        }
-        return tensors | {"index": torch.tensor(sample.index)}
+        row = dict(self.rows[place])
+        index = torch.tensor(int(row.pop("index")))
+        return {name: _tensor(values) for name, values in row.items()} | {"index": index}
+
+
+def _tensor(values: NDArray[Any]) -> torch.Tensor:
+    """A copy: masks stay masks, all else becomes float32."""
+    return torch.from_numpy(np.array(values, bool if values.dtype == bool else np.float32))

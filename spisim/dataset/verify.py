@@ -8,6 +8,7 @@ from typing import Literal
 from reconstruction import InputError, read_capture
 from spisim.dataset.folder import Layout, everything, fingerprint, origin_of
 from spisim.dataset.manifest import read_manifest
+from spisim.dataset.pack import Pack
 from spisim.dataset.records import Record
 
 Problem = Literal["missing", "damaged", "link", "foreign", "extra", "unfinished"]
@@ -33,6 +34,9 @@ def verify(folder: Path, progress: Callable[[float], None] | None = None) -> lis
     `progress` is called with the fraction that is done. Raises InputError as `read_manifest`.
     """
     meta, records = read_manifest(folder)
+    pack = Pack.of(folder, [record for record in records if record.done])
+    if pack is not None:
+        return [Finding(name, "damaged", detail) for name, detail in pack.damaged()]
     findings: list[Finding] = []
     layout = Layout(folder)
     if not layout.plan.is_file():

@@ -3,23 +3,30 @@
 A process that dies costs its sample only. The others go on, and a fresh one takes its place.
 """
 
+from __future__ import annotations
+
 import ctypes
 import gc
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count, islice
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from typing import Any, Protocol, Self
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from spisim.dataset.records import DIED, Outcome, failure
+
+if TYPE_CHECKING:
+    from spisim.dataset.sample import Maker
 
 Make = Callable[[int], Outcome]
 #: Number of the world of a sample: a process that has made one sample of it makes others faster.
@@ -80,6 +87,11 @@ class LocalExecutor:
         self.timeout_s = timeout_s
         self._world_of = world_of
         self._workers: list[_Worker] = []
+
+    @classmethod
+    def of(cls, make: Maker, workers: int | None, timeout_s: float = TIMEOUT_S) -> Self:
+        """For the samples of a plan; by default as many processes as this machine can take."""
+        return cls(make, workers or default_workers(), timeout_s, make.planned.world_of)
 
     def __enter__(self) -> Self:
         return self
@@ -149,7 +161,8 @@ class LocalExecutor:
     def _start(self) -> _Worker:
         ours, theirs = _SPAWN.Pipe()
         process = _SPAWN.Process(target=_serve, args=(theirs, self._make), daemon=True)
-        process.start()
+        with _without_main():
+            process.start()
         theirs.close()
         self._workers.append(_Worker(process, ours))
         return self._workers[-1]
@@ -177,6 +190,20 @@ def _cores() -> int:
     siblings = "/sys/devices/system/cpu/cpu{}/topology/thread_siblings_list"
     files = {cpu: Path(siblings.format(cpu)) for cpu in os.sched_getaffinity(0)}
     return len({file.read_text() if file.exists() else cpu for cpu, file in files.items()})
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Keep processes that are started from running the user's script, as `spawn` would have them.
+
+    They need nothing of it, and one without `if __name__ == "__main__"` would start others.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _serve(pipe: Connection, make: Make) -> None:

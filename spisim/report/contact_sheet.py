@@ -13,7 +13,7 @@ from spisim.dataset.reader import DataSet, StoredSample
 
 from .facts import media_of
 from .page import write_page
-from .pictures import depth_scale, intensity_scale
+from .pictures import Scale, depth_scale, intensity_scale
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,11 @@ class _Shown:
             (f"no {title}", nothing) if depth_m is None else (title, depth_m)
             for title, depth_m in depths.items()
         ]
+
+    @property
+    def depth_scale(self) -> Scale:
+        """Of its own: on the scale of a street every room is of one colour."""
+        return depth_scale(*(depth_m for _, depth_m in self.depths))
 
 
 def write_contact_sheet(
@@ -72,7 +77,6 @@ def write_contact_sheet(
         failed=len(samples.failed),
         shown=shown,
         common=_common(samples),
-        depth_scale=depth_scale(*(depth_m for each in shown for _, depth_m in each.depths)),
         intensity_scale=intensity_scale,
         software=samples.meta.get("software", ""),
     )

@@ -14,7 +14,7 @@ import reconstruction
 from reconstruction import Capture, InputError, Reconstructor, read_capture
 from reconstruction.files import write_atomically
 from spisim.dataset.folder import Layout
-from spisim.dataset.reader import DataSet, open_data_set
+from spisim.dataset.reader import DataSet, open_dataset
 from spisim.dataset.records import DIED, Outcome, Record
 from spisim.dataset.workers import Executor
 from spisim.study import metrics, profile
@@ -82,7 +82,7 @@ def evaluate_all(
     before is taken, as long as capture, reconstruction and methods are the same. Whatever
     takes its worker with it is told as an error of that capture, and not kept.
     """
-    data = open_data_set(folder)
+    data = open_dataset(folder)
     found = {record.index: _kept(folder, record, methods) for record in data.records}
     missing = {
         record.index: (str(record.file), str(record.sha256))

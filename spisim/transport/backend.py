@@ -17,6 +17,8 @@ from spisim.llvm import KERNELS, MIN_VERSION, VARIABLE, find_llvm
 CUDA_VARIANT = "cuda_ad_mono"
 LLVM_VARIANT = "llvm_ad_mono"
 
+_user_of_cuda: dict[str, int] = {}
+
 
 def activate() -> str:
     """Select the Mitsuba variant, unless one of ours is active already, and return its name.
@@ -24,13 +26,16 @@ def activate() -> str:
     Raises
     ------
     InputError
-        If there is neither a CUDA device nor an LLVM library that works.
+        If there is neither a CUDA device nor an LLVM library that works, or this process was
+        forked from one that uses CUDA.
     """
     variant = mi.variant()
     if variant not in (CUDA_VARIANT, LLVM_VARIANT):
         variant = CUDA_VARIANT if has_cuda() else LLVM_VARIANT
     if variant == LLVM_VARIANT:
         _check_llvm()
+    if variant == CUDA_VARIANT:
+        _check_process()
     if variant != mi.variant():
         mi.set_variant(variant)
     return str(variant)
@@ -54,6 +59,16 @@ def free_memory() -> None:
     dr.flush_malloc_cache()
     if os.access(KERNELS, os.W_OK):
         dr.flush_kernel_cache()
+
+
+def _check_process() -> None:
+    """CUDA works in the process that began to use it, and in none that is forked from that."""
+    if _user_of_cuda.setdefault("pid", os.getpid()) != os.getpid():
+        raise InputError(
+            "this process was forked from one that uses CUDA, and cannot use it too: start "
+            "processes by 'spawn', as in DataLoader(…, multiprocessing_context=\"spawn\"), or read "
+            "samples that are made already"
+        )
 
 
 def _check_llvm() -> None:

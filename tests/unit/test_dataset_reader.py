@@ -148,12 +148,33 @@ def test_arrays_are_stacked(data: DataSet, capture: Capture) -> None:
 
 
 def test_what_is_no_number_is_no_array(data: DataSet) -> None:
-    with pytest.raises(InputError, match=r"000000\.h5.*'true_depth'.*did you mean 'true_depth_m'"):
+    with pytest.raises(InputError, match=r"'true_depth'.*did you mean 'true_depth_m'"):
         data.arrays("true_depth")
     with pytest.raises(InputError, match="no numbers under the name 'scene'"):
         data.arrays("scene")
-    with pytest.raises(InputError, match=rf"000000\.h5.*'{VISIBILITY}'"):
-        data.arrays(VISIBILITY)  # which every third sample lacks
+
+
+def test_a_parameter_is_nan_in_samples_that_lack_it(data: DataSet) -> None:
+    clear = np.arange(40) % 3 == 0
+    visibility_m = data.arrays(VISIBILITY)[VISIBILITY]
+    np.testing.assert_array_equal(np.isnan(visibility_m), clear)
+    np.testing.assert_array_equal(visibility_m[~clear], 10 * np.flatnonzero(~clear) + 10)
+    assert np.isnan(data[:1].arrays(VISIBILITY)[VISIBILITY]).all()  # where all selected lack it
+    assert np.isnan(data[0].array(VISIBILITY))
+
+
+def test_names_are_refused_before_anything_is_read(own: Path) -> None:
+    shutil.rmtree(own / "samples")
+    data = spisim.dataset.open(own)
+    for build in (data.arrays, data.torch):
+        with pytest.raises(InputError, match=rf"did you mean '{VISIBILITY}'"):
+            build("scene.fog.visibility")
+
+
+def test_what_is_a_number_in_some_samples_only_is_none(own: Path) -> None:
+    change(own, 'UPDATE samples SET parameters = \'{"power_w": [1, 2]}\' WHERE "index" = 3')
+    with pytest.raises(InputError, match=r"no numbers under the name 'power_w'"):
+        spisim.dataset.open(own).arrays("power_w")
 
 
 def test_captures_without_truth_have_no_true_arrays(own: Path, capture: Capture) -> None:
@@ -162,7 +183,7 @@ def test_captures_without_truth_have_no_true_arrays(own: Path, capture: Capture)
     )
     data = spisim.dataset.open(own)
     for name in ("true_image", "spot_range_m", "spot_readings"):
-        with pytest.raises(InputError, match=f"no numbers under the name '{name}'"):
+        with pytest.raises(InputError, match=rf"000000\.h5: the capture holds no {name}"):
             data.arrays(name)
 
 
@@ -208,7 +229,9 @@ def test_xarray_has_axes_units_and_coordinates(data: DataSet) -> None:
     far = dataset.where(dataset.power_w > 0.35, drop=True)
     assert far["sample"].values.tolist() == [4, 5]
     assert dataset.attrs["name"] == "walls"
-    assert VISIBILITY not in dataset.coords  # not every sample has it
+    np.testing.assert_array_equal(
+        dataset[VISIBILITY], [np.nan, 20, 30, np.nan, 50, 60]
+    )  # not every sample has it
     assert set(data[:2].xarray("buckets", "power_w")) == {"buckets", "power_w"}
 
 
@@ -233,7 +256,7 @@ def test_tensors_are_loaded_by_workers(data: DataSet) -> None:
     assert [len(batch["index"]) for batch in batches] == [16, 16, 8]
     assert torch.cat([batch["index"] for batch in batches]).tolist() == list(range(40))
     assert batches[0]["true_depth_m"].dtype == torch.float32
-    assert batches[0]["true_depth_m"].shape == (16, 16, 16)
+    assert batches[0]["true_depth_m"].shape == (16, 1, 16, 16)
     assert batches[1]["power_w"][3] == pytest.approx(1.9)
 
 

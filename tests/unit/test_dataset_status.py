@@ -5,11 +5,15 @@ import json
 import os
 import re
 import shutil
+from base64 import b64decode
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
+from PIL import Image
 from typer.testing import CliRunner
 
 import spisim.dataset
@@ -173,6 +177,24 @@ def test_the_sheet_tells_the_error_of_the_depth_map(own: Path, tmp_path: Path) -
     near, far = re.findall(r"<b>([\d.]+) (?:cm|m)</b> mean depth error", read(tmp_path))
     assert float(far) == pytest.approx(20, abs=1)
     assert float(near) < 100  # centimetres
+
+
+def test_every_sample_has_a_depth_scale_of_its_own(
+    own: Path, tmp_path: Path, capture: Capture
+) -> None:
+    """The walls of a room keep their colours beside a street ten times as deep."""
+    assert capture.truth is not None
+    depth_m = np.linspace(2, 5, capture.truth.depth_m.size).reshape(capture.truth.depth_m.shape)
+    for index, times in ((0, 1), (1, 10)):
+        truth = replace(capture.truth, depth_m=times * depth_m.astype(np.float32))
+        write_capture(replace(capture, truth=truth), own / f"samples/000/{index:06d}.h5")
+    write_contact_sheet(tmp_path / "sheet.html", spisim.dataset.open(own)[:2])
+    addresses = re.findall(r'src="data:image/png;base64,([^"]+)"', read(tmp_path))
+    assert len(addresses) == 6  # image, estimated and true depth of two samples
+    for true_depth in (addresses[2], addresses[5]):
+        colours = np.asarray(Image.open(BytesIO(b64decode(true_depth)))).reshape(-1, 4)
+        assert len(np.unique(colours, axis=0)) > 100
+    assert read(tmp_path).count('class="scale"') == 2
 
 
 def read(folder: Path) -> str:

@@ -112,13 +112,13 @@ def test_one_that_died_while_idle_is_no_loss(tmp_path: Path) -> None:
 
 @linux
 def test_they_end_with_the_process_that_started_them(tmp_path: Path) -> None:
+    """Which may be a script that does not look whether it is the main module."""
     code = f"""
         from pathlib import Path
         from makers import Fake
         from spisim.dataset.workers import LocalExecutor
-        if __name__ == "__main__":
-            make = Fake(Path({str(tmp_path)!r}), {{0: "hang", 1: "hang"}})
-            list(LocalExecutor(make, 2).run(range(2)))
+        make = Fake(Path({str(tmp_path)!r}), {{0: "hang", 1: "hang"}})
+        list(LocalExecutor(make, 2).run(range(2)))
     """
     script = tmp_path / "script.py"
     script.write_text(textwrap.dedent(code))

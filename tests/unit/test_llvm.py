@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -170,3 +171,15 @@ def test_the_trial_kernel_tells_what_fails(tmp_path: Path) -> None:
 def _touched(path: Path) -> Path:
     path.touch()
     return path
+
+
+def test_a_process_forked_after_cuda_was_used_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    from spisim.transport import backend
+
+    monkeypatch.setattr(backend, "mi", SimpleNamespace(variant=lambda: backend.CUDA_VARIANT))
+    monkeypatch.setattr(backend, "_user_of_cuda", {})
+    assert backend.activate() == backend.activate() == backend.CUDA_VARIANT
+    child = os.getpid() + 1
+    monkeypatch.setattr(backend.os, "getpid", lambda: child)
+    with pytest.raises(InputError, match=r"forked from one that uses CUDA.*spawn"):
+        backend.activate()

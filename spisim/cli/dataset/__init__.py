@@ -6,7 +6,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from . import export, run, sheet, status, verify
+from . import export, pack, run, sheet, status, verify
 
 EXAMPLE = "spisim dataset plan.yaml -o out/fog"
 
@@ -26,12 +26,19 @@ class PlanOrCommand(TyperGroup):
 app = typer.Typer(
     cls=PlanOrCommand,
     name="dataset",
-    help="Many captures of a plan: make, check, show and export them.",
+    help="Many captures of a plan: make, check, show, pack and export them.",
     no_args_is_help=True,
     epilog=f"Example: {EXAMPLE}",
 )
 
-COMMANDS = {"run": run, "status": status, "verify": verify, "sheet": sheet, "export": export}
+COMMANDS = {
+    "run": run,
+    "status": status,
+    "verify": verify,
+    "sheet": sheet,
+    "export": export,
+    "pack": pack,
+}
 
 for name, module in COMMANDS.items():
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)

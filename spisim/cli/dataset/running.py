@@ -32,11 +32,11 @@ def executors(
     from spisim.dataset.workers import LocalExecutor, default_workers
 
     if dask is None:
-        count = workers or default_workers()
 
         def local(make: Make) -> Executor:
-            worlds = {"world_of": make.planned.world_of} if isinstance(make, Maker) else {}
-            return LocalExecutor(make, count, timeout_s, **worlds)
+            if isinstance(make, Maker):
+                return LocalExecutor.of(make, workers, timeout_s)
+            return LocalExecutor(make, workers or default_workers(), timeout_s)
 
         return local
     if workers is not None:
