@@ -159,7 +159,7 @@ def test_frames_that_there_are_not_are_refused(capture, path, start, stop):
 def test_recordings_in_files_and_in_memory_are_reconstructed_alike(capture, path):
     with open_capture(path) as file:
         from_file = reconstruct(file, 1)
-        usual = dict.fromkeys(("image", "ranging", "depth"), ["usual"])
+        usual = dict.fromkeys(("image", "ranging", "depth"), "usual")
         reconstructor = Reconstructor(file.setup, **usual)
         by_hand = reconstructor(file.frame(1))
     expected = reconstruct(capture, 1)
