@@ -241,8 +241,9 @@ def _recording(options: argparse.Namespace) -> Recording:
 def _ask_about_taps(options: argparse.Namespace, readings: NDArray[Any]) -> None:
     """InputError where readings of patterns may as well be taps of spots."""
     told = any(getattr(options, name) is not None for name in PATTERNS)
-    small = options.shape[0] * options.shape[1] <= MANY_TAPS
-    if small and not told and readings.size % MANY_TAPS == 0:
+    small = 0 < options.shape[0] * options.shape[1] <= MANY_TAPS
+    by_spot = readings.ndim < 2 or readings.shape[-1] % 4 == 0
+    if small and not told and by_spot and readings.size % MANY_TAPS == 0:
         raise InputError(
             f"{options.file} holds numbers of shape {readings.shape}: taps of the four spots, or "
             f"readings of {options.shape[0]} x {options.shape[1]} patterns? For taps write --taps "
