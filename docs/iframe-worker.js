@@ -1,15 +1,46 @@
-/*! iframe-worker 1.0.4, by which the search works on pages that are opened from disk.
-    https://github.com/squidfunk/iframe-worker
-    Copyright (c) 2020-2022 Martin Donath. MIT licence: permission is hereby granted, free of
-    charge, to any person obtaining a copy of this software and associated documentation files
-    (the "Software"), to deal in the Software without restriction, including without limitation
-    the rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of
-    the Software, and to permit persons to whom the Software is furnished to do so, subject to the
-    following conditions: the above copyright notice and this permission notice shall be included
-    in all copies or substantial portions of the Software. The Software is provided "as is",
-    without warranty of any kind, express or implied, including but not limited to the warranties
-    of merchantability, fitness for a particular purpose and non-infringement. In no event shall
-    the authors or copyright holders be liable for any claim, damages or other liability, whether
-    in an action of contract, tort or otherwise, arising from, out of or in connection with the
-    Software or the use or other dealings in the Software. */
-"use strict";(()=>{function c(s,n){parent.postMessage(s,n||"*")}function d(...s){return s.reduce((n,e)=>n.then(()=>new Promise(r=>{let t=document.createElement("script");t.src=e,t.onload=r,document.body.appendChild(t)})),Promise.resolve())}var o=class extends EventTarget{constructor(e){super();this.url=e;this.m=e=>{e.source===this.w&&(this.dispatchEvent(new MessageEvent("message",{data:e.data})),this.onmessage&&this.onmessage(e))};this.e=(e,r,t,i,m)=>{if(r===`${this.url}`){let a=new ErrorEvent("error",{message:e,filename:r,lineno:t,colno:i,error:m});this.dispatchEvent(a),this.onerror&&this.onerror(a)}};let r=document.createElement("iframe");r.hidden=!0,document.body.appendChild(this.iframe=r),this.w.document.open(),this.w.document.write(`<html><body><script>postMessage=${c};importScripts=${d};addEventListener("error",({error})=>{parent.dispatchEvent(new ErrorEvent("error",{filename:"${e}",error}))})<\/script><script src=${e}?${+Date.now()}><\/script></body></html>`),this.w.document.close(),onmessage=this.m,onerror=this.e,this.r=new Promise((t,i)=>{this.w.onload=t,this.w.onerror=i})}terminate(){this.iframe.remove(),onmessage=onerror=null}postMessage(e){this.r.catch().then(()=>{this.w.dispatchEvent(new MessageEvent("message",structuredClone({data:e})))})}get w(){return this.iframe.contentWindow}};window.IFrameWorker=o;location.protocol==="file:"&&(window.Worker=o);})();
+// Browsers start no worker on a page that is opened from disk. There a hidden frame runs the script
+// of the search, which asks for `IFrameWorker` by this name, and waits for `importScripts`.
+"use strict";
+
+if (location.protocol === "file:") {
+  class IFrameWorker extends EventTarget {
+    constructor(url) {
+      super();
+      this.frame = document.createElement("iframe");
+      this.frame.hidden = true;
+      this.frame.srcdoc = "<body></body>";
+      this.ready = new Promise((done) => this.frame.addEventListener("load", done)).then(() => {
+        const inside = this.frame.contentWindow;
+        inside.postMessage = (data) => this.dispatchEvent(new MessageEvent("message", { data }));
+        inside.importScripts = (...urls) =>
+          urls.reduce((before, each) => before.then(() => run(inside.document, each)), Promise.resolve());
+        return run(inside.document, `${url}`);
+      });
+      document.body.append(this.frame);
+    }
+
+    postMessage(data) {
+      this.ready.then(() => {
+        const copy = structuredClone(data);
+        this.frame.contentWindow.dispatchEvent(new MessageEvent("message", { data: copy }));
+      });
+    }
+
+    terminate() {
+      this.frame.remove();
+    }
+  }
+
+  function run(document, url) {
+    return new Promise((done, failed) => {
+      const script = document.createElement("script");
+      script.addEventListener("load", done);
+      script.addEventListener("error", failed);
+      script.src = url;
+      document.body.append(script);
+    });
+  }
+
+  window.IFrameWorker = IFrameWorker;
+  window.Worker = IFrameWorker;
+}
