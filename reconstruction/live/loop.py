@@ -5,8 +5,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..capture import Setup
 from ..chosen_methods import Names, check_names
-from ..depth import MIN_FREE, check_min_free
+from ..depth import DEPTH_METHODS, MIN_FREE, check_min_free, lacks
 from ..errors import InputError, in_words
 from ..reconstructor import Reconstructor
 from .counts import Latencies
@@ -17,12 +18,20 @@ from .setups import StreamSetup
 logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
+SWIFT = "anchored"
+"""The depth method that leaves time for the rest of a frame at video rate."""
+
+
+def swift_depth(setup: Setup) -> Names:
+    """The depth method of `SWIFT`, or the default one where the setup does not suit it."""
+    return None if lacks(DEPTH_METHODS[SWIFT], setup) else SWIFT
 
 
 class Loop:
     """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
 
-    Methods are named as for a `Reconstructor`, and ``min_free`` is that of one, too. Whatever a
+    Methods are named as for a `Reconstructor`, but depth is by `swift_depth` unless it is named;
+    ``min_free`` is that of one, too. Whatever a
     method raises costs its own part of a frame, and what a setup or a frame raises costs these
     alone: it is counted and told. Raises InputError for unknown methods, for those that the first
     setup of a file or pipe does not suit, and where the reception has failed.
@@ -48,11 +57,11 @@ class Loop:
         self._methods: dict[str, Any] = {
             "image": image,
             "ranging": ranging,
-            "depth": depth,
             "weather": weather,
             "min_free": min_free,
             "failed": self._method_failed,
         }
+        self._depth = depth
         self._results = results
         self._states = states
         self._clock = clock
@@ -89,7 +98,8 @@ class Loop:
             return
         first, self._stream, self._reconstruct = self._stream is None, stream, None
         try:
-            self._reconstruct = Reconstructor(stream.setup, **self._methods)
+            methods = self._methods | {"depth": self._depth or swift_depth(stream.setup)}
+            self._reconstruct = Reconstructor(stream.setup, **methods)
             self._trouble = None
         except Exception as error:
             if first and self._reception.final and isinstance(error, InputError):
