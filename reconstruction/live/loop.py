@@ -31,10 +31,10 @@ class Loop:
     """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
 
     Methods are named as for a `Reconstructor`, but depth is by `swift_depth` unless it is named;
-    ``min_free`` is that of one, too. Whatever a
-    method raises costs its own part of a frame, and what a setup or a frame raises costs these
-    alone: it is counted and told. Raises InputError for unknown methods, for those that the first
-    setup of a file or pipe does not suit, and where the reception has failed.
+    ``min_free`` is that of one, too. Whatever a method raises costs its own part of a frame, and
+    what a setup or a frame raises costs these alone: it is counted and told. Raises InputError for
+    unknown methods, for those that the first setup of a file or pipe does not suit, and where the
+    reception has failed.
     """
 
     def __init__(

@@ -100,7 +100,11 @@ HOLDERS = {
         "dataset run plan.yaml -o out",
         "dataset export set -o out",
     ],
-    ".out.lock": ["export capture.h5 -o out", "dataset export set -o out --format rgbd"],
+    ".out.lock": [
+        "export capture.h5 -o out",
+        "dataset export set -o out --format rgbd",
+        "dataset pack set -o out",
+    ],
     ".out.yaml.lock": ["scenes draw targets -o out.yaml", "scenes import wall.ply -o out.yaml"],
     ".out.sdf.lock": ["scenes export scene.yaml -o out.sdf"],
 }
