@@ -5,9 +5,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..capture import Setup
 from ..chosen_methods import Names, check_names
-from ..depth import DEPTH_METHODS, MIN_FREE, check_min_free, lacks
+from ..depth import MIN_FREE, check_min_free
 from ..errors import InputError, in_words
 from ..reconstructor import Reconstructor
 from .counts import Latencies
@@ -18,23 +17,15 @@ from .setups import StreamSetup
 logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
-SWIFT = "anchored"
-"""The depth method that leaves time for the rest of a frame at video rate."""
-
-
-def swift_depth(setup: Setup) -> Names:
-    """The depth method of `SWIFT`, or the default one where the setup does not suit it."""
-    return None if lacks(DEPTH_METHODS[SWIFT], setup) else SWIFT
 
 
 class Loop:
     """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
 
-    Methods are named as for a `Reconstructor`, but depth is by `swift_depth` unless it is named;
-    ``min_free`` is that of one, too. Whatever a method raises costs its own part of a frame, and
-    what a setup or a frame raises costs these alone: it is counted and told. Raises InputError for
-    unknown methods, for those that the first setup of a file or pipe does not suit, and where the
-    reception has failed.
+    Methods are named as for a `Reconstructor`, and ``min_free`` is that of one, too. Whatever a
+    method raises costs its own part of a frame, and what a setup or a frame raises costs these
+    alone: it is counted and reported. Raises InputError for unknown methods, for those that the
+    first setup of a file or pipe does not suit, and where the reception has failed.
     """
 
     def __init__(
@@ -57,11 +48,11 @@ class Loop:
         self._methods: dict[str, Any] = {
             "image": image,
             "ranging": ranging,
+            "depth": depth,
             "weather": weather,
             "min_free": min_free,
             "failed": self._method_failed,
         }
-        self._depth = depth
         self._results = results
         self._states = states
         self._clock = clock
@@ -72,6 +63,7 @@ class Loop:
         self._last_s = float("nan")
         self._told_s = clock()
         self._told_frames = 0
+        self._told_dropped = 0
 
     def run(self, most: int | None = None) -> None:
         """Go on until the stream is over, or there are so many results."""
@@ -98,8 +90,7 @@ class Loop:
             return
         first, self._stream, self._reconstruct = self._stream is None, stream, None
         try:
-            methods = self._methods | {"depth": self._depth or swift_depth(stream.setup)}
-            self._reconstruct = Reconstructor(stream.setup, **methods)
+            self._reconstruct = Reconstructor(stream.setup, **self._methods)
             self._trouble = None
         except Exception as error:
             if first and self._reception.final and isinstance(error, InputError):
@@ -150,13 +141,24 @@ class Loop:
             latency_s=self.latencies.percentile(50),
             latency_99_s=self.latencies.percentile(99),
             frames_per_s=(counts.reconstructed - self._told_frames) / period_s,
-            trouble=self._trouble or self._reception.trouble or "",
+            trouble=self._trouble or self._reception.trouble or self._overload(),
             waiting_for=awaited,
             waiting_s=now_s - since_s,
         )
 
+    def _overload(self) -> str:
+        """What to do where frames come faster than they are reconstructed; empty where not."""
+        dropped = self._reception.counts.dropped - self._told_dropped
+        if not dropped:
+            return ""
+        return (
+            f"{dropped} frames dropped: they come faster than this machine reconstructs them; "
+            "depth anchored and weather clear take less time than the defaults"
+        )
+
     def _tell(self) -> None:
-        state = self.state()
-        self._told_s, self._told_frames = self._clock(), self._reception.counts.reconstructed
+        state, counts = self.state(), self._reception.counts
+        self._told_s = self._clock()
+        self._told_frames, self._told_dropped = counts.reconstructed, counts.dropped
         for tell in self._states:
             tell(state)

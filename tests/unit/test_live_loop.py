@@ -26,11 +26,11 @@ def recording(capture):
     return film(capture, 6)
 
 
-def looped(told, *, clock=None, patient=False, **options):
+def looped(told, *, clock=None, patient=False, waiting=1000, **options):
     """A loop after a stream has come in, and what it told."""
     clock = clock or Clock()
     source = Script(*told, clock=clock, patient=patient)
-    reception = Reception(source, clock=clock, waiting=1000)
+    reception = Reception(source, clock=clock, waiting=waiting)
     results, states = [], []
     loop = Loop(reception, results=[results.append], states=[states.append], clock=clock, **options)
     reception.run()
@@ -76,6 +76,14 @@ def test_obstacles_are_at_the_probability_that_is_asked_for(recording):
     assert sent["obstacle_m"] < far.result.obstacle_m
     with pytest.raises(InputError, match="min_free = 2"):
         looped(messages(recording), min_free=2)
+
+
+def test_a_machine_that_cannot_keep_up_says_what_takes_less_time(recording):
+    _, results, states = looped(messages(recording), waiting=2)
+    assert len(results) == 2
+    assert states[-1].counts.dropped == 4
+    assert "4 frames dropped" in states[-1].trouble
+    assert "depth anchored" in states[-1].trouble
 
 
 def test_a_new_setup_is_compiled_and_a_bad_one_is_a_trouble(recording, capture):
