@@ -1,37 +1,50 @@
-"""Things found by name: those of a folder here, and those that other packages add.
+"""Things by name: those of a folder here, and those that other packages add.
 
-A registry's own entries are the modules of one package, by their file names (`zero_filled.py` is
-"zero-filled"), each of which holds its entry under the registry's ``attribute``; folders, and
-modules whose names begin with an underscore, are none. Other packages add theirs as entry points
-of the registry's ``group``, by name, each of which points to an entry itself.
+Entries are the modules of a package, by their file names (`zero_filled.py` is "zero-filled"), each
+of which holds its entry under the registry's ``attribute``; folders, and modules whose names begin
+with an underscore, are none. Other packages add theirs as entry points of the registry's ``group``:
+each names an entry itself (``package.module:OBJECT``), or a package of such modules (``package``).
 """
 
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from .errors import InputError, nearest
 
 Entry = TypeVar("Entry")
 
 
+class _Source(NamedTuple):
+    """Where an entry comes from, in words, and how to load it."""
+
+    owner: str
+    load: Callable[[], Any]
+
+
 class Registry(Mapping[str, Entry], Generic[Entry]):
     """Entries of one ``kind``, as "image method", by name; imported when first asked for.
 
-    Raises InputError for an unknown name, telling the nearest, for one that several packages
+    ``package`` holds the registry's own entries, if it has any; ``hint`` says what to do where
+    there is no entry at all.
+
+    Raises InputError for an unknown name, with the nearest one, for one that several packages
     register, and where another package's entry cannot be loaded.
     """
 
-    def __init__(self, kind: str, *, package: str, attribute: str, group: str) -> None:
+    def __init__(
+        self, kind: str, *, attribute: str, group: str, package: str | None = None, hint: str = ""
+    ) -> None:
         self.kind = kind
         self.group = group
         self._package = package
         self._attribute = attribute
+        self._hint = hint
         self._loaded: dict[str, Entry] = {}
 
     def __getitem__(self, name: str) -> Entry:
@@ -41,9 +54,8 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Names, own ones first, in alphabetical order."""
-        yield from self._own
-        yield from (name for name in self._others if name not in self._own)
+        """Names, those of packages of modules first, in alphabetical order."""
+        return iter(self._sources)
 
     def loadable(self) -> Iterator[tuple[str, Entry]]:
         """Names and entries; those of other packages that cannot be used are warned of."""
@@ -55,46 +67,70 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def __len__(self) -> int:
         """Number of names."""
-        return len(list(iter(self)))
+        return len(self._sources)
 
     def __contains__(self, name: object) -> bool:
         """Whether there is an entry of this name; it is not loaded."""
-        return name in self._own or name in self._others
+        return name in self._sources
 
     @cached_property
-    def _own(self) -> dict[str, str]:
-        """Modules by name of entry."""
-        home = import_module(self._package)
-        modules = [module.name for module in iter_modules(home.__path__) if not module.ispkg]
-        return {name.replace("_", "-"): name for name in sorted(modules) if name[0] != "_"}
+    def _sources(self) -> dict[str, list[_Source]]:
+        """Where entries come from, by name: the registry's own package, packages, single ones."""
+        points = sorted(
+            _entry_points(tuple(sys.path)).select(group=self.group), key=lambda each: each.name
+        )
+        sources = {} if self._package is None else self._modules(self._package, self._package)
+        for point in points:
+            if not point.attr:
+                for name, added in self._modules(point.module, _owner(point)).items():
+                    sources.setdefault(name, []).extend(added)
+        for point in points:
+            if point.attr:
+                source = _Source(f"{_owner(point)} ({point.value})", point.load)
+                sources.setdefault(point.name, []).append(source)
+        return sources
 
-    @cached_property
-    def _others(self) -> dict[str, list[EntryPoint]]:
-        found: dict[str, list[EntryPoint]] = {}
-        points = _entry_points(tuple(sys.path)).select(group=self.group)
-        for point in sorted(points, key=lambda point: point.name):
-            found.setdefault(point.name, []).append(point)
-        return found
+    def _modules(self, package: str, owner: str) -> dict[str, list[_Source]]:
+        """Of the modules of a package; a foreign one that cannot be imported is warned of."""
+        try:
+            home = import_module(package)
+        except Exception as error:
+            if package == self._package:
+                raise
+            reason = f"{type(error).__name__}: {error}"
+            message = f"{self.kind}s of {owner} ({package}) cannot be loaded: {reason}"
+            warnings.warn(message, stacklevel=2)
+            return {}
+
+        def source(module: str) -> _Source:
+            return _Source(
+                owner, lambda: getattr(import_module(f"{package}.{module}"), self._attribute)
+            )
+
+        modules = [each.name for each in iter_modules(home.__path__) if not each.ispkg]
+        return {
+            name.replace("_", "-"): [source(name)] for name in sorted(modules) if name[0] != "_"
+        }
 
     def _load(self, name: str) -> Entry:
-        if name not in self:
-            raise InputError(f"unknown {self.kind} {name!r}: {nearest(name, self)}")
-        owners = [self._package] if name in self._own else []
-        points = self._others.get(name, [])
-        owners += [f"{_owner(point)} ({point.value})" for point in points]
-        if len(owners) > 1:
+        sources = self._sources.get(name, [])
+        if not sources:
+            hint = nearest(name, self) if self._sources else f"there is none; {self._hint}"
+            raise InputError(f"unknown {self.kind} {name!r}: {hint}")
+        if len(sources) > 1:
+            owners = " and by ".join(source.owner for source in sources)
             raise InputError(
-                f"{self.kind} {name!r} is registered by {' and by '.join(owners)}: uninstall all "
-                "but one, or rename theirs"
+                f"{self.kind} {name!r} is registered by {owners}: uninstall all but one, or "
+                "rename theirs"
             )
-        if not points:
-            module = import_module(f"{self._package}.{self._own[name]}")
-            return cast(Entry, getattr(module, self._attribute))
+        (source,) = sources
+        if source.owner == self._package:  # a fault of our own is no matter of input
+            return cast(Entry, source.load())
         try:
-            return cast(Entry, points[0].load())
+            return cast(Entry, source.load())
         except Exception as error:  # whatever another package does when it is imported
             raise InputError(
-                f"{self.kind} {name!r} of {owners[0]} cannot be loaded: "
+                f"{self.kind} {name!r} of {source.owner} cannot be loaded: "
                 f"{type(error).__name__}: {error}"
             ) from error
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from trimesh.exchange.ply import export_ply
 
-from spisim.scene.families.parts import props
+from spisim_worlds.parts import props
 
 MESHES = Path(__file__).parents[1] / "scenes" / "meshes"
 

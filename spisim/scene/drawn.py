@@ -42,13 +42,13 @@ def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
     """
     described = check_fields(fields, DrawnDescription, setting.source)
     drawn_from = described.model_dump_json(include=set(DRAWING))
-    draft = setting.stock.draft(drawn_from, lambda: _sound_draft(described, setting))
-    whole = whole_file(fields, draft)
-    scene = assemble(check_fields(whole, SceneDescription, setting.source), setting, draft.meshes)
-    return Drawn(scene, whole, draft.meshes)
+    builder = setting.stock.builder(drawn_from, lambda: _sound_builder(described, setting))
+    whole = whole_file(fields, builder)
+    scene = assemble(check_fields(whole, SceneDescription, setting.source), setting, builder.meshes)
+    return Drawn(scene, whole, builder.meshes)
 
 
-def _sound_draft(described: DrawnDescription, setting: Setting) -> families.Draft:
+def _sound_builder(described: DrawnDescription, setting: Setting) -> families.SceneBuilder:
     """The first one in which a drone can fly, see and range."""
     source, alone = setting.source, Setting(Path(), "", setting.source, stock=setting.stock)
     with naming(source):
@@ -56,30 +56,30 @@ def _sound_draft(described: DrawnDescription, setting: Setting) -> families.Draf
     needed = replace(OFFERED, least_spots=family.least_spots)
     problem: str | None = ""
     for attempt in range(ATTEMPTS):
-        draft = families.draft(
+        builder = families.build(
             described.family,
             described.seed,
             described.parameters,
             attempt=attempt,
             source=f"{source}: parameters",
         )
-        whole = SceneDescription.model_validate(whole_file({"family": described.family}, draft))
-        scene = assemble(whole, alone, draft.meshes)
+        whole = SceneDescription.model_validate(whole_file({"family": described.family}, builder))
+        scene = assemble(whole, alone, builder.meshes)
         problem = layout_problem(scene, needed)
         if problem is None:
-            return draft
+            return builder
     raise InputError(
         f"{source}: family {described.family}, seed {described.seed}: none of {ATTEMPTS} draws is "
         f"a scene to fly in; in the last, {problem}; change the parameters"
     )
 
 
-def whole_file(fields: Mapping[str, Any], draft: families.Draft) -> dict[str, Any]:
-    """Fields of the scene file that says in full what a draft and a file's own sections say."""
+def whole_file(fields: Mapping[str, Any], builder: families.SceneBuilder) -> dict[str, Any]:
+    """Fields of the scene file that says in full what a builder and a file's own sections say."""
     own = {name: value for name, value in fields.items() if name not in DRAWING}
     name = f"{fields['family']}-{fields.get('seed', 0)}"
     whole = {"name": name, **own}
-    drawn = draft.sections()
+    drawn = builder.sections()
     for section in ("drone", "ambient", "materials"):
         both = {**drawn.get(section, {}), **own.get(section, {})}
         whole |= {section: both} if both else {}

@@ -15,7 +15,7 @@ from spisim.scene.model import SceneObject
 from spisim.scene.placing import Meshes, placed
 
 if TYPE_CHECKING:
-    from spisim.scene.families import Draft
+    from spisim.scene.families import SceneBuilder
     from spisim.scene.setting import Setting
 
 #: Scenes whose objects and draws are kept, and triangles of all of them; the last one stays,
@@ -44,7 +44,7 @@ class Stock:
 
     def __init__(self) -> None:
         self._objects: OrderedDict[bytes, _Kept] = OrderedDict()
-        self._drafts: OrderedDict[str, Draft] = OrderedDict()
+        self._builders: OrderedDict[str, SceneBuilder] = OrderedDict()
 
     def objects(
         self, described: SceneDescription, setting: Setting, meshes: Meshes
@@ -63,13 +63,13 @@ class Stock:
             self._objects.popitem(last=False)
         return kept.objects
 
-    def draft(self, key: str, make: Callable[[], Draft]) -> Draft:
+    def builder(self, key: str, make: Callable[[], SceneBuilder]) -> SceneBuilder:
         """The draw of this key, made if it is not there."""
-        found = self._drafts.pop(key, None)
-        self._drafts[key] = make() if found is None else found
-        if len(self._drafts) > MAX_SCENES:
-            self._drafts.popitem(last=False)
-        return self._drafts[key]
+        found = self._builders.pop(key, None)
+        self._builders[key] = make() if found is None else found
+        if len(self._builders) > MAX_SCENES:
+            self._builders.popitem(last=False)
+        return self._builders[key]
 
     @property
     def _is_full(self) -> bool:

@@ -12,8 +12,8 @@ from reconstruction.errors import InputError
 from spisim.instrument import load_instrument, needs
 from spisim.scene import Scene, draw_scene, find_material, make_scene
 from spisim.scene.families import FAMILIES
-from spisim.scene.families.parts.shapes import tube
 from spisim.scene.layout import OFFERED, Needs, layout_problem, straight_back
+from spisim_worlds.parts.shapes import tube
 
 SEEDS = [0, 1, pytest.param(2, marks=pytest.mark.slow)]
 

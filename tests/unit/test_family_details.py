@@ -8,17 +8,17 @@ import yaml
 
 from spisim.scene import Scene, draw_scene, list_scenes, load_scene, scenes_folder
 from spisim.scene.bsdf import Bsdf, ThinPane
-from spisim.scene.families import FAMILIES, Draft
-from spisim.scene.families.parts import figure
-from spisim.scene.families.parts.daylight import outdoors
-from spisim.scene.families.parts.figure import Arm, Leg, Side
-from spisim.scene.families.parts.natural import blob, clipped_bush, scattered_rocks
-from spisim.scene.families.parts.ropes import hanging, lying, net
-from spisim.scene.families.parts.shapes import alike, block, grid_mesh, loft
-from spisim.scene.families.person import STANCES
+from spisim.scene.families import FAMILIES, SceneBuilder
 from spisim.scene.layout import OFFERED, layout_problem
 from spisim.scene.rays import first_hits
 from spisim.scene.soundness import fault
+from spisim_worlds.parts import figure
+from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.figure import Arm, Leg, Side
+from spisim_worlds.parts.natural import blob, clipped_bush, scattered_rocks
+from spisim_worlds.parts.ropes import hanging, lying, net
+from spisim_worlds.parts.shapes import alike, block, grid_mesh, loft
+from spisim_worlds.person import STANCES
 
 
 def test_a_hanging_rope_is_a_parabola_between_its_ends() -> None:
@@ -162,11 +162,11 @@ def test_steps_of_a_wedge_are_as_deep_as_told_about_its_distance() -> None:
     assert fronts == pytest.approx([3.6, 3.8, 4.0, 4.2, 4.4])
 
 
-def test_a_draft_says_materials_only_if_it_has_some() -> None:
-    draft = Draft(position_m=(0, 0, 1), look_at_m=(1, 0, 1))
-    assert "materials" not in draft.sections()
-    draft.materials["soot"] = {"reflectance": 0.03, "source": "made up"}
-    assert draft.sections()["materials"] == draft.materials
+def test_a_builder_says_materials_only_if_it_has_some() -> None:
+    builder = SceneBuilder(position_m=(0, 0, 1), look_at_m=(1, 0, 1))
+    assert "materials" not in builder.sections()
+    builder.materials["soot"] = {"reflectance": 0.03, "source": "made up"}
+    assert builder.sections()["materials"] == builder.materials
 
 
 def test_a_turning_rotor_lets_most_light_through() -> None:

@@ -7,17 +7,17 @@ import pytest
 
 from spisim.scene import draw_scene, make_scene
 from spisim.scene.bsdf import ThinPane
-from spisim.scene.families import draft
-from spisim.scene.families.parts.placing import Ground, aside, rolling
-from spisim.scene.families.parts.plants import TWIG_RADIUS_M, grow, leaves, tree, wood
-from spisim.scene.families.parts.shapes import prism
-from spisim.scene.families.scaffold import TUBE_DIAMETER_M
+from spisim.scene.families import build
 from spisim.scene.soundness import fault
+from spisim_worlds.parts.placing import Ground, aside, rolling
+from spisim_worlds.parts.plants import TWIG_RADIUS_M, grow, leaves, tree, wood
+from spisim_worlds.parts.shapes import prism
+from spisim_worlds.scaffold import TUBE_DIAMETER_M
 
 
 @pytest.mark.parametrize("diameter_mm", [8.0, 30.0])
 def test_conductors_are_as_thin_as_told(diameter_mm: float) -> None:
-    mesh = draft("power-line", 3, {"conductor_mm": diameter_mm}).meshes["conductors.ply"]
+    mesh = build("power-line", 3, {"conductor_mm": diameter_mm}).meshes["conductors.ply"]
     # Volume over area of a long prism of six sides is √3/4 of its outer radius.
     radius_m = mesh.volume / mesh.area * 4 / np.sqrt(3)
     assert 2000 * radius_m == pytest.approx(diameter_mm, rel=5e-3)
@@ -38,7 +38,7 @@ def test_thin_things_are_as_thin_as_told(
     family: str, parameter: str, mesh: str, sides: int
 ) -> None:
     given = {"shape": "two-flights"} if family == "stairwell" else {}
-    thin = draft(family, 1, {parameter: 5.0 if sides == 4 else 10.0, **given}).meshes[f"{mesh}.ply"]
+    thin = build(family, 1, {parameter: 5.0 if sides == 4 else 10.0, **given}).meshes[f"{mesh}.ply"]
     # As above, for any number of sides: cos(π/n)/2; ends and bends add a little area.
     radius_m = thin.volume / thin.area * 2 / np.cos(np.pi / sides)
     assert 2000 * radius_m == pytest.approx(5.0 if sides == 4 else 10.0, rel=0.015)
@@ -119,14 +119,14 @@ objects:
 @pytest.mark.parametrize("profile", ["round", "horseshoe"])
 def test_a_niche_opens_the_lining_and_is_as_deep_as_told(profile: str) -> None:
     given = {"profile": profile, "radius_m": 1.8}
-    plain = draft("tunnel", 2, {**given, "niches": 0}).meshes["lining.ply"]
-    niched = draft("tunnel", 2, {**given, "niches": 1}).meshes["lining.ply"]
+    plain = build("tunnel", 2, {**given, "niches": 0}).meshes["lining.ply"]
+    niched = build("tunnel", 2, {**given, "niches": 1}).meshes["lining.ply"]
     assert niched.bounds[1, 1] - plain.bounds[1, 1] == pytest.approx(0.6)
     assert plain.bounds[1, 1] == pytest.approx(1.8, rel=0.005)
 
 
 def test_stairs_end_on_the_landing() -> None:
-    made = draft("stairwell", 4, {"shape": "two-flights", "steps": 9, "rise_m": 0.18})
+    made = build("stairwell", 4, {"shape": "two-flights", "steps": 9, "rise_m": 0.18})
     things = {thing["name"]: thing for thing in made.objects}
     landing = things["landing"]
     top = landing["translate_m"][2] + landing["size_m"][2] / 2
@@ -137,7 +137,7 @@ def test_stairs_end_on_the_landing() -> None:
 
 @pytest.mark.parametrize("profile", ["round", "horseshoe"])
 def test_niches_of_a_tunnel_have_a_floor(profile: str) -> None:
-    lining = draft("tunnel", 1, {"niches": 2, "profile": profile}).meshes["lining.ply"]
+    lining = build("tunnel", 1, {"niches": 2, "profile": profile}).meshes["lining.ply"]
     deep = lining.bounds[1, 1]
     starts = np.unique(lining.vertices[lining.vertices[:, 1] == deep, 0])[::2]
     assert len(starts) == 2
@@ -148,7 +148,7 @@ def test_niches_of_a_tunnel_have_a_floor(profile: str) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_braces_end_at_standards_and_the_bracket_of_the_rope_lies_on_a_rail(seed: int) -> None:
-    drawn = draft("scaffold", seed, {"braces": 1.0})
+    drawn = build("scaffold", seed, {"braces": 1.0})
     tubes, rope = drawn.meshes["tubes.ply"], drawn.meshes["rope.ply"]
     brace_x = -0.1 - TUBE_DIAMETER_M / 2
     braces = tubes.vertices[np.abs(tubes.vertices[:, 0] - brace_x) < 0.005]
@@ -181,7 +181,7 @@ def test_trunks_on_a_slope_are_in_the_ground_all_around(family: str, seed: int) 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_every_brick_of_a_pile_lies_on_another(seed: int) -> None:
-    bricks = draft("scaffold", seed, {}).meshes["stack-of-bricks.ply"]
+    bricks = build("scaffold", seed, {}).meshes["stack-of-bricks.ply"]
     places = np.array(bricks.vertices).reshape(-1, 8, 3).mean(axis=1)
     for y in np.unique(places[:, 1].round(3)):
         heights = np.sort(places[np.abs(places[:, 1] - y) < 0.01, 2])

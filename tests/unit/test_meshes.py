@@ -8,8 +8,8 @@ import trimesh
 
 from reconstruction.errors import InputError
 from spisim.scene import scenes_folder
-from spisim.scene.families.parts import props
 from spisim.scene.shapes import load_mesh
+from spisim_worlds.parts import props
 
 SHIPPED = sorted((scenes_folder() / "meshes").glob("*.ply"))
 

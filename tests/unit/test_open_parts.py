@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from spisim.scene import Scene, draw_scene
-from spisim.scene.families import FAMILIES
-from spisim.scene.families.parts.boats import hull
-from spisim.scene.families.parts.charts import CHARTS, chart
-from spisim.scene.families.parts.draft import Draft
-from spisim.scene.families.parts.houses import house
-from spisim.scene.families.parts.lattice import TRIANGLE, boom
-from spisim.scene.families.parts.shapes import bars, block, spread
-from spisim.scene.families.parts.stairs import add_straight, add_winding
-from spisim.scene.families.parts.terrain import (
+from spisim.scene.families import FAMILIES, SceneBuilder
+from spisim.scene.rays import first_hits
+from spisim.scene.soundness import FAR_M, fault
+from spisim_worlds.parts.boats import hull
+from spisim_worlds.parts.charts import CHARTS, chart
+from spisim_worlds.parts.houses import house
+from spisim_worlds.parts.lattice import TRIANGLE, boom
+from spisim_worlds.parts.shapes import bars, block, spread
+from spisim_worlds.parts.stairs import add_straight, add_winding
+from spisim_worlds.parts.terrain import (
     HORIZON_M,
     add_shore,
     hills,
@@ -20,9 +21,7 @@ from spisim.scene.families.parts.terrain import (
     terrain,
     waves,
 )
-from spisim.scene.families.parts.woods import TREES, in_view, tree_line
-from spisim.scene.rays import first_hits
-from spisim.scene.soundness import FAR_M, fault
+from spisim_worlds.parts.woods import TREES, in_view, tree_line
 
 OPEN = sorted(name for name, family in FAMILIES.items() if family.least_spots < 4)
 NEAR = ((-3.0, 20.0), (-8.0, 8.0))
@@ -34,10 +33,10 @@ def land(seed: int = 0):
     return terrain(lambda x, y: rolling(x, y) + far(x, y), NEAR, 1.0)
 
 
-def ground_of(where, kinds=None, materials=("grass",)) -> Draft:
-    draft = Draft((0, 0, 5), (1, 0, 5))
-    where.add(draft, materials, kinds)
-    return draft
+def ground_of(where, kinds=None, materials=("grass",)) -> SceneBuilder:
+    builder = SceneBuilder((0, 0, 5), (1, 0, 5))
+    where.add(builder, materials, kinds)
+    return builder
 
 
 def test_heights_are_those_of_the_mesh() -> None:
@@ -79,20 +78,20 @@ def test_hills_begin_where_told_and_flat_land_has_none() -> None:
 def test_patches_share_out_all_of_the_land() -> None:
     where = land()
     kinds = patchwork(np.random.default_rng(3), where, 3, 5.0)
-    draft = ground_of(where, kinds, ("grass", "gravel", "asphalt"))
+    builder = ground_of(where, kinds, ("grass", "gravel", "asphalt"))
     (whole,) = ground_of(where).meshes.values()
-    parts = list(draft.meshes.values())
+    parts = list(builder.meshes.values())
     assert len(parts) == 3
     assert sum(part.area for part in parts) == pytest.approx(whole.area)
-    assert [thing["material"] for thing in draft.objects] == ["grass", "gravel", "asphalt"]
+    assert [thing["material"] for thing in builder.objects] == ["grass", "gravel", "asphalt"]
 
 
 def test_water_is_level_and_all_that_lies_lower() -> None:
     where = land(4)
-    draft = Draft((0, 0, 5), (1, 0, 5))
+    builder = SceneBuilder((0, 0, 5), (1, 0, 5))
     kinds = np.zeros((len(where.x_m) - 1, len(where.y_m) - 1), int)
-    flooded = add_shore(draft, where, 0.1, ["gravel"], kinds)
-    material = {thing["material"]: draft.meshes[thing["mesh"]] for thing in draft.objects}
+    flooded = add_shore(builder, where, 0.1, ["gravel"], kinds)
+    material = {thing["material"]: builder.meshes[thing["mesh"]] for thing in builder.objects}
     np.testing.assert_allclose(material["water"].vertices[:, 2], 0.1)
     assert material["gravel"].vertices[:, 2].max() > 0.1
     assert float(flooded.z_m.min()) == 0.1
@@ -190,9 +189,9 @@ def test_patterns_stay_on_their_boards(kind: str) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_steps_are_closed_and_the_drone_is_above_them(seed: int) -> None:
     for add, sizes in ((add_winding, ()), (add_straight, (0.28, 1.2))):
-        draft = Draft((0, 0, 0), (1, 0, 0))
-        eye, aim = add(draft, np.random.default_rng(seed), 0.17, *sizes, "concrete", "brick")
-        steps = draft.meshes["steps.ply"]
+        builder = SceneBuilder((0, 0, 0), (1, 0, 0))
+        eye, aim = add(builder, np.random.default_rng(seed), 0.17, *sizes, "concrete", "brick")
+        steps = builder.meshes["steps.ply"]
         assert fault(steps) is None
         assert steps.volume > 0
         assert np.linalg.norm(aim - eye) > 0.5

@@ -104,6 +104,39 @@ def test_a_name_of_our_own_is_not_replaced(tools: Callable[[], Registry[str]], p
         registry["saw"]
 
 
+def test_a_package_brings_all_of_its_modules(
+    tools: Callable[[], Registry[str]], place: Path
+) -> None:
+    shed = place / "shed"
+    shed.mkdir()
+    for name in ("__init__", "garden_fork", "spade", "_shared"):
+        (shed / f"{name}.py").write_text(f"TOOL = {name!r}\n")
+    install(place, "gardeners", {GROUP: {"garden": "shed"}})
+    registry = tools()
+    assert list(registry) == ["cross-cut-saw", "saw", "garden-fork", "spade"]
+    assert "shed.spade" not in sys.modules
+    assert registry["garden-fork"] == "garden_fork"
+    (shed / "saw.py").write_text("TOOL = 'blunt'\n")
+    with pytest.raises(InputError, match="registered by tools_of_tests and by gardeners"):
+        tools()["saw"]
+
+
+def test_a_package_that_cannot_be_imported_is_warned_of_and_others_go_on(
+    tools: Callable[[], Registry[str]], place: Path
+) -> None:
+    install(place, "fallen", {GROUP: {"garden": "fallen"}}, "raise RuntimeError('rot')\n")
+    install(place, "borers", {GROUP: {"drill": "borers:DRILL"}}, "DRILL = 'turns'\n")
+    with pytest.warns(UserWarning, match=r"tools of fallen \(fallen\) cannot be .*Error: rot"):
+        names = list(tools())
+    assert names == ["cross-cut-saw", "saw", "drill"]
+
+
+def test_a_registry_without_entries_says_what_to_install(place: Path) -> None:
+    registry: Registry[str] = Registry("tool", attribute="TOOL", group=GROUP, hint="buy some")
+    with pytest.raises(InputError, match="unknown tool 'saw': there is none; buy some"):
+        registry["saw"]
+
+
 @pytest.mark.parametrize(
     ("source", "reason"),
     [

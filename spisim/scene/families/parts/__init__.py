@@ -1,1 +1,0 @@
-"""What families are put together from: drafts and parameters, shapes, plants, people, things."""
