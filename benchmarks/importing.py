@@ -31,16 +31,15 @@ from options import benchmark_options, finish
 from reconstruction.errors import InputError
 from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import load_scene
-from spisim.scene.importing import FORMATS
-from spisim.scene.importing.drone import Surroundings, propose
-from spisim.scene.importing.files import Folders
-from spisim.scene.importing.model import Content
-from spisim.scene.importing.shapes import as_mesh
 from spisim.scene.pose import pose_matrix
-from spisim.transport.mitsuba_scene import read_mitsuba
+from spisim_formats.format import readers
+from spisim_formats.library.content import Content
+from spisim_formats.library.drone import Surroundings, propose
+from spisim_formats.library.files import Folders
+from spisim_formats.library.shapes import as_mesh
 
 PAGE = Path(__file__).parents[1] / "docs" / "importing.md"
-READERS = {**FORMATS, ".xml": read_mitsuba}
+READERS = readers()
 #: Formats that trimesh reads, too, in the file's own unit and axes.
 COMPARED = (".glb", ".gltf", ".obj", ".stl", ".ply", ".off", ".dae")
 #: Bounds of equal files differ by so much of the scene's size at most.

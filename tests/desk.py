@@ -16,7 +16,7 @@ from foreign import collada
 from reconstruction import Capture, write_capture
 from scenefiles import MINIMAL
 from spisim.instrument.load import PRESETS
-from spisim.scene.importing.write import MAX_NAME
+from spisim_formats.library.writing import MAX_NAME
 
 FLIGHT = "t,x,y,z,look_x,look_y,look_z\n0,0,0,1,5,0,1\n1,0.5,0,1,5,0,1\n"
 PLAN = {

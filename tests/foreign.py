@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from spisim.scene.importing import FORMATS, Import, Options, import_scene
-from spisim.transport.mitsuba_scene import read_mitsuba
+from spisim_formats import Import, Options, import_scene
+from spisim_formats.format import readers
 
 #: All formats, as the command line reads them.
-READERS = {**FORMATS, ".xml": read_mitsuba}
+READERS = readers()
 
 #: glTF's y up to the world's z up.
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
@@ -62,7 +62,7 @@ def collada(asset: str = MILLIMETRES_Y_UP, texture: str = "") -> str:
 def taken(file: Path, **options: Any) -> Import:
     """Import a file into a folder beside it."""
     output = file.parent / "taken" / "scene.yaml"
-    return import_scene(file, output, Options(**options), READERS)
+    return import_scene(file, output, Options(**options))
 
 
 def written(report: Import) -> trimesh.Trimesh:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from spisim.scene.importing.textures import RULE
+from spisim_formats.library.textures import RULE
 
 BANDS_NM = {"red": (600, 690), "green": (520, 590), "blue": (440, 500), "infrared": (1540, 1560)}
 

@@ -102,6 +102,14 @@ def test_schemas_and_lists_know_it(folder):
     assert "rows: ranges as rows" in files
 
 
+def test_its_format_is_imported(folder):
+    (folder / "big.crate").write_text("200")
+    (printed,) = run(folder, "scenes import big.crate -o crate.yaml --json")
+    report = json.loads(printed)
+    assert report["bounds_m"] == [[-1, -1, -1], [1, 1, 1]]
+    assert report["unit_why"] == "edges are in centimetres"
+
+
 def test_its_modules_may_be_imported_first(folder):
     imports = "import elsewhere.detector, elsewhere.tof, elsewhere.weather"
     load = "from spisim import load_instrument; print(load_instrument('elsewhere.yaml').tof.method)"

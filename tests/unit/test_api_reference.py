@@ -10,6 +10,8 @@ ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "docs" / "reference"
 SITE = ROOT / "out" / "site" / "reference"
 PAGES = {"reconstruction": "python-reconstruction.md", "spisim": "python-simulator.md"}
+BESIDE = {"spisim_formats": ROOT / "formats"}
+"""Packages that are listed on the simulator's page as a whole, and the folders that hold them."""
 
 
 def public_names() -> dict[str, list[str]]:
@@ -49,6 +51,7 @@ def test_all_other_packages_are_on_the_page_of_their_root() -> None:
         text = (REFERENCE / page).read_text(encoding="utf-8")
         listed = re.findall(r"^::: (\S+)$", text, re.M)
         inside = {each: names for each, names in public_names().items() if each != root}
+        listed = [each for each in listed if each not in BESIDE]
         expected = [
             line
             for each, names in inside.items()
@@ -56,6 +59,13 @@ def test_all_other_packages_are_on_the_page_of_their_root() -> None:
             for line in (each, *namesakes(each, names))
         ]
         assert sorted(listed) == sorted(expected)
+
+
+def test_packages_beside_the_simulator_are_on_its_page() -> None:
+    listed = (REFERENCE / PAGES["spisim"]).read_text(encoding="utf-8")
+    for name, folder in BESIDE.items():
+        assert (folder / name / "__init__.py").is_file()
+        assert f"::: {name}\n" in listed
 
 
 @pytest.mark.slow

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from foreign import assert_same, taken
 from reconstruction.errors import InputError
-from spisim.instrument.gazebo import MODEL, sensor_elements
 from spisim.scene import Scene, load_scene
-from spisim.scene.exporting import export_scene
 from spisim.scene.shapes import texture_coordinates
+from spisim_formats import export_scene
+from spisim_formats.sdf.sensors import MODEL, sensor_elements
 
 TEXT = """
 name: yard

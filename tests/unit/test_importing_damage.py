@@ -15,10 +15,10 @@ import hostile
 import mutants
 from foreign import READERS, glb, glb_of_text, tetrahedron
 from reconstruction.errors import InputError
-from spisim.scene.importing import Options, import_scene
-from spisim.scene.importing.files import Folders
-from spisim.scene.importing.units import to_metres
 from spisim.scene.shapes import load_mesh
+from spisim_formats import Options, import_scene
+from spisim_formats.library.files import Folders
+from spisim_formats.library.units import to_metres
 
 SECRET = "hunter2"
 #: What Python and the libraries say of themselves.
@@ -96,7 +96,7 @@ def attack(name: str, mutate: Mutate, outside: Path, seed: int, *, whole: int = 
     try:
         if whole and seed % whole == 0:
             options = Options(position_m=(-50.0, 0.0, 1.0), overwrite=True)
-            report = import_scene(file, output, options, READERS)
+            report = import_scene(file, output, options)
             told = [*report.notes, *report.warnings]
             assert SECRET not in output.read_text()
         elif file.suffix == ".off":

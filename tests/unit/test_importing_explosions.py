@@ -8,7 +8,7 @@ import pytest
 import hostile
 from foreign import READERS, TRIANGLE, collada, glb, triangle_header
 from reconstruction.errors import InputError
-from spisim.scene.importing.files import Folders
+from spisim_formats.library.files import Folders
 
 
 def refused(file: Path, message: str) -> None:

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import trimesh
 
-from spisim.scene.importing.model import Haze
-from spisim.scene.importing.write import Meshes, _haze_shape
+from spisim_formats.library.content import Haze
+from spisim_formats.library.writing import Meshes, _haze_shape
 
 BLOCK = trimesh.creation.box((2, 4, 6))
 MOVED = trimesh.transformations.translation_matrix((1, 2, 3))  # its corner to the origin

@@ -9,13 +9,15 @@ import yaml
 
 from foreign import TRIANGLE, glb, taken, tetrahedron, triangle_header
 from reconstruction.errors import InputError
-from spisim.scene.importing.materials import match
-from spisim.scene.importing.model import Part, Surface
-from spisim.scene.importing.textures import Pictured
 from spisim.scene.materials import material_table
+from spisim_formats.library.content import Part, Surface
+from spisim_formats.library.materials import match
+from spisim_formats.library.textures import Pictured
 
 KEYWORDS = yaml.safe_load(
-    (Path(__file__).parents[2] / "spisim" / "scene" / "importing" / "keywords.yaml").read_text()
+    (
+        Path(__file__).parents[2] / "formats" / "spisim_formats" / "library" / "keywords.yaml"
+    ).read_text()
 )
 
 

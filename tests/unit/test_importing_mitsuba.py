@@ -13,7 +13,7 @@ import trimesh
 
 from foreign import READERS, Y_UP, assert_same, taken, tetrahedron, written
 from reconstruction.errors import InputError
-from spisim.scene.importing.files import Folders
+from spisim_formats.library.files import Folders
 
 
 def scene(path: Path, body: str, version: str = "3.0.0") -> Path:
@@ -253,7 +253,7 @@ def test_parameters_that_double_are_stopped(tmp_path: Path) -> None:
 
 def test_includes_that_double_are_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each file in turn includes the next one twice."""
-    monkeypatch.setattr("spisim.scene.importing.mitsuba_file.MAX_INCLUDES", 20)
+    monkeypatch.setattr("spisim_formats.mitsuba.elements.MAX_INCLUDES", 20)
     for i in range(10):
         scene(tmp_path / f"{i}.xml", f'<include filename="{i + 1}.xml"/>' * 2)
     scene(tmp_path / "10.xml", shape("cube"))

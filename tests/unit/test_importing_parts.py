@@ -24,7 +24,7 @@ from foreign import (
     written,
 )
 from reconstruction.errors import InputError
-from spisim.scene.importing.xml import parse_lenient_xml
+from spisim_formats.library.xml import parse_lenient_xml
 
 BOX = "<box><size>1 2 3</size></box>"
 LAUGHS = "<!DOCTYPE x [<!ENTITY a 'ha'>" + "".join(
@@ -456,6 +456,6 @@ def test_packages_that_are_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     (tmp_path / "b.usdz").write_bytes(b"PK\x03\x04" + bytes(100))
     with pytest.raises(InputError, match="no archive"):
         taken(tmp_path / "b.usdz")
-    monkeypatch.setattr("spisim.scene.importing.usd_package.MAX_FILES", 1)
+    monkeypatch.setattr("spisim_formats.usd.package.MAX_FILES", 1)
     with pytest.raises(InputError, match="2 files; more than 1"):
         taken(package(tmp_path / "c.usdz", {"a.usda": text, "b.usda": text}))

@@ -13,8 +13,8 @@ import trimesh
 
 from foreign import TRIANGLE, collada, glb, glb_of_text, taken, tetrahedron, triangle_header
 from reconstruction.errors import InputError
-from spisim.scene.importing import Options, import_scene
-from spisim.scene.importing import files as reading
+from spisim_formats import Options, import_scene
+from spisim_formats.library import files as reading
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 LAUGHS = (
@@ -231,7 +231,7 @@ def test_stl_that_is_cut_off(tmp_path: Path) -> None:
 
 def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
     """One file under many names, as `./a` and `././a`, would fill the memory."""
-    monkeypatch.setattr("spisim.scene.importing.gltf_buffers.MAX_FILE_BYTES", 100)
+    monkeypatch.setattr("spisim_formats.gltf.buffers.MAX_FILE_BYTES", 100)
     (tmp_path / "a.bin").write_bytes(TRIANGLE)
     buffers = [{"byteLength": 36, "uri": "./" * i + "a.bin"} for i in range(3)]
     views = [{"buffer": i, "byteLength": 36} for i in range(3)]

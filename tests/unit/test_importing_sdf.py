@@ -252,7 +252,7 @@ MESH = "<mesh><uri>{}</uri></mesh>"
         (model(visual(MESH.format("file:///etc/passwd"))), "outside the folders"),
         (model(visual(MESH.format("model://../../a.dae"))), "outside the folders"),
         (model(visual(MESH.format(""))), "empty"),
-        (model(visual(MESH.format("a.world"))), "mesh 'a.world': .*allowed: .glb"),
+        (model(visual(MESH.format("a.world"))), "mesh 'a.world': .*allowed: .dae, .glb"),
         (model(visual("<bax/>")), "geometry bax is unknown"),
         (
             model(visual("<box><size>1 2</size></box>")),

@@ -14,8 +14,8 @@ from PIL import Image
 from commands import mistake
 from foreign import MILLIMETRES_Y_UP, TRIANGLE, collada, glb, taken, triangle_header
 from spisim.scene import load_scene
-from spisim.scene.importing.textures import GAMMA, RULE
 from spisim.scene.shapes import texture_coordinates
+from spisim_formats.library.textures import GAMMA, RULE
 
 #: Left half dark, right half bright red; green and blue do not count.
 PICTURE = np.zeros((4, 8, 3), np.uint8)

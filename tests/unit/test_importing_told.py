@@ -24,7 +24,7 @@ from spisim.scene.bsdf import (
     RoughPlastic,
     ThinPane,
 )
-from spisim.scene.importing.metals import METALS, WAVELENGTHS_NM
+from spisim_formats.library.metals import METALS, WAVELENGTHS_NM
 
 
 @pytest.fixture(autouse=True)

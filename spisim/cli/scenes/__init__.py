@@ -1,8 +1,13 @@
 """`spisim scenes`: what is shipped, what can be drawn, and what they look like."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import typer
 
-from . import draw, exporting, importing, listing, show
+from reconstruction.registry import Registry
+
+from . import draw, listing, show
 
 EXAMPLE = "spisim scenes list"
 
@@ -13,7 +18,12 @@ app = typer.Typer(
     epilog=f"Example: {EXAMPLE}",
 )
 
-COMMANDS = {"list": listing, "show": show, "draw": draw, "import": importing, "export": exporting}
+OWN = {"list": listing, "show": show, "draw": draw}
+OTHERS: Registry[Mapping[str, Any]] = Registry(
+    "command of scenes", attribute="COMMANDS", group="spisim.scenes_commands"
+)
+"""Modules as in `OWN`, by their words, of packages that add some."""
 
-for name, module in COMMANDS.items():
-    app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
+for commands in (OWN, *(each for _, each in OTHERS.loadable())):
+    for name, module in commands.items():
+        app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)

@@ -1,0 +1,6 @@
+"""`spisim scenes import` and `spisim scenes export`."""
+
+from spisim_formats.cli import exporting, importing
+
+COMMANDS = {"import": importing, "export": exporting}
+"""Modules by the words of `spisim scenes`, each with a `command` and an `EXAMPLE` of it."""

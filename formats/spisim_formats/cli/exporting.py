@@ -1,0 +1,52 @@
+"""`spisim scenes export`: scenes for other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from spisim.cli.console import print_json, say
+from spisim.cli.inputs import instrument_with, scene_with
+from spisim.cli.options import Json, Overwrite, SceneArgument
+from spisim.cli.outputs import files_read
+
+EXAMPLE = "spisim scenes export warehouse -o warehouse.glb"
+
+
+def command(
+    scene: SceneArgument,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FILE", help=".glb (Blender) or .sdf (Gazebo)."),
+    ],
+    instrument: Annotated[
+        str | None,
+        typer.Option(
+            help="Put an instrument's camera and four rays into a world of Gazebo, where the drone "
+            "is: an instrument file, or the name of a preset."
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Write a scene for Blender (.glb) or Gazebo (.sdf, with a folder of meshes beside it).
+
+    Triangles, names and the names of materials, as `spisim scenes import` takes them back; of
+    light, daylight goes along to Gazebo. Weather, motion and textures stay behind.
+    """
+    from reconstruction.errors import InputError
+    from spisim_formats import export_scene
+    from spisim_formats.sdf.sensors import sensor_elements
+
+    place, _ = scene_with(str(scene), 1550.0)
+    named = [scene] if instrument is None else [scene, instrument]
+    if output.exists() and any(output.samefile(path) for path in files_read(*named)):
+        raise InputError(f"{output} is read by this command; give its output another name")
+    sensors = []
+    if instrument is not None:
+        sensors = sensor_elements(instrument_with(instrument), place.drone_pose)
+    files = export_scene(place, output, overwrite, sensors)
+    if json:
+        print_json({"written": files, "objects": len(place.objects)})
+        return
+    say(f"Wrote {output}; files beside it: {len(files) - 1}.")

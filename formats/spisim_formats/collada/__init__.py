@@ -1,0 +1,7 @@
+"""COLLADA 1.4 of Khronos, by pycollada."""
+
+from spisim_formats.format import SceneFormat, lazily
+
+FORMAT = SceneFormat(
+    "COLLADA", {".dae": lazily("spisim_formats.collada.reading:read_collada")}, meshes=True
+)

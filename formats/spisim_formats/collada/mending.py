@@ -1,0 +1,164 @@
+"""COLLADA that pycollada gives up, for what other programs overlook.
+
+pycollada drops a whole scene for one node that shows what is not there, all that shows a material
+with one picture of no file, moves what has a broken pose or coordinates that are no numbers, and
+refuses numbers with commas for points, which some locales make.
+"""
+
+import io
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from spisim_formats.library.content import LEFT_OUT, Content
+from spisim_formats.library.files import shown
+
+#: What shows a thing of a library, and the part of a node that gets lost with it.
+INSTANCES = ("geometry", "controller", "camera", "light", "node", "material")
+#: Elements of numbers.
+NUMBERS = ("float_array", "color", "float", "matrix", "translate", "rotate", "scale", "lookat",
+           "bind_shape_matrix")  # fmt: skip
+#: What places a node, and of how many numbers it is.
+PLACES = {"matrix": 16, "lookat": 9, "skew": 7, "rotate": 4, "translate": 3, "scale": 3}
+
+
+def load_document(root: Element, data: bytes | None, file: str, content: Content) -> Any:
+    """pycollada's document of a file, less what cannot be read and what needs that; notes tell.
+
+    `data` are the file's bytes, None where they had to be mended.
+    """
+
+    def leave_out(find: Callable[[Element], Iterable[tuple[Element, str]]]) -> bool:
+        faults = dict(find(root))
+        for parent in list(root.iter()) if faults else ():
+            for child in [each for each in parent if each in faults]:
+                parent.remove(child)
+                content.note(f"{LEFT_OUT}{file}: {faults[child]}")
+        return bool(faults)
+
+    mends = [_mend_pictures(root), _mend_commas(root), leave_out(_unusable), leave_out(_dangling)]
+    document = _load(tostring(root) if data is None or any(mends) else data)
+    if document is None:
+        leave_out(_unread)
+        leave_out(_dangling)
+        document = _load(tostring(root), is_last=True)
+    for error in document.errors:
+        content.note(f"{file}: {' '.join(str(error.msg).split()):.200}")
+    return document
+
+
+def _load(data: bytes, *, is_last: bool = False) -> Any:
+    """pycollada's document; None where that lacks something, unless it `is_last`."""
+    from collada import Collada
+    from collada.common import DaeError, DaeUnsupportedError
+
+    try:
+        document = Collada(io.BytesIO(data), ignore=[DaeError])
+    except Exception:  # whatever it runs into
+        if is_last:
+            raise
+        return None
+    is_whole = all(isinstance(error, DaeUnsupportedError) for error in document.errors)
+    return document if is_whole or is_last else None
+
+
+def _dangling(root: Element) -> Iterable[tuple[Element, str]]:
+    """What refers to an element that is not there."""
+    known = {each.get("id") for each in root.iter()}
+    for element in root.iter():
+        reference = _reference(element)
+        if reference.startswith("#") and reference[1:] not in known:
+            kind = _tag(element).removeprefix("instance_")
+            yield element, f"{kind} {shown(reference)} is not in the file"
+
+
+def _unusable(root: Element) -> Iterable[tuple[Element, str]]:
+    """Nodes that nothing places, and geometries with numbers that are none."""
+    for element in root.iter():
+        name = shown(element.get("name") or element.get("id") or "")
+        if _tag(element) == "node":
+            for child in element:
+                if not _is_placing(child):
+                    yield element, f"node {name}: its {_tag(child)} is not made of finite numbers"
+        elif _tag(element) == "geometry" and any(
+            _tag(array) == "float_array" and "nan" in (array.text or "").lower()
+            for array in element.iter()
+        ):
+            yield element, f"geometry {name}: a float_array has numbers that are not finite (NaN)"
+
+
+def _is_placing(element: Element) -> bool:
+    """Whether an element has the numbers that it should, if it places a node."""
+    if (count := PLACES.get(_tag(element))) is None:
+        return True
+    try:
+        values = [float(word) for word in (element.text or "").split()]
+    except ValueError:
+        return False
+    return len(values) == count and all(map(math.isfinite, values))
+
+
+def _unread(root: Element) -> Iterable[tuple[Element, str]]:
+    """What pycollada cannot read of the libraries, one by one."""
+    from collada import Collada, xmlutil
+    from collada.camera import Camera
+    from collada.common import DaeError
+    from collada.controller import Controller
+    from collada.geometry import Geometry
+    from collada.light import Light
+    from collada.material import CImage, Effect, Material
+
+    skeleton = Element(root.tag, root.attrib)
+    skeleton.extend(each for each in root if _tag(each) == "asset")
+    document = Collada(io.BytesIO(tostring(skeleton)), ignore=[DaeError])
+    its_own = xmlutil.ET.fromstring(tostring(root))  # of lxml, where that is installed
+    for library, kind, loader in (
+        ("images", "image", CImage),
+        ("effects", "effect", Effect),
+        ("materials", "material", Material),
+        ("geometries", "geometry", Geometry),
+        ("controllers", "controller", Controller),
+        ("lights", "light", Light),
+        ("cameras", "camera", Camera),
+    ):
+        path = f"{{*}}library_{library}/{{*}}{kind}"
+        for element, own in zip(root.findall(path), its_own.findall(path), strict=True):
+            try:
+                if (made := loader.load(document, {}, own)) is not None:
+                    getattr(document, library).append(made)
+            except Exception as error:  # whatever it runs into
+                why = " ".join(str(error.msg).split()) if isinstance(error, DaeError) else "damaged"
+                yield element, f"{kind} {shown(element.get('id', ''))}: {why:.200}"
+
+
+def _mend_pictures(root: Element) -> bool:
+    """Let pictures have an empty reference where they have none."""
+    bare = [
+        image
+        for image in root.findall("{*}library_images/{*}image")
+        if not any(_tag(child) == "init_from" for child in image)
+    ]
+    for image in bare:
+        SubElement(image, image.tag.replace("image", "init_from"))
+    return bool(bare)
+
+
+def _mend_commas(root: Element) -> bool:
+    commas = [
+        number for number in root.iter() if _tag(number) in NUMBERS and "," in (number.text or "")
+    ]
+    for number in commas:
+        number.text = (number.text or "").replace(",", ".")
+    return bool(commas)
+
+
+def _tag(element: Element) -> str:
+    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
+
+
+def _reference(element: Element) -> str:
+    kind = _tag(element)
+    if not kind.startswith("instance_") or kind.removeprefix("instance_") not in INSTANCES:
+        return ""
+    return element.get("target" if kind == "instance_material" else "url", "")

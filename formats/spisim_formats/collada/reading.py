@@ -1,0 +1,195 @@
+"""COLLADA (.dae): triangles, nodes, unit and axes through pycollada.
+
+trimesh's loader is not used: it applies neither `unit` nor `up_axis`, and drops the names of
+materials.
+"""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError, LimitError
+from spisim.scene.shapes import check_mesh
+from spisim_formats.collada.lamps import light
+from spisim_formats.collada.mending import load_document
+from spisim_formats.library.content import (
+    Axis,
+    Content,
+    Part,
+    Surface,
+    readable,
+    with_texture_coordinates,
+)
+from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.textures import Texture
+from spisim_formats.library.xml import parse_lenient_xml
+
+AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
+#: Cameras look along their -z, x to the right.
+LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
+BOUND = "skins are left out: skinned meshes are in their bind pose"
+#: Nodes instanced within nodes.
+MAX_DEPTH = 400
+MAX_NODES = 200_000
+
+
+def read_collada(path: Path, folders: Folders) -> Content:
+    """Parts of a COLLADA file; what is damaged or refers to what is not there is left out, noted.
+
+    Raises InputError for what is none, or has no scene.
+    """
+    content = Content()
+    data = read_bytes(path)
+    # for what it refuses, too: pycollada's own parser expands entities
+    root = parse_lenient_xml(data, path, content.note)
+    with readable(str(path), "a COLLADA file"):
+        document = load_document(root, None if content.notes else data, path.name, content)
+        _take_asset(document.assetInfo, content)
+        scene = document.scene or next(iter(document.scenes), None)
+        walk = _Walk(content, _pictures(document, path, folders, content))
+        for node in scene.nodes if scene else ():
+            walk.add(node, np.eye(4), path.stem, 0)
+        content.check_not_empty(path, "holds no triangles" if scene else "has no scene")
+        return content
+
+
+def _take_asset(asset: Any, content: Content) -> None:
+    """Unit and axes."""
+    content.up = AXES[asset.upaxis]
+    content.up_why = f"up_axis of the file: {asset.upaxis}"
+    stated = asset.xmlnode.find("{*}up_axis")
+    if stated is None or not stated.text:
+        content.up_why = "the file has no up_axis, and COLLADA then means y"
+    if asset.unitmeter is None:
+        content.unit_why = "the file has no unit, and COLLADA then means metres"
+        return
+    if not 0 < asset.unitmeter < math.inf:
+        raise InputError(f"unit: meter should be a positive number; found {asset.unitmeter}")
+    content.unit_m = asset.unitmeter
+    content.unit_why = f"unit of the file: {asset.unitname or 'unnamed'}, {content.unit_m:g} m"
+
+
+class _Walk:
+    """Adds what nodes show to a content."""
+
+    def __init__(self, content: Content, pictures: dict[str, Texture | None]) -> None:
+        self._content = content
+        self._pictures = pictures
+        self._meshes: dict[int, list[tuple[trimesh.Trimesh, str | None]]] = {}
+        self._nodes = 0
+
+    def add(self, node: Any, parent: Floats, name: str, depth: int) -> None:
+        """A node and all below it; InputError for too many, which instances in turn soon make."""
+        from collada.scene import (
+            CameraNode,
+            ControllerNode,
+            GeometryNode,
+            LightNode,
+            Node,
+            NodeNode,
+        )
+
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            raise LimitError(f"more than {MAX_NODES:,} nodes (instances counted)")
+        if depth > MAX_DEPTH:
+            raise LimitError(f"node {shown(name)}: nodes are nested more than {MAX_DEPTH} deep")
+        if isinstance(node, NodeNode):  # an instance
+            node = node.node
+        if isinstance(node, Node):
+            to_world = parent @ np.asarray(node.matrix, float)
+            for child in node.children:
+                self.add(child, to_world, node.name or node.id or name, depth + 1)
+            return
+        with self._content.leaving_out(f"node {shown(name)}"):
+            if isinstance(node, GeometryNode):
+                self._add_geometry(node.geometry, node.materials, parent, name)
+            elif isinstance(node, ControllerNode):
+                self._add_controlled(node, parent, name)
+            elif isinstance(node, LightNode):
+                self._content.glows += light(node.light, parent, name, self._content)
+            elif isinstance(node, CameraNode):
+                self._content.cameras.append(parent @ LOOKING)
+
+    def _add_controlled(self, node: Any, to_world: Floats, name: str) -> None:
+        """A skinned mesh as it was bound to its joints, or a morphed one as it began."""
+        from collada.controller import Morph, Skin
+
+        controller = node.controller
+        if isinstance(controller, Skin):
+            bind = np.asarray(controller.bind_shape_matrix, float).reshape(4, 4)
+            self._content.note(BOUND)
+            self._add_geometry(controller.geometry, node.materials, to_world @ bind, name)
+        elif isinstance(controller, Morph):
+            self._content.note("morphs are left out: their meshes are as they begin")
+            self._add_geometry(controller.source_geometry, node.materials, to_world, name)
+
+    def _add_geometry(self, geometry: Any, materials: Any, to_world: Floats, name: str) -> None:
+        if id(geometry) not in self._meshes:
+            self._meshes[id(geometry)] = _meshes(geometry, self._content)
+        surfaces = {bound.symbol: _surface(bound.target, self._pictures) for bound in materials}
+        for mesh, symbol in self._meshes[id(geometry)]:
+            surface = surfaces.get(symbol, Surface(symbol))
+            self._content.add(Part(name or geometry.name, mesh, to_world, surface))
+
+
+def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str | None]]:
+    """Triangles of a geometry, and the symbol of their material."""
+    from collada.polylist import Polylist
+    from collada.triangleset import TriangleSet
+
+    name = geometry.name or geometry.id
+    found = []
+    for primitive in geometry.primitives:
+        with content.leaving_out(f"geometry {shown(name)}"):
+            triangles = primitive.triangleset() if isinstance(primitive, Polylist) else primitive
+            if not isinstance(triangles, TriangleSet) or triangles.vertex is None:
+                content.note(f"geometry {shown(name)}: lines are left out")
+                continue
+            mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
+            check_mesh(mesh, name)
+            mesh.remove_unreferenced_vertices()
+            found.append((_textured(triangles, mesh), primitive.material))
+    return found
+
+
+def _textured(triangles: Any, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with its first texture coordinates, vertices repeated where they differ."""
+    if not len(triangles.texcoordset):
+        return mesh
+    uv, numbers = np.asarray(triangles.texcoordset[0]), np.asarray(triangles.texcoord_indexset[0])
+    if numbers.shape != triangles.vertex_index.shape or not numbers.max(initial=0) < len(uv):
+        return mesh
+    pairs = np.column_stack([np.ravel(triangles.vertex_index), np.ravel(numbers)])
+    each, corners = np.unique(pairs, axis=0, return_inverse=True)
+    whole = trimesh.Trimesh(
+        np.asarray(triangles.vertex)[each[:, 0]], corners.reshape(-1, 3), process=False
+    )
+    return with_texture_coordinates(whole, uv[each[:, 1], :2])
+
+
+def _surface(material: Any, pictures: dict[str, Texture | None]) -> Surface:
+    name = material.name or material.id
+    diffuse = getattr(material.effect, "diffuse", None)
+    sampler = getattr(diffuse, "sampler", None)
+    if sampler is not None:
+        return Surface(name, texture=pictures.get(sampler.surface.image.id))
+    if not isinstance(diffuse, tuple | list) or len(diffuse) < 3:  # nothing
+        return Surface(name)
+    red, green, blue = (float(value) for value in diffuse[:3])
+    return Surface(name, (red, green, blue))
+
+
+def _pictures(
+    document: Any, path: Path, folders: Folders, content: Content
+) -> dict[str, Texture | None]:
+    """Pictures of a file by their ids; notes those that are missing."""
+    what = f"{path.name}: texture"
+    return {
+        image.id: content.texture(image.path or "", path.parent, folders, what)
+        for image in document.images
+    }

@@ -1,0 +1,154 @@
+"""What the materials of a glTF file say: names, colours, pictures of colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from reconstruction.errors import InputError
+from spisim_formats.gltf.buffers import Buffers, unquoted, within
+from spisim_formats.library.content import Content, Surface
+from spisim_formats.library.files import Folders, shown
+from spisim_formats.library.metallic import Metallic
+from spisim_formats.library.source_material import Told
+from spisim_formats.library.textures import Texture
+
+#: Extensions that name another picture of the same, in a format that may be read where its is not.
+OTHER_PICTURES = ("EXT_texture_webp", "MSFT_texture_dds", "KHR_texture_basisu")
+SPECULAR = "KHR_materials_pbrSpecularGlossiness"
+#: Extensions that make a surface of another kind, those that are layers of it, and those kept.
+OTHERS = (
+    SPECULAR,
+    "KHR_materials_unlit",
+    "KHR_materials_transmission",
+    "KHR_materials_diffuse_transmission",
+)
+LAYER = "KHR_materials_"
+KEPT = ("KHR_materials_ior", "KHR_materials_specular", "KHR_materials_emissive_strength")
+#: What the channels of pictures are of.
+CHANNELS = {
+    "baseColorTexture": {"base": 0, "opacity": 3},
+    "metallicRoughnessTexture": {"roughness": 1, "metal": 2},
+}
+
+
+def read_surfaces(
+    header: dict[str, Any], buffers: Buffers, path: Path, folders: Folders, content: Content
+) -> list[Surface]:
+    """Of all materials, in the file's order; notes pictures that are missing."""
+    images = [
+        _image(number, row, buffers, path, folders, content)
+        for number, row in enumerate(header.get("images", []))
+    ]
+    textures = [_found(row, images) for row in header.get("textures", [])]
+    surfaces = []
+    for number, row in enumerate(header.get("materials", [])):
+        try:
+            surfaces.append(replace(_surface(row, textures), told=_told(row, textures)))
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+            content.note(f"material {number} is damaged: it is not used")
+            surfaces.append(Surface())
+    return surfaces
+
+
+def _surface(row: dict[str, Any], textures: list[Texture | None]) -> Surface:
+    extensions = row.get("extensions", {})
+    pbr = row.get("pbrMetallicRoughness", {})
+    color, picture = pbr.get("baseColorFactor"), pbr.get("baseColorTexture")
+    if SPECULAR in extensions and picture is None and color is None:
+        color = extensions[SPECULAR].get("diffuseFactor")
+        picture = extensions[SPECULAR].get("diffuseTexture")
+    words: tuple[str, ...] = ()
+    if "KHR_materials_transmission" in extensions:
+        words = ("dielectric",)
+    elif pbr.get("metallicFactor", 1 if color else 0) >= 0.5 and picture is None:
+        words = ("metal",)
+    if picture is not None:
+        red = 1.0 if color is None else float(color[0])
+        return Surface(row.get("name"), None, words, _texture(picture, red, textures))
+    if color is None:
+        return Surface(row.get("name"), None, words)
+    red, green, blue = (float(value) for value in color[:3])
+    return Surface(row.get("name"), (red, green, blue), words)
+
+
+def _told(row: dict[str, Any], textures: list[Texture | None]) -> Callable[[], Told | None] | None:
+    """What makes a surface of all that a material says; None where that is not by metalness."""
+    extensions = row.get("extensions", {})
+    if "pbrMetallicRoughness" not in row or set(OTHERS) & set(extensions):
+        return None
+    pbr = row["pbrMetallicRoughness"]
+    color = [float(value) for value in pbr.get("baseColorFactor", (1, 1, 1, 1))]
+    mode, gloss = row.get("alphaMode", "OPAQUE"), extensions.get("KHR_materials_specular", {})
+    pictures: dict[str, tuple[Texture, int]] = {}
+    for name, channels in CHANNELS.items():
+        found = _texture(pbr[name], 1.0, textures) if name in pbr else None
+        if found is None and name in pbr:
+            return None
+        if found is not None:
+            pictures |= {what: (found, channel) for what, channel in channels.items()}
+    if mode == "OPAQUE":
+        pictures.pop("opacity", None)
+    odd = ["its bumps are left out"] if "normalTexture" in row else []
+    if any(row.get("emissiveFactor", ())):
+        odd.append("its own light is left out")
+    odd += [
+        f"its {name.removeprefix(LAYER)} is left out"
+        for name in extensions
+        if name.startswith(LAYER) and name not in KEPT
+    ]
+    surface = Metallic(
+        color[0],
+        float(pbr.get("metallicFactor", 1.0)),
+        float(pbr.get("roughnessFactor", 1.0)),
+        float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)),
+        float(gloss.get("specularFactor", 1.0)),
+        1.0 if mode == "OPAQUE" else color[3],
+        float(row.get("alphaCutoff", 0.5)) if mode == "MASK" else None,
+        pictures,
+        tuple(odd),
+    )
+    return cache(surface.told)
+
+
+def _texture(picture: dict[str, Any], red: float, textures: list[Texture | None]) -> Texture | None:
+    """The texture that a material refers to, times a red; None where it is not there."""
+    number: Any = picture.get("index")
+    found = dict(enumerate(textures)).get(number)
+    if found is None:
+        return None
+    moved = "KHR_texture_transform" in picture.get("extensions", {})
+    return replace(found, factor=red, fits=picture.get("texCoord", 0) == 0 and not moved)
+
+
+def _found(row: dict[str, Any], images: list[Texture | None]) -> Texture | None:
+    """The picture of a texture, in whichever format there is."""
+    extensions = row.get("extensions", {})
+    others = (extensions[name].get("source") for name in OTHER_PICTURES if name in extensions)
+    numbers = (each for each in (row.get("source"), *others) if each in range(len(images)))
+    return next((images[each] for each in numbers if images[each] is not None), None)
+
+
+def _image(
+    number: int,
+    row: dict[str, Any],
+    buffers: Buffers,
+    path: Path,
+    folders: Folders,
+    content: Content,
+) -> Texture | None:
+    """A picture beside the file, in its text, or in its buffers."""
+    uri = row.get("uri")
+    name = row.get("name") or f"image {number}"
+    try:
+        if uri is None:
+            return Texture(name, bytes(buffers.view(row.get("bufferView"))))
+        if uri.startswith("data:"):
+            return Texture(name, within(uri))
+    except (InputError, ValueError):
+        content.note(f"{shown(name)} is damaged: this texture is not used")
+        return None
+    return content.texture(unquoted(uri), path.parent, folders, "texture")

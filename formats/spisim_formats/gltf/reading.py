@@ -1,0 +1,210 @@
+"""glTF 2.0 (.glb, .gltf): nodes, meshes, what materials say.
+
+trimesh's reader is not used: it drops what hangs below a camera, loops where a damaged file has
+nodes in a circle, reads zeros for what is not in the file, and knows neither sparse nor compressed
+meshes.
+"""
+
+import json
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError, LimitError
+from spisim_formats.gltf.buffers import MESHOPT, Buffers, at, check_sizes
+from spisim_formats.gltf.lamps import node_lamps
+from spisim_formats.gltf.materials import read_surfaces
+from spisim_formats.gltf.meshes import DRACO, Primitive, check_triangle_count, read_meshes
+from spisim_formats.library.content import (
+    MAX_PARTS,
+    Content,
+    Part,
+    Surface,
+    readable,
+    scaling,
+    translation,
+)
+from spisim_formats.library.files import Folders, read_bytes, shown
+
+MAGIC = b"glTF"
+JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
+#: What a header lists, each of it an object.
+LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "materials", "images",
+         "textures", "cameras")  # fmt: skip
+#: glTF's cameras look along their -z, x to the right.
+LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
+INSTANCING = "EXT_mesh_gpu_instancing"
+#: Extensions that are read, and those that change how surfaces look, not where they are.
+KNOWN = (
+    DRACO,
+    *MESHOPT,
+    INSTANCING,
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "MSFT_texture_",
+    "KHR_lights_",
+    "EXT_lights_",
+    "KHR_mesh_quantization",
+    "KHR_technique_webgl",
+    "KHR_techniques_webgl",
+    "KHR_animation_",
+    "KHR_xmp",
+)
+
+
+def read_glb(path: Path, folders: Folders) -> Content:
+    """Parts of a binary glTF file, metres, y up. InputError if damaged or not supported."""
+    data = read_bytes(path)
+    with readable(str(path), "a GLB file"):
+        header, chunk = _glb_chunks(data)
+        return _content(header, chunk, path, folders)
+
+
+def read_gltf(path: Path, folders: Folders) -> Content:
+    """Parts of a glTF file and its buffers, as `read_glb`."""
+    data = read_bytes(path)
+    with readable(str(path), "a glTF file"):
+        return _content(json.loads(data), b"", path, folders)
+
+
+def _glb_chunks(data: bytes) -> tuple[Any, bytes]:
+    """The JSON of a GLB file, and its binary chunk."""
+    if len(data) < 20 or data[:4] != MAGIC:
+        raise InputError("cannot be read as a GLB file: it does not begin with glTF")
+    version, length, chunk_length, chunk_type = struct.unpack_from("<4I", data, 4)
+    if version != 2:
+        raise InputError(f"glTF version {version}; {ONLY_2}")
+    if length > len(data) or 20 + chunk_length > len(data):
+        raise InputError(f"the file ends early: {len(data)} of {max(length, chunk_length)} bytes")
+    if chunk_type != JSON_CHUNK:
+        raise InputError("its first chunk is not JSON")
+    header = json.loads(data[20 : 20 + chunk_length])
+    start = 20 + chunk_length
+    if start + 8 > len(data):
+        return header, b""
+    size, kind = struct.unpack_from("<2I", data, start)
+    return header, data[start + 8 : start + 8 + size] if kind == BINARY_CHUNK else b""
+
+
+ONLY_2 = "only version 2 is read: Blender and gltf-pipeline make one of it"
+
+
+def _check(header: Any) -> None:
+    """InputError for a header that cannot be trusted."""
+    if not isinstance(header, dict) or not isinstance(header.get("asset"), dict):
+        raise InputError("its JSON is no glTF: `asset` is missing")
+    if str(header["asset"].get("version", "2")).startswith("1"):
+        raise InputError(f"glTF version 1; {ONLY_2}")
+    for name in LISTS:
+        rows = header.get(name, [])
+        if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+            raise InputError(f"{name} should be a list of objects")
+    for name in header.get("extensionsRequired", []):
+        if not str(name).startswith(KNOWN):
+            raise InputError(f"needs the extension {name}, which is not supported; export without")
+    check_sizes(header)
+    check_triangle_count(header)
+
+
+def _content(header: Any, chunk: bytes, path: Path, folders: Folders) -> Content:
+    _check(header)
+    roots = _roots(header)
+    buffers = Buffers(header, path, folders, chunk)
+    content = Content(
+        unit_why="glTF is in metres", up="y", up_why="glTF has y up", notes=_notes(header)
+    )
+    surfaces = read_surfaces(header, buffers, path, folders, content)
+    meshes = read_meshes(header, buffers, content)
+    nodes = header.get("nodes", [])
+    waiting: list[tuple[Any, Floats]] = [(number, np.eye(4)) for number in reversed(roots)]
+    seen: set[int] = set()
+    while waiting:
+        number, parent = waiting.pop()
+        with content.leaving_out(f"node {number!r:.80}"):
+            node = at(nodes, number, "node")
+            if number in seen:
+                raise InputError(f"node {number} is reached twice: the nodes are no tree")
+            seen.add(number)
+            to_world = parent @ _matrix(node, number)
+            waiting += [(child, to_world) for child in reversed(node.get("children", []))]
+            if "camera" in node:
+                content.cameras.append(to_world @ LOOKING)
+            content.glows += node_lamps(node, header, to_world, content)
+            if "mesh" in node:
+                shown_there = at(meshes, node["mesh"], "mesh")
+                for copy in _copies(node, buffers):
+                    _add(content, node, shown_there, to_world @ copy, surfaces)
+    return content
+
+
+def _add(
+    content: Content,
+    node: dict[str, Any],
+    primitives: list[Primitive],
+    to_world: Floats,
+    surfaces: list[Surface],
+) -> None:
+    for each in primitives:
+        surface = Surface()
+        with content.leaving_out(f"the material of mesh {shown(each.name)}"):
+            if each.material is not None:
+                surface = at(surfaces, each.material, "material")
+        content.add(Part(node.get("name") or each.name, each.mesh, to_world, surface))
+
+
+def _copies(node: dict[str, Any], buffers: Buffers) -> Iterator[Floats]:
+    """Where a node shows its mesh, in its own coordinates: once, or as its instances say."""
+    if INSTANCING not in node.get("extensions", {}):
+        yield np.eye(4)
+        return
+    columns = {
+        name.lower(): buffers.accessor(index)
+        for name, index in node["extensions"][INSTANCING]["attributes"].items()
+        if name in ("TRANSLATION", "ROTATION", "SCALE")
+    }
+    for row in range(min((len(column) for column in columns.values()), default=0)):
+        if row >= MAX_PARTS:
+            raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
+        yield _matrix({name: column[row] for name, column in columns.items()}, row)
+
+
+def _roots(header: dict[str, Any]) -> list[int]:
+    if "scenes" in header:
+        return list(at(header["scenes"], header.get("scene", 0), "scene").get("nodes", []))
+    nodes = header.get("nodes", [])
+    below = {child for node in nodes for child in node.get("children", [])}
+    return [i for i in range(len(nodes)) if i not in below]
+
+
+def _notes(header: dict[str, Any]) -> list[str]:
+    notes = []
+    if header.get("animations"):
+        notes.append("animations are left out: everything stands as the nodes say")
+    if header.get("skins"):
+        notes.append("skins are left out: skinned meshes are in their bind pose")
+    return notes
+
+
+def _matrix(node: dict[str, Any], number: int) -> Floats:
+    """Pose of a node in its parent: a matrix by columns, or translation, rotation, scale."""
+    pose = np.eye(4)
+    if "matrix" in node:
+        pose = np.reshape(np.asarray(node["matrix"], float), (4, 4)).T
+    if "translation" in node:
+        pose = pose @ translation(node["translation"])
+    if "rotation" in node:
+        quaternion = np.asarray(node["rotation"], float)
+        if not np.linalg.norm(quaternion) > 0:
+            raise InputError(f"node {number}: its rotation is zero")
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+        pose = pose @ turn
+    if "scale" in node:
+        pose = pose @ scaling(node["scale"])
+    return np.asarray(pose)

@@ -1,0 +1,283 @@
+"""What the readers of foreign formats hand over: parts in a common world, and what was odd."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from json import JSONDecodeError
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike, NDArray
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError, LimitError
+from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
+from spisim_formats.library.files import Folders
+from spisim_formats.library.lattice import Lattice
+from spisim_formats.library.source_material import Told
+from spisim_formats.library.textures import Texture
+
+Axis = Literal["x", "y", "z"]
+Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
+
+#: Instances counted.
+MAX_PARTS = 100_000
+MAX_NOTES = 1000
+#: Where textures of Gazebo's models are, from a model's folder or that of its meshes.
+TEXTURE_FOLDERS = ("materials/textures", "../materials/textures")
+#: What notes of dropped parts begin with, and how much of them an error tells.
+LEFT_OUT = "left out: "
+MAX_REASONS, MAX_REASON_LETTERS = 3, 400
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What a file says about a material: its name, a colour (RGB from 0 to 1), and other words.
+
+    `words` are names of bsdfs and textures, which may tell what it is where the name does not;
+    `texture` is the picture of its colours, `told` makes all that it says, in its own light, where
+    it says enough; the same each time.
+    """
+
+    name: str | None = None
+    color: tuple[float, float, float] | None = None
+    words: tuple[str, ...] = ()
+    texture: Texture | None = None
+    told: Callable[[], Told | None] | None = None
+
+    @property
+    def label(self) -> str:
+        """What reports and maps of materials call it."""
+        return self.name or "(unnamed)"
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One surface: a mesh or shape in its own coordinates and where that is in the world (4, 4).
+
+    Parts that share a mesh hold the same object.
+    """
+
+    name: str
+    geometry: trimesh.Trimesh | Shape
+    to_world: Floats
+    surface: Surface
+    radiance: float = 0.0  # of an area lamp, W/(m² sr)
+
+
+@dataclass(frozen=True, eq=False)
+class Haze:
+    """A body of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
+
+    Or a closed `mesh`, or what a `part` (its number) encloses that is seen. `extinction` is per
+    unit of the file, times `density` where that is given; then `albedo` is times `brightness`
+    where that is given.
+    """
+
+    name: str
+    to_world: Floats
+    extinction: float
+    albedo: float
+    g: float
+    mesh: trimesh.Trimesh | None = None
+    density: Lattice | None = None
+    brightness: Lattice | None = None
+    part: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Glow:
+    """A lamp that is no surface: the `fields` of a scene file that tell its type and strength.
+
+    And where it is and shines to, as far as it has a place and a direction; or a `picture` (h, w)
+    of all around in `axes` (3, 3); or a `panel`, which is in the scene only where it shines.
+    """
+
+    name: str
+    fields: Mapping[str, Any]
+    position: Floats | None = None
+    direction: Floats | None = None
+    picture: NDArray[np.float32] | None = None
+    axes: Floats | None = None
+    panel: Part | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Daylight:
+    """Sun and sky, klx, as in scene files; `sun_direction` (3,) goes from the sun to the scene."""
+
+    sun_klx: float
+    sun_direction: Floats
+    sky_klx: float
+
+
+@dataclass
+class Content:
+    """Everything that a file holds, in the file's own unit and axes.
+
+    `notes` are what the user should know: what was left out, and what is missing.
+    """
+
+    unit_m: float = 1.0
+    unit_why: str = "the format has none: metres"
+    up: Axis = "z"
+    up_why: str = "the format has none: z"
+    parts: list[Part] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    cameras: list[Floats] = field(default_factory=list)  # (4, 4), look along their z
+    hazes: list[Haze] = field(default_factory=list)
+    daylight: Daylight | None = None
+    glows: list[Glow] = field(default_factory=list)
+
+    def add(self, part: Part) -> None:
+        """Append a part; LimitError for too many of them."""
+        if len(self.parts) >= MAX_PARTS:
+            raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
+        self.parts.append(part)
+
+    def note(self, text: str) -> None:
+        """Keep something to tell, once; beyond `MAX_NOTES` nothing more is told."""
+        if len(self.notes) < MAX_NOTES and text not in self.notes:
+            self.notes.append(text if len(self.notes) < MAX_NOTES - 1 else "and more like these")
+
+    @contextmanager
+    def leaving_out(self, what: str) -> Iterator[None]:
+        """Drop what cannot be read within, with a note that says why; LimitError is raised on."""
+        try:
+            with readable(what):
+                yield
+        except LimitError:
+            raise
+        except InputError as error:
+            self.note(f"{LEFT_OUT}{error}")
+
+    @property
+    def left_out(self) -> list[str]:
+        """Why parts were dropped."""
+        return [note.removeprefix(LEFT_OUT) for note in self.notes if note.startswith(LEFT_OUT)]
+
+    def without(self, faults: Mapping[int, str]) -> Content:
+        """The content less some parts, by their numbers, with notes that say why."""
+        if not faults:
+            return self
+        for index in sorted(faults):
+            self.note(f"{LEFT_OUT}object {self.parts[index].name!r:.80}: {faults[index]}")
+        kept = [index for index in range(len(self.parts)) if index not in faults]
+        numbers = {index: number for number, index in enumerate(kept)}
+        hazes = [
+            haze if haze.part is None else replace(haze, part=numbers[haze.part])
+            for haze in self.hazes
+            if haze.part is None or haze.part in numbers
+        ]
+        return replace(self, parts=[self.parts[index] for index in kept], hazes=hazes)
+
+    def check_not_empty(self, path: Path, lack: str = "holds no triangles") -> None:
+        """InputError where no part is left, with the first reasons why."""
+        if not self.parts:
+            reasons = [reason[:MAX_REASON_LETTERS] for reason in self.left_out[:MAX_REASONS]]
+            raise InputError("; ".join([f"{path}: {lack}", *reasons]))
+
+    def texture(
+        self,
+        name: str,
+        beside: Path,
+        folders: Folders,
+        referrer: str,
+        more: Sequence[Path] = (),
+    ) -> Texture | None:
+        """The texture that a file refers to; a note where it is missing, or may not be read.
+
+        It is looked for by its path, and by its name alone where that is another machine's: beside
+        the file, in `more` folders, and where Gazebo's models have their textures.
+        """
+        usual = [beside / folder for folder in TEXTURE_FOLDERS]
+        places = [*more, *(folder for folder in usual if folder.is_dir())]
+        reference = name.replace("\\", "/")
+        try:
+            path = folders.find(reference, beside, referrer, places)
+        except InputError as error:
+            try:
+                path = folders.find(reference.rpartition("/")[2], beside, referrer, places)
+            except InputError:
+                self.note(f"{error}; this texture is not used")
+                return None
+            self.note(f"{error}; {path} is taken, by its name")
+        return Texture(name, path)
+
+
+#: Parts of a file, which may refer to others in the folders.
+def pose_faults(matrices: Floats) -> dict[int, str]:
+    """Which of (n, 4, 4) matrices place nothing, and why: not finite, not affine, or flat."""
+    finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
+    safe = np.where(finite[:, None, None], matrices, np.eye(4))
+    last = safe[:, 3]
+    affine = np.asarray(np.abs(last - [0, 0, 0, 1]).max(axis=1) <= 1e-8)
+    stretches = np.linalg.svd(safe[:, :3, :3], compute_uv=False)
+    flat = np.asarray(stretches[:, 2] <= 1e-15 * stretches[:, 0])
+    faults = dict.fromkeys(np.flatnonzero(flat).tolist(), "its pose flattens it; a scale is zero")
+    for index in np.flatnonzero(~affine).tolist():
+        row = ", ".join(f"{value:g}" for value in last[index])
+        faults[index] = f"its pose is no affine matrix; the last row is {row}"
+    lost = np.flatnonzero(~finite).tolist()
+    return faults | dict.fromkeys(lost, "its pose is not made of finite numbers")
+
+
+def with_texture_coordinates(mesh: trimesh.Trimesh, uv: ArrayLike) -> trimesh.Trimesh:
+    """The mesh with texture coordinates (vertices, 2), v up; without where they do not fit."""
+    coordinates = np.asarray(uv, dtype=np.float64)
+    if coordinates.shape == (len(mesh.vertices), 2) and np.isfinite(coordinates).all():
+        mesh.visual = trimesh.visual.TextureVisuals(uv=coordinates)
+    return mesh
+
+
+def translation(offset: ArrayLike) -> Floats:
+    """(4, 4) matrix that moves."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = offset
+    return matrix
+
+
+def scaling(factors: ArrayLike) -> Floats:
+    """(4, 4) matrix that scales by one factor or three."""
+    return np.diag([*np.broadcast_to(np.asarray(factors, float), 3), 1.0])
+
+
+@contextmanager
+def readable(what: str, kind: str = "") -> Iterator[None]:
+    """Turn whatever a parser runs into within into an InputError that names the file or part.
+
+    What the parser says is about itself, so it is not told. Numbers that are not finite raise no
+    warnings within; they are looked for afterwards. What trimesh logs of damaged files is not for
+    users.
+    """
+    logged = trimesh.util.log.disabled
+    trimesh.util.log.disabled = True
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except InputError:
+        raise
+    except MemoryError:
+        raise LimitError(f"{what}: needs more memory than there is") from None
+    except Exception as error:
+        as_kind = f" as {kind}" if kind else ""
+        raise InputError(f"{what}: cannot be read{as_kind}: {_reason(error)}") from None
+    finally:
+        trimesh.util.log.disabled = logged
+
+
+def _reason(error: Exception) -> str:
+    match error:
+        case RecursionError():
+            return "nested too deeply"
+        case JSONDecodeError():
+            return f"no valid JSON in line {error.lineno}"
+        case UnicodeDecodeError():
+            return "it is not text in UTF-8"
+        case AttributeError() | TypeError():
+            return "something in it is of another kind than the format says"
+    return "it is damaged, or holds what is not supported"

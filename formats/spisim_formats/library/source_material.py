@@ -1,0 +1,89 @@
+"""Materials as a file itself tells them, in its own light."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from spisim.scene.shapes import texture_coordinates
+from spisim_formats.library.textures import thinned
+
+#: What a picture multiplies, so that its largest value is the field's own.
+TINTED = "reflectance"
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """Fields of a row of a scene file's materials, and what of the file's is not in them.
+
+    `source` is one of them where their values are not the file's own. `pictures` (h, w) are of its
+    `reflectance` and `opacity`, where the mesh has coordinates; their mean elsewhere.
+    """
+
+    fields: Mapping[str, Any]
+    pictures: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    odd: tuple[str, ...] = ()
+
+
+class ToldMaterials:
+    """Materials of a scene file's own: their `rows`, and pictures beside it."""
+
+    def __init__(self) -> None:
+        self.rows: dict[str, dict[str, Any]] = {}
+        self.files: dict[str, NDArray[np.uint16]] = {}
+        self._odd: dict[str, list[str]] = {}
+        self._names: dict[tuple[str, str], str] = {}
+
+    @property
+    def notes(self) -> list[str]:
+        """What of the file's materials is not in these."""
+        return [f"{_several(labels)}: {each}" for each, labels in self._odd.items()]
+
+    def material(self, label: str, told: Told, geometry: object) -> tuple[str, str]:
+        """Name of the material that a surface is, and why."""
+        whole = isinstance(geometry, trimesh.Trimesh) and texture_coordinates(geometry) is not None
+        fields = dict(told.fields)
+        for name, picture in told.pictures.items():
+            fields[name] = float(picture.max() if whole and name == TINTED else picture.mean())
+        pictures = {name: each for name, each in told.pictures.items() if whole and each.any()}
+        fields = {
+            name: float(f"{value:.6g}") if isinstance(value, float) else value
+            for name, value in fields.items()
+        }
+        key = label, repr((sorted(fields.items()), sorted(map(id, pictures.values()))))
+        if key not in self._names:
+            self._names[key] = self._add(label, fields, pictures)
+            flat = [f"its picture of {name} is a mean" for name in told.pictures if not whole]
+            for each in (*told.odd, *flat):
+                labels = self._odd.setdefault(each, [])
+                if label not in labels:
+                    labels.append(label)
+        return self._names[key], f"{fields['bsdf']}, as the file has it"
+
+    def _add(
+        self, label: str, fields: dict[str, Any], pictures: Mapping[str, NDArray[np.float32]]
+    ) -> str:
+        plain = f"file {label}"[:76]
+        name, number = plain, 1
+        while name in self.rows:
+            number += 1
+            name = f"{plain} {number}"
+        for kind, picture in pictures.items():
+            file = f"told_{len(self.files) + 1}.png"
+            tinted = kind == TINTED
+            share = thinned(picture / picture.max() if tinted else picture)
+            self.files[file] = np.round(65535 * share).astype(np.uint16)
+            fields = fields | {"texture" if tinted else kind: file}
+        self.rows[name] = {"source": "the imported file, in its own light", **fields}
+        return name
+
+
+def _several(labels: list[str]) -> str:
+    if len(labels) == 1:
+        return f"material {labels[0]!r:.80}"
+    return f"materials {labels[0]!r:.80} and {len(labels) - 1} more"

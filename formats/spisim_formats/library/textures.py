@@ -1,0 +1,158 @@
+"""Textures of foreign files as reflectances at 1550 nm, by a rule of thumb.
+
+`RULE` times the red of the picture as it stands there, from 0 to 1, with sRGB's gamma. It is fitted
+to measured spectra by `tools/texture_rule.py`, which tells how little a picture tells: two thirds
+of the surfaces are within 0.12 of it. Red is nearest to 1550 nm and does better than grey.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from PIL import Image
+
+from reconstruction.errors import InputError
+from spisim.config.linear import LINEAR
+from spisim.scene.shapes import texture_coordinates
+from spisim_formats.library.files import read_bytes, shown
+
+RULE = 0.7
+TOLD = f"{RULE:g} times its mean red, with sRGB's gamma"
+#: Exponent that stands for sRGB's curve where a picture or factor is linear.
+GAMMA = 1 / 2.2
+MAX_PIXELS = 2**26
+#: What is written beside a scene file may have so many.
+MAX_WRITTEN = 2**24
+FORMATS = ("PNG", "JPEG", "BMP", "TGA", "WEBP", "DDS", "GIF", "TIFF", "PPM")
+
+Use = Literal["mean", "picture", "off"]
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A picture in a file, or in the bytes of one, and the red of a colour that multiplies it.
+
+    `fits` tells whether the texture coordinates of the meshes are its own. `linear` pictures have
+    no gamma.
+    """
+
+    name: str
+    source: Path | bytes
+    factor: float = 1.0
+    fits: bool = True
+    linear: bool = False
+
+    @property
+    def stem(self) -> str:
+        """Its name without a folder and an ending."""
+        return Path(self.name.replace("\\", "/")).stem or "texture"
+
+
+class Pictured:
+    """Materials of a scene file's own that textures make: their `rows`, and pictures beside it."""
+
+    def __init__(self, use: Use) -> None:
+        self.rows: dict[str, dict[str, Any]] = {}
+        self.files: dict[str, NDArray[np.uint8]] = {}
+        self.notes: list[str] = []
+        self._use = use
+        self._made: dict[tuple[object, float, bool], tuple[str, str] | None] = {}
+
+    def material(self, texture: Texture, geometry: object) -> tuple[str, str] | None:
+        """Name of the material of a surface, and why; None where its texture is of no use."""
+        if self._use == "off":
+            return None
+        whole = (
+            self._use == "picture"
+            and texture.fits
+            and isinstance(geometry, trimesh.Trimesh)
+            and texture_coordinates(geometry) is not None
+        )
+        source = texture.source if isinstance(texture.source, Path) else id(texture.source)
+        key = source, texture.factor, whole
+        if key not in self._made:
+            self._made[key] = self._make(texture, whole)
+        return self._made[key]
+
+    def _make(self, texture: Texture, whole: bool) -> tuple[str, str] | None:
+        try:
+            red, share = read_red(texture)
+        except InputError as error:
+            self.notes.append(f"texture {shown(texture.name)}: {error}; it is not used")
+            return None
+        mean = float(np.average(red, weights=share if share.any() else None))
+        name, number = f"texture {texture.stem}"[:80], 1
+        while name in self.rows:
+            number += 1
+            name = f"{f'texture {texture.stem}'[:76]} {number}"
+        why = f"texture {texture.name:.80}: {TOLD} ({mean:.2f})"
+        row: dict[str, Any] = {"reflectance": round(RULE * mean, 3), "source": f"{why}: a guess"}
+        if whole and red.any():
+            file = f"texture_{len(self.files) + 1}.png"
+            self.files[file] = np.round(255 * thinned(red)).astype(np.uint8)
+            row |= {"reflectance": RULE, "texture": file}
+        self.rows[name] = row
+        return name, f"{RULE * mean:.2f}, {why}"
+
+
+def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Red (h, w) as `RULE` takes it, and opacity, both from 0 to 1; InputError if unreadable."""
+    factor = np.float32(np.clip(texture.factor, 0, 1) ** GAMMA)
+    if isinstance(texture.source, Path) and texture.source.suffix.lower() in LINEAR:
+        linear = LINEAR[texture.source.suffix.lower()](texture.source)
+        red = np.clip(linear, 0, 1) ** GAMMA
+        return red * factor, np.ones_like(red)
+    red, share = read_channels(texture, 0, 3)
+    red = red**GAMMA if texture.linear else red
+    return (red * factor).astype(np.float32), share
+
+
+def read_channels(texture: Texture, *numbers: int) -> list[NDArray[np.float32]]:
+    """Red, green, blue or opacity (h, w), 0 to 3, as they stand in a picture: from 0 to 1.
+
+    InputError if unreadable, as those are whose numbers are no integers.
+    """
+    data = texture.source if isinstance(texture.source, bytes) else read_bytes(texture.source)
+    try:
+        with (
+            warnings.catch_warnings(action="ignore"),  # of large pictures, before their limit here
+            Image.open(io.BytesIO(data), formats=FORMATS) as picture,
+        ):
+            if picture.width * picture.height > MAX_PIXELS:
+                raise InputError(f"more than {MAX_PIXELS:,} pixels are not read")
+            if picture.mode.startswith("I"):  # grey, 16 bits, which conversion would clip
+                grey = np.asarray(picture).astype(np.float32) / np.float32(65535)
+                return [np.ones_like(grey) if number == 3 else grey for number in numbers]
+            channels = np.asarray(picture.convert("RGBA"))
+            return [
+                channels[..., number].astype(np.float32) / np.float32(255) for number in numbers
+            ]
+    except InputError:
+        raise
+    except Exception:  # whatever decoders run into
+        raise InputError(f"no picture that can be read; known: {', '.join(FORMATS)}") from None
+
+
+def linear_red(texture: Texture) -> NDArray[np.float32]:
+    """Red (h, w) in proportion to light, from 0 to 1; InputError if unreadable."""
+    stored, _ = read_red(texture)
+    is_linear = isinstance(texture.source, Path) and texture.source.suffix.lower() in LINEAR
+    if texture.linear or is_linear:
+        return np.asarray(stored ** (1 / GAMMA), dtype=np.float32)
+    curved = ((stored + 0.055) / 1.055) ** 2.4  # of sRGB
+    return np.where(stored <= 0.04045, stored / 12.92, curved).astype(np.float32)
+
+
+def thinned(red: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Every second pixel, or fewer, of a picture that is too large to be written."""
+    step = 1
+    while (red.shape[0] // step) * (red.shape[1] // step) > MAX_WRITTEN:
+        step += 1
+    return red[::step, ::step]

@@ -1,0 +1,203 @@
+"""OBJ, STL, PLY and OFF files through trimesh."""
+
+import io
+import re
+import struct
+import warnings
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import trimesh
+
+from reconstruction.errors import InputError
+from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, check_obj_indices, texture_coordinates
+from spisim_formats.library.content import (
+    Content,
+    Part,
+    Surface,
+    readable,
+    with_texture_coordinates,
+)
+from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.shapes import as_mesh
+from spisim_formats.library.textures import Texture
+
+#: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
+CUT_SHORT = "string or file could not be read to its end"
+#: What texts of Unicode other than UTF-8 begin with.
+MARKS = {BOM_UTF16_LE: "utf-16", BOM_UTF16_BE: "utf-16"}
+#: What may stand between `map_Kd` and the name of a picture: words, or up to three numbers.
+MAP_OPTIONS = re.compile(r"-(?:[a-z]+)(?:\s+(?:on|off|[rgbmlz]|[-+.\d]+(?:e[-+]?\d+)?(?=\s)))*\s+")
+
+#: Groups of an OBJ file that become objects; some programs number faces by more of them.
+MAX_GROUPS = 1000
+
+Color: TypeAlias = tuple[float, float, float]
+
+
+def read_obj(path: Path, folders: Folders) -> Content:
+    """Parts of an OBJ file, one per object and material."""
+    text = _text(path)
+    check_obj_indices(text.encode(), str(path))
+    _refuse_relative_indices(text, path)
+    content = Content()
+    if re.search(r"^[lp]\s", text, re.M):
+        content.note(f"{path.name}: points and lines are left out")
+        if not re.search(r"^f\s", text, re.M):
+            return content
+    colors, textures = _material_library(text, path, folders, content)
+    names = dict.fromkeys(name.strip() for name in re.findall(r"^usemtl (.+)$", text, re.M))
+    # trimesh keeps the name of a material only where a library describes it.
+    library = "".join(f"newmtl {name}\nKd 0 0 0\n" for name in names).encode()
+    described = _grouped(re.sub(r"^mtllib.*$", "", text, flags=re.M))
+    scene = _trimesh(
+        f"mtllib materials\n{described}".encode(),
+        path,
+        resolver={"materials": library},
+        split_objects=True,
+    )
+    for name, mesh in scene.geometry.items():
+        surface = Surface(getattr(getattr(mesh.visual, "material", None), "name", None))
+        if surface.name not in names:
+            surface = Surface()
+        else:
+            known = surface.name or ""
+            surface = Surface(surface.name, colors.get(known), texture=textures.get(known))
+        _add(content, path, name, mesh, surface)
+    return content
+
+
+def read_stl(path: Path, folders: Folders) -> Content:
+    """The solids of an STL file; it has no materials."""
+    data = read_bytes(path)
+    is_text = data[:5].lower() == b"solid" and b"\0" not in data[:1024]
+    if not is_text and len(data) >= 84:
+        (count,) = struct.unpack_from("<I", data, 80)
+        if 84 + 50 * count != len(data):
+            raise InputError(
+                f"{path}: cannot be read as STL: {count:,} triangles need {84 + 50 * count:,} "
+                f"bytes; the file has {len(data):,}"
+            )
+    return _without_materials(data, path)
+
+
+def read_ply(path: Path, folders: Folders) -> Content:
+    """The mesh of a PLY file; it has no materials."""
+    data = read_bytes(path)
+    if not data.startswith(b"ply"):
+        raise InputError(f"{path}: cannot be read as PLY: it does not begin with ply")
+    header = data[: data.find(b"end_header")]
+    faces = 0
+    for kind, count in re.findall(rb"^element\s+(\S+)\s+(\S+)", header, re.M):
+        if not count.isdigit() or int(count) > 3 * MAX_TRIANGLES:
+            raise InputError(
+                f"{path}: {count.decode(errors='replace')} of {kind.decode(errors='replace')}; "
+                f"more than {3 * MAX_TRIANGLES:,} are not read"
+            )
+        faces = int(count) if kind == b"face" else faces
+    content = _without_materials(data, path)
+    found = sum(len(as_mesh(part.geometry).faces) for part in content.parts)
+    if found < faces and not content.left_out:
+        raise InputError(f"{path}: cut off: {found:,} of {faces:,} faces are there")
+    return content
+
+
+def read_off(path: Path, folders: Folders) -> Content:
+    """The mesh of an OFF file; it has no materials."""
+    return _without_materials(read_bytes(path), path)
+
+
+def _without_materials(data: bytes, path: Path) -> Content:
+    content = Content()
+    scene = _trimesh(data, path, resolver={}, skip_materials=True)
+    for mesh in scene.geometry.values():
+        _add(content, path, path.stem, mesh, Surface())
+    return content
+
+
+def _add(content: Content, path: Path, name: str, mesh: object, surface: Surface) -> None:
+    if not isinstance(mesh, trimesh.Trimesh):
+        content.note(f"{path.name}: points and lines are left out")
+        return
+    with content.leaving_out(f"mesh {shown(name)}"):
+        plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        check_mesh(plain, name)
+        if (uv := texture_coordinates(mesh)) is not None:
+            plain = with_texture_coordinates(plain, uv)
+        content.add(Part(name, plain, np.eye(4), surface))
+
+
+def _trimesh(data: bytes, path: Path, **options: object) -> trimesh.Scene:
+    kind = path.suffix.lower().lstrip(".")
+    with readable(str(path), kind.upper()), warnings.catch_warnings():
+        warnings.filterwarnings("error", message=CUT_SHORT)
+        return trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False, **options)
+
+
+def _text(path: Path) -> str:
+    data = read_bytes(path)
+    coding = next((name for mark, name in MARKS.items() if data.startswith(mark)), "utf-8")
+    if coding == "utf-8" and b"\0" in data[:4096]:
+        raise InputError(f"{path}: cannot be read as OBJ: it is not a text file")
+    return data.decode(coding, errors="replace").replace("\r\n", "\n").removeprefix("\ufeff")
+
+
+def _grouped(text: str) -> str:
+    """The text with its groups as objects, as far as it has no objects of its own."""
+    groups = len(re.findall(r"^g[ \t]+\S", text, re.M))
+    if re.search(r"^o[ \t]", text, re.M) or groups > MAX_GROUPS:
+        return text
+    return re.sub(r"^g(?=[ \t]+\S)", "o", text, flags=re.M)
+
+
+def _refuse_relative_indices(text: str, path: Path) -> None:
+    """trimesh counts negative indices from the end of the file; they are meant from the line."""
+    first = re.search(r"^f\s.*(?<![\d.])-\d", text, re.M)
+    if first and re.search(r"^v\s", text[first.start() :], re.M):
+        raise InputError(
+            f"{path}: counts vertices backwards (negative indices) before the last vertex, which "
+            "is not supported; export with absolute indices"
+        )
+
+
+def _material_library(
+    text: str, path: Path, folders: Folders, content: Content
+) -> tuple[dict[str, Color], dict[str, Texture]]:
+    """Colours and textures of the materials of an OBJ file's libraries; notes what is missing."""
+    colors: dict[str, Color] = {}
+    textures: dict[str, Texture] = {}
+    for name in re.findall(r"^mtllib\s+(.+)$", text, re.M):
+        try:
+            library = folders.find(name, path.parent, f"{path.name}: mtllib")
+            lines = read_bytes(library).decode("utf-8", errors="replace").splitlines()
+        except InputError as error:
+            content.note(f"{error}; materials go by their names alone")
+            continue
+        current, pictured = "", set()
+        for words in (line.split(maxsplit=1) for line in lines):
+            if len(words) < 2:
+                continue
+            if words[0] == "newmtl":
+                current = words[1].strip()
+            elif words[0] == "Kd" and (color := _color(words[1])):
+                colors[current] = color
+            elif words[0].lower() == "map_kd":
+                pictured.add(current)
+                name = MAP_OPTIONS.sub("", words[1]).strip()
+                what = f"{library.name}: texture"
+                if found := content.texture(name, library.parent, folders, what):
+                    textures[current] = replace(found, fits=name == words[1].strip())
+        for material in pictured:  # exporters leave Kd black or white beside a picture
+            colors.pop(material, None)
+    return colors, textures
+
+
+def _color(text: str) -> Color | None:
+    try:
+        red, green, blue = (float(word) for word in text.split()[:3])
+    except ValueError:
+        return None
+    return red, green, blue

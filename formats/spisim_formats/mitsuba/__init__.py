@@ -1,0 +1,5 @@
+"""Scene files of Mitsuba 3, parsed by Mitsuba; nothing in them is instantiated."""
+
+from spisim_formats.format import SceneFormat, lazily
+
+FORMAT = SceneFormat("Mitsuba", {".xml": lazily("spisim_formats.mitsuba.reading:read_mitsuba")})

@@ -1,0 +1,209 @@
+"""Mitsuba scene files put together: includes, `$parameters`, and what their elements come to.
+
+What the elements say is left to Mitsuba's own parser, which is handed in from above. Which files
+are read is not: it opens whatever a file names, looks for it in the working directory too, lets
+parameters double until the memory is full, and overflows its stack, which ends the process, on
+elements nested deeply. So it gets elements one to a line, with nothing left to open or replace.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+import numpy as np
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError, nearest
+from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.xml import numbers, parse_xml
+
+MAX_INCLUDE_DEPTH = 15  # as Mitsuba's own
+MAX_INCLUDES = 1000
+#: Of a text with its parameters filled in, which may hold parameters themselves.
+MAX_CHARACTERS = 100_000
+
+Value = TypeVar("Value", bool, float, str, Floats)
+
+
+@dataclass(eq=False)
+class Node:
+    """An object of a scene such as a "shape" or "bsdf".
+
+    `properties` are numbers, flags, texts, vectors and colours (3,), transforms (4, 4) and other
+    nodes, in the order of the file; nodes that are referred to appear in several, even in circles.
+    """
+
+    kind: str
+    type: str
+    id: str = ""
+    name: str = ""
+    properties: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def what(self) -> str:
+        """How messages call it."""
+        name = (self.id or self.name)[:80]
+        return " ".join(filter(None, (self.type, self.kind, repr(name) if name else None)))
+
+    @property
+    def children(self) -> list[Node]:
+        """The nodes in it."""
+        return [value for value in self.properties.values() if isinstance(value, Node)]
+
+    def value(self, name: str, default: Value) -> Value:
+        """The property of this name; InputError unless its type and shape are the default's."""
+        found = self.properties.get(name, default)
+        found = float(found) if type(found) is int else found
+        if type(found) is not type(default) or np.shape(found) != np.shape(default):
+            raise InputError(f"{self.what}: {name} is of another type than expected")
+        return found
+
+
+#: Elements without parameters and includes, one to a line, and the file that each stands in.
+Elements: TypeAlias = list[tuple[str, Path]]
+#: What tells how a scene is rendered, not what it is.
+UNUSED = ("integrator", "sampler", "film", "rfilter")
+
+
+@dataclass(frozen=True)
+class Source:
+    """The elements of a scene, and the folders in which it looks for files, the scene's first."""
+
+    elements: Elements
+    places: tuple[Path, ...]
+
+
+def read_source(path: Path, folders: Folders) -> Source:
+    """What a scene file of format 2 or 3 and its includes hold; InputError for what is not read.
+
+    Files are looked for as Mitsuba does: beside the file that names them, in the folders of
+    `<path>`, the last one first, beside the scene, and in the folders that may be read.
+    """
+    reader = _Reader(path, folders)
+    reader.read(path, (path.resolve(),), ())
+    return Source(reader.elements, (path.parent, *reader.places, *folders.roots))
+
+
+class _Reader:
+    def __init__(self, top: Path, folders: Folders) -> None:
+        self.elements: Elements = []
+        self.places: tuple[Path, ...] = ()  # of the scene file itself
+        self._top = top
+        self._folders = folders
+        self._parameters: dict[str, str] = {}
+        self._includes = 0
+
+    def read(self, path: Path, chain: tuple[Path, ...], places: tuple[Path, ...]) -> None:
+        root = parse_xml(read_bytes(path), path)
+        if root.tag != "scene":
+            raise InputError(f"{path}: is no Mitsuba scene: its root is <{root.tag}>, not <scene>")
+        version = root.get("version", "")
+        if not re.match(r"[23]\.", version):
+            raise InputError(
+                f"{path}: version {shown(version)}: Mitsuba scene format 2 or 3 is expected; "
+                "Mitsuba 3 itself upgrades older files"
+            )
+        for element in root:
+            _drop_unused(element)
+            self._fill(element, path)
+            if element.tag == "default":
+                name, value = element.get("name", ""), element.get("value", "")
+                self._parameters.setdefault(name, value)
+            elif element.tag == "path":
+                places = (path.parent / element.get("value", ""), *places)
+                if path == self._top:
+                    self.places = places
+            elif element.tag == "include":
+                self._include(element.get("filename", ""), path, chain, places)
+            elif element.tag not in UNUSED:
+                self._take(element, path, places)
+
+    def _include(
+        self, name: str, path: Path, chain: tuple[Path, ...], places: tuple[Path, ...]
+    ) -> None:
+        what = f"{path}: include {shown(name)}"
+        self._includes += 1
+        found = self._folders.find(name, path.parent, what, (*places, *self._folders.roots))
+        if found in chain:
+            names = " → ".join(str(link) for link in (*chain, found))
+            raise InputError(f"{what}: includes itself: {names}")
+        if len(chain) > MAX_INCLUDE_DEPTH or self._includes > MAX_INCLUDES:
+            raise InputError(
+                f"{what}: more than {MAX_INCLUDE_DEPTH} includes in one another, or {MAX_INCLUDES}"
+            )
+        self.read(found, (*chain, found), places)
+
+    def _take(self, element: Element, path: Path, places: tuple[Path, ...]) -> None:
+        around = Element("scene")
+        around.append(element)
+        for each in list(around.iter()):
+            each.text = each.tail = None
+            for spectrum in each.findall("spectrum[@filename]"):
+                each.remove(spectrum)  # of no use here, and the parser would open the file
+            if each.tag == "include":
+                raise InputError(f"{path}: include within <{element.tag}>: move it out of there")
+            if each.tag == "rotate":
+                _make_axis_unit(each, path)
+            if each.tag == "rgb" and re.fullmatch("#[0-9a-fA-F]{6}", each.get("value", "").strip()):
+                parts = bytes.fromhex(each.get("value", "").strip(" #"))
+                each.set("value", " ".join(str(part / 255) for part in parts))
+            if each.tag == "string" and each.get("name") == "filename" and path != self._top:
+                each.set("value", self._located(each.get("value", ""), path, places))
+        look = element.find("transform[@name='to_world']/lookat[@up]")
+        if element.tag == "sensor" and look is not None:  # of which the parser keeps a matrix
+            SubElement(element, "vector", name="up", value=look.get("up", ""))
+        self.elements += [(tostring(each, "unicode"), path) for each in around]
+
+    def _located(self, name: str, path: Path, places: tuple[Path, ...]) -> str:
+        """The file that an included file refers to, or where that is missing, its name."""
+        try:
+            return str(self._folders.find(name, path.parent, "", (*places, *self._folders.roots)))
+        except InputError:
+            return name
+
+    def _fill(self, element: Element, path: Path) -> None:
+        """Put the values of `$parameters` into an element and all within it."""
+        for each in element.iter():
+            for key, text in each.items():
+                each.set(key, self._filled(text, path))
+
+    def _filled(self, text: str, path: Path) -> str:
+        filled = 0
+
+        def value(found: re.Match[str]) -> str:
+            nonlocal filled
+            name = found[1]
+            if name not in self._parameters:
+                known = nearest(name, self._parameters)
+                raise InputError(f"{path}: ${name} has no <default>: {known}")
+            filled += len(self._parameters[name])
+            if filled > MAX_CHARACTERS:
+                raise InputError(f"{path}: ${name} makes a text of over {MAX_CHARACTERS:,} letters")
+            return self._parameters[name]
+
+        return re.sub(r"\$(\w+)", value, text)
+
+
+def _drop_unused(element: Element) -> None:
+    """Remove what is not used here, and may have parameters that only the command line gives."""
+    for each in list(element.iter()):
+        for inner in [child for child in each if child.tag in UNUSED]:
+            each.remove(inner)
+    if element.tag == "sensor":
+        for reference in element.findall("ref"):  # to what is dropped, or a medium around it
+            element.remove(reference)
+    if element.tag in UNUSED:
+        element.attrib.clear()
+        del element[:]
+
+
+def _make_axis_unit(turn: Element, path: Path) -> None:
+    """Mitsuba shears about an axis of another length, where the file means to turn."""
+    text = turn.attrib.pop("value", None) or " ".join(turn.get(name, "0") for name in "xyz")
+    axis = np.array(numbers(text, 3, f"{path}: rotate: axis"))
+    for name, component in zip("xyz", axis / (np.linalg.norm(axis) or 1), strict=True):
+        turn.set(name, repr(float(component)))

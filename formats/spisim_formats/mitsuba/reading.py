@@ -1,0 +1,263 @@
+"""Mitsuba 3 scenes (.xml): shapes, what their bsdfs say of materials, media, and sensors.
+
+https://mitsuba.readthedocs.io/en/stable/src/key_topics/scene_format.html
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError, naming, nearest
+from spisim.scene.shapes import check_triangles
+from spisim_formats.library import shapes
+from spisim_formats.library.content import Content, Part, Shape, Surface, translation
+from spisim_formats.library.files import Folders
+from spisim_formats.library.source_material import Told
+from spisim_formats.library.textures import Texture
+from spisim_formats.meshes.reading import read_obj, read_ply
+from spisim_formats.mitsuba.bsdf import told_surface
+from spisim_formats.mitsuba.elements import Node, Source, read_source
+from spisim_formats.mitsuba.light import take_emitter, take_medium
+from spisim_formats.mitsuba.parsing import parse
+from spisim_formats.mitsuba.serialized import read_serialized
+
+MESHES = {"obj": read_obj, "ply": read_ply}
+#: What Mitsuba calls metals, as words; others are bare conductors.
+METALS = {"Al": "aluminium", "Zn": "zinc", "Cr": "chrome", "Cu": "copper"}
+#: Shapes of Mitsuba that have no counterpart here.
+LEFT_OUT = ("bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids", "ellipsoidsmesh")
+#: Shapes that others refer to, and that show nothing by themselves.
+GROUP = "shapegroup"
+#: The colours of a surface's body, not of its gloss.
+BODY = ("reflectance", "diffuse_reflectance", "base_color")
+#: Of a rotation and a scale; Mitsuba's texts have about six digits.
+BOX_TOLERANCE = 1e-4
+
+
+@np.errstate(all="ignore")  # poses are checked to be finite in the end
+def read_mitsuba(path: Path, folders: Folders) -> Content:
+    """Parts of a Mitsuba scene; up is that of the sensor's `lookat`, else z.
+
+    Shapes that cannot be read, or refer to what is not there, are left out, and noted. Raises
+    InputError where nothing is left, for includes in a circle, and for what Mitsuba's own parser
+    refuses.
+    """
+    content = Content(unit_why="Mitsuba has no unit: metres", up_why="Mitsuba has no up: z")
+    source = read_source(path, folders)
+    reader = _Shapes(source, folders, content)
+    for node in parse(source.elements).children:
+        with content.leaving_out(node.what):
+            if node.kind == "shape":
+                reader.add(node, np.eye(4))
+            elif node.kind == "sensor":
+                _take_sensor(node, content)
+            elif node.kind == "emitter":
+                take_emitter(node, content, reader.file)
+    content.check_not_empty(path, "has no shapes that can be read")
+    return content
+
+
+class _Shapes:
+    """Reads shapes into a content."""
+
+    def __init__(self, source: Source, folders: Folders, content: Content) -> None:
+        self._source = source
+        self._folders = folders
+        self._content = content
+        self._files: dict[tuple[Path, int], list[Part]] = {}
+        self._textures: dict[int, Texture | None] = {}
+        self._surfaces: dict[tuple[int, bool], Callable[[], Told | None]] = {}
+
+    def add(self, node: Node, parent: Floats) -> None:
+        """What a shape shows, where all that it is in stands at `parent`."""
+        to_world = parent @ node.value("to_world", np.eye(4))
+        if node.type == "instance":
+            for group in (each for each in node.children if each.type == GROUP):
+                self._add_all(group, to_world)
+        elif node.type == "merge":
+            self._add_all(node, to_world)
+        elif node.type != GROUP:
+            self._add_one(node, to_world)
+
+    def _add_all(self, group: Node, to_world: Floats) -> None:
+        for inner in group.children:
+            if inner.kind == "shape" and inner.type in (GROUP, "instance", "merge"):
+                self._content.note(f"{inner.what} within {group.what} is left out")
+            elif inner.kind == "shape":
+                self.add(inner, to_world)
+
+    def _add_one(self, node: Node, to_world: Floats) -> None:
+        kind = node.type.lower()
+        if kind in LEFT_OUT:
+            self._content.note(f"{node.what}: shapes of this type are left out")
+            return
+        name = node.id or node.name or kind
+        parts, is_flipped = self._parts(node, kind, name), node.value("flip_normals", False)
+        if kind in MESHES and parts:
+            name = node.id or Path(node.value("filename", name)).stem
+        surface, radiance = self._surface(node), 0.0
+        for each in node.children:
+            with self._content.leaving_out(each.what):
+                if each.kind == "emitter":
+                    radiance += take_emitter(each, self._content, self.file, name)
+                elif each.kind == "medium" and node.properties.get("interior") is each:
+                    placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
+                    boxes = [_as_box(part, to_world) for part in parts]
+                    first = None if surface is None else len(self._content.parts)
+                    take_medium(each, placed, boxes, name, self._content, self.file, first)
+        if surface is None:
+            self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
+            return
+        for part in parts:
+            geometry = part.geometry
+            if is_flipped:
+                geometry = shapes.as_mesh(geometry).copy()
+                geometry.invert()
+            self._content.add(Part(name, geometry, to_world @ part.to_world, surface, radiance))
+
+    def _parts(self, node: Node, kind: str, name: str) -> list[Part]:
+        """Geometry of a shape in its own coordinates."""
+        if kind in MESHES or kind == "serialized":
+            return self._mesh(node, kind)
+        if kind in SIMPLE:
+            geometry, pose = SIMPLE[kind](node)
+            return [Part(name, geometry, pose, Surface())]
+        known = nearest(kind, (*MESHES, "serialized", *SIMPLE, "instance", "merge"))
+        raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {known}")
+
+    def file(self, node: Node) -> Path:
+        """The file that a node names; InputError where it is missing or may not be read."""
+        beside, *more = self._source.places
+        return self._folders.find(node.value("filename", ""), beside, node.what, more)
+
+    def _mesh(self, node: Node, kind: str) -> list[Part]:
+        what, path = node.what, self.file(node)
+        key = (path, int(node.value("shape_index", 0.0)))
+        if key not in self._files:
+            with naming(what):
+                if kind == "serialized":
+                    name, mesh = read_serialized(*key)
+                    self._files[key] = [Part(name, mesh, np.eye(4), Surface())]
+                else:
+                    content = MESHES[kind](path, self._folders)
+                    self._files[key] = content.parts
+                    for note in content.notes:
+                        self._content.note(note)
+            loaded = (part for parts in self._files.values() for part in parts)
+            check_triangles(sum(len(shapes.as_mesh(part.geometry).faces) for part in loaded))
+        return self._files[key]
+
+    def _surface(self, shape: Node) -> Surface | None:
+        """What the bsdf of a shape says: its id, its colour, its type and those within it.
+
+        None for a null bsdf, which light does not notice.
+        """
+        outer = next((each for each in shape.children if each.kind == "bsdf"), None)
+        if outer is None:
+            return Surface()
+        if outer.type == "null":
+            return None
+        bsdfs = _nested(outer)
+        names = [bsdf.id for bsdf in bsdfs if bsdf.id]
+        metals = [name for bsdf in bsdfs if (name := bsdf.value("material", ""))]
+        types = [re.sub("^rough|^thin", "", bsdf.type) for bsdf in bsdfs]
+        textures = {
+            name: self._texture(node)
+            for bsdf in bsdfs
+            for name, node in bsdf.properties.items()
+            if isinstance(node, Node) and node.kind == "texture" and node.value("filename", "")
+        }
+        colors = [
+            (float(value[0]), float(value[1]), float(value[2]))
+            for bsdf in bsdfs
+            for name, value in bsdf.properties.items()
+            if name in BODY and np.shape(value) == (3,)
+        ]
+        words = (*(METALS[name] for name in metals if name in METALS), *types)
+        body = next((textures[name] for name in BODY if textures.get(name)), None)
+        flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
+        told = self._told(outer, flips)
+        color = colors[0] if colors else None
+        return Surface(names[0] if names else None, color, words, body, told)
+
+    def _told(self, bsdf: Node, flips: bool) -> Callable[[], Told | None]:
+        """Once for all shapes that share it."""
+        key = id(bsdf), flips
+        if key not in self._surfaces:
+            self._surfaces[key] = cache(partial(told_surface, bsdf, flips, self._texture))
+        return self._surfaces[key]
+
+    def _texture(self, node: Node) -> Texture | None:
+        """The picture of a texture; Mitsuba lays it on its own way, so that only its mean fits."""
+        key = id(node)
+        if key not in self._textures:
+            beside, *more = self._source.places
+            name = node.value("filename", "")
+            found = self._content.texture(name, beside, self._folders, node.what, more)
+            if found is not None:
+                found = replace(found, fits=False, linear=node.value("raw", False))
+            self._textures[key] = found
+        return self._textures[key]
+
+
+def _as_box(part: Part, to_world: Floats) -> Floats | None:
+    """Pose (4, 4) of a cube of edge 1 about the origin that is this part, or None if it is none."""
+    mesh = shapes.as_mesh(part.geometry)
+    low, high = mesh.bounds
+    corner = np.isclose(mesh.vertices, low, atol=1e-6 * mesh.scale) | np.isclose(
+        mesh.vertices, high, atol=1e-6 * mesh.scale
+    )
+    whole = np.isclose(mesh.area, 2 * np.sum((high - low) * np.roll(high - low, 1)), rtol=1e-6)
+    if not (corner.all() and whole):
+        return None
+    pose = to_world @ part.to_world @ translation((low + high) / 2) @ np.diag([*(high - low), 1.0])
+    across = pose[:3, :3] / np.linalg.norm(pose[:3, :3], axis=0)
+    upright = np.allclose(across.T @ across, np.eye(3), atol=BOX_TOLERANCE)
+    return pose if upright else None
+
+
+def _nested(outer: Node) -> list[Node]:
+    """A bsdf and those within it, each once."""
+    found, known = [outer], {outer}
+    for bsdf in found:
+        for inner in bsdf.children:
+            if inner.kind == "bsdf" and inner not in known:
+                found.append(inner)
+                known.add(inner)
+    return found
+
+
+def _sphere(node: Node) -> tuple[Shape | trimesh.Trimesh, Floats]:
+    center = node.value("center", np.zeros(3))
+    return shapes.sphere(node.value("radius", 1.0), node.what), translation(center)
+
+
+def _cylinder(node: Node) -> tuple[Shape | trimesh.Trimesh, Floats]:
+    start, stop = node.value("p0", np.zeros(3)), node.value("p1", np.array([0.0, 0.0, 1.0]))
+    return shapes.tube(start, stop, node.value("radius", 1.0), node.what), np.eye(4)
+
+
+SIMPLE: dict[str, Callable[[Node], tuple[Shape | trimesh.Trimesh, Floats]]] = {
+    "rectangle": lambda node: (shapes.rectangle([2.0, 2.0], node.what), np.eye(4)),
+    "cube": lambda node: (shapes.box([2.0, 2.0, 2.0], node.what), np.eye(4)),
+    "sphere": _sphere,
+    "cylinder": _cylinder,
+    "disk": lambda node: (shapes.disk(), np.eye(4)),
+}
+
+
+def _take_sensor(node: Node, content: Content) -> None:
+    """The pose of a sensor, and which axis the first one's `lookat` holds to be up."""
+    first = not content.cameras
+    content.cameras.append(node.value("to_world", np.eye(4)))
+    up = node.value("up", np.zeros(3))
+    largest = int(np.argmax(np.abs(up)))
+    if first and up[largest] > 0.9 * np.linalg.norm(up):
+        content.up = ("x", "y", "z")[largest]
+        content.up_why = "up of the sensor's lookat"

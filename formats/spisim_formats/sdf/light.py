@@ -1,0 +1,160 @@
+"""Lights of a Gazebo world: the first directional one is the sun, all others are lamps.
+
+Gazebo's light has no unit. A sun of intensity and colour 1 is taken for the sun of a clear day at
+noon, and `ambient` light of 1 for all of a clear sky; a `sky` alone is a clear one. Lamps keep
+their numbers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError
+from spisim_formats.library.attenuation import at_a_metre, number_or
+from spisim_formats.library.content import Content, Daylight, Glow
+from spisim_formats.library.xml import numbers
+
+#: SDFormat's factors of 1 / (c + l d + q d²) where a file leaves one out, and its range.
+ATTENUATION = (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
+REACH_M = 10.0
+#: A range beyond this ends no light that matters.
+FAR_M = 100.0
+SUN_KLX, SKY_KLX = 100.0, 20.0
+#: Fields of a lamp and units, by the type of a light.
+LAMPS = {
+    "point": ("intensity_w_per_sr", "W/sr"),
+    "spot": ("intensity_w_per_sr", "W/sr"),
+    "directional": ("irradiance_w_per_m2", "W/m²"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A light as it stands in the file, its pose (4, 4) in what holds it, and what to call it."""
+
+    element: Element
+    pose: Floats
+    what: str
+
+    @property
+    def kind(self) -> str:
+        """Its type."""
+        return self.element.get("type", "point")
+
+
+def take_lights(
+    lights: Sequence[Light], scene: Element | None, content: Content, what: str
+) -> None:
+    """Daylight and lamps of a world, from its lights and its `<scene>`."""
+    suns = [light for light in lights if light.kind == "directional"]
+    content.daylight = _daylight(suns[0] if suns else None, scene, content, what)
+    for light in lights:
+        if light is not (suns[0] if suns else None):
+            content.glows += lamp(light, content)
+
+
+def lamp(light: Light, content: Content) -> list[Glow]:
+    """The lamp that a light is, told in a note, or none."""
+    element, what = light.element, light.what
+    if light.kind not in LAMPS:
+        content.note(f"{what}: lights of type {light.kind!r:.80} are left out")
+        return []
+    field, unit = LAMPS[light.kind]
+    strength, why = _strength(element, what), ""
+    if light.kind != "directional":
+        factor, why = _attenuation(element, what)
+        strength *= factor
+    cone: dict[str, Any] = {}
+    if light.kind == "spot":
+        spot = element.find("spot")
+        outer, inner = (
+            numbers((spot.findtext(tag) if spot is not None else None) or "0", 1, what)[0]
+            for tag in ("outer_angle", "inner_angle")
+        )
+        falloff = number_or(spot.findtext("falloff") if spot is not None else None, 0.0, what)
+        why += f"; its edge has the power {falloff:.4g} there, 1 here" if falloff != 1 else ""
+        cutoff = min(90.0, float(np.degrees(outer)) / 2)  # told from side to side
+        cone = {"cutoff_deg": cutoff,
+                "beam_deg": min(max(0.0, float(np.degrees(inner)) / 2), cutoff)}  # fmt: skip
+    if not strength > 0 or not cone.get("cutoff_deg", 1) > 0:
+        content.note(f"{what} is left out: it gives no light")
+        return []
+    content.note(f"{what} has no unit; as watts {strength:.4g} {unit}{why}")
+    name = element.get("name") or light.kind
+    fields = {"type": light.kind, field: strength, **cone}
+    position = None if light.kind == "directional" else light.pose[:3, 3]
+    direction = None if light.kind == "point" else _direction(light)
+    return [Glow(name, fields, position, direction)]
+
+
+def moved(glow: Glow, pose: Floats) -> Glow:
+    """A lamp of something that stands at a pose (4, 4)."""
+    position, direction = glow.position, glow.direction
+    if position is not None:
+        position = pose[:3, :3] @ position + pose[:3, 3]
+    if direction is not None:
+        direction = pose[:3, :3] @ direction
+    return replace(glow, position=position, direction=direction)
+
+
+def _daylight(
+    sun: Light | None, scene: Element | None, content: Content, what: str
+) -> Daylight | None:
+    sky_klx = _sky_klx(scene, what)
+    if sun is None:
+        return None if sky_klx == 0 else Daylight(0.0, np.array([0.0, 0.0, -1.0]), sky_klx)
+    sun_klx = SUN_KLX * _strength(sun.element, sun.what)
+    content.note(
+        f"{sun.what} is taken for a sun of {sun_klx:.3g} klx, with {sky_klx:.3g} klx of sky: see "
+        "`ambient` in the scene file"
+    )
+    return Daylight(sun_klx, _direction(sun), sky_klx)
+
+
+def _attenuation(element: Element, what: str) -> tuple[float, str]:
+    """As `at_a_metre`, with SDFormat's defaults, and how far a light is to reach."""
+    row = element.find("attenuation")
+    if row is None:
+        return 1.0, ""
+    told = (number_or(row.findtext(tag), given, what) for tag, given in ATTENUATION)
+    factor, why = at_a_metre(*told)
+    reach = number_or(row.findtext("range"), REACH_M, what)
+    return factor, why + (f"; it ends at {reach:.4g} m there" if reach < FAR_M else "")
+
+
+def _strength(element: Element, what: str) -> float:
+    """Intensity times the mean of its colour; 0 for one that is off."""
+    if (element.findtext("light_on") or "true").strip().lower() in ("false", "0"):
+        return 0.0
+    text = element.findtext("intensity") or "1"
+    intensity = max(0.0, numbers(text, 1, f"{what}: intensity")[0])
+    return intensity * _brightness(element.findtext("diffuse"), 1.0, what)
+
+
+def _direction(light: Light) -> Floats:
+    """Of a light that is turned by its pose."""
+    text = light.element.findtext("direction") or "0 0 -1"
+    direction = light.pose[:3, :3] @ np.array(numbers(text, 3, f"{light.what}: direction"))
+    length = float(np.linalg.norm(direction))
+    if not length > 0:
+        raise InputError(f"{light.what}: its direction is zero")
+    return np.asarray(direction / length)
+
+
+def _sky_klx(scene: Element | None, what: str) -> float:
+    if scene is None:
+        return 0.0
+    least = 1.0 if scene.find("sky") is not None else 0.0
+    return SKY_KLX * max(least, _brightness(scene.findtext("ambient"), 0.0, f"{what}: ambient"))
+
+
+def _brightness(color: str | None, default: float, what: str) -> float:
+    """Mean of red, green and blue, from 0 to 1."""
+    if color is None or not color.strip():
+        return default
+    count = max(3, min(4, len(color.split())))
+    return float(np.clip(np.mean(numbers(color, count, f"{what}: colour")[:3]), 0, 1))

@@ -1,0 +1,244 @@
+"""What one `<visual>` of SDFormat shows: its geometry and what it says of its material."""
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import trimesh
+
+from reconstruction.errors import InputError, naming, nearest
+from spisim.scene.shapes import check_triangles
+from spisim_formats.format import readers
+from spisim_formats.library import shapes
+from spisim_formats.library.content import (
+    Content,
+    Part,
+    Shape,
+    Surface,
+    pose_faults,
+    scaling,
+    translation,
+)
+from spisim_formats.library.files import Folders
+from spisim_formats.library.metallic import Metallic
+from spisim_formats.library.source_material import Told
+from spisim_formats.library.textures import Texture
+from spisim_formats.library.units import to_metres
+from spisim_formats.library.xml import numbers
+from spisim_formats.sdf.heightmap import heightmap
+
+#: What pictures are of, and those that are left out.
+MAPS = {"albedo_map": "base", "metalness_map": "metal", "roughness_map": "roughness"}
+MORE_MAPS = {"normal_map": "bumps are", "emissive_map": "own light is"}
+#: Geometries that Gazebo knows and that are not read.
+LEFT_OUT = ("polyline", "image", "empty")
+
+
+class Visuals:
+    """Reads visuals; a mesh file that several of them show is read once."""
+
+    def __init__(self, folders: Folders, content: Content) -> None:
+        self.content = content
+        self._folders = folders
+        self._files: dict[Path, list[Part]] = {}
+        self._faults: dict[Path, InputError] = {}
+
+    def read(self, visual: Element, path: Path, what: str) -> list[Part]:
+        """Parts of a visual in its own frame; its geometry may come from files beside `path`."""
+        if _number(visual, "transparency", 0.0, what) >= 1:
+            self.content.note(f"{what}: is fully transparent and left out")
+            return []
+        geometry = visual.find("geometry")
+        kinds = [] if geometry is None else [child for child in geometry if child.tag in KNOWN]
+        if not kinds:
+            if geometry is None or not len(geometry):
+                self.content.note(f"{what}: has no geometry")
+                return []
+            found = ", ".join(child.tag for child in geometry)
+            raise InputError(f"{what}: geometry {found:.80} is unknown: {nearest('', KNOWN)}")
+        kind = kinds[0]
+        surface = None
+        with self.content.leaving_out(f"{what}: material"):
+            surface = self._surface(visual, path, what)
+        if kind.tag in LEFT_OUT:
+            if kind.tag != "empty":
+                self.content.note(f"{what}: geometry {kind.tag} is left out")
+            return []
+        if kind.tag in FROM_FILES:
+            return FROM_FILES[kind.tag](self, kind, surface, path, what)
+        shape, pose = SHAPES[kind.tag](kind, what), np.eye(4)
+        if kind.tag == "plane":
+            pose = _facing(kind, what)
+        return [Part("", shape, pose, surface or Surface())]
+
+    def _mesh(self, element: Element, surface: Surface | None, path: Path, what: str) -> list[Part]:
+        uri = (element.findtext("uri") or "").strip()
+        parts = self._load(self._folders.find(uri, path.parent, f"{what}: mesh"), what)
+        if (submesh := element.find("submesh")) is not None:
+            parts = _only(parts, submesh, what)
+        factors = numbers(element.findtext("scale") or "1 1 1", 3, f"{what}: scale")
+        grown = scaling(factors)
+        for fault in pose_faults(grown[None]).values():
+            raise InputError(f"{what}: scale {factors}: {fault}")
+        return [
+            Part(part.name, part.geometry, grown @ part.to_world, surface or part.surface)
+            for part in parts
+        ]
+
+    def _heightmap(
+        self, element: Element, surface: Surface | None, path: Path, what: str
+    ) -> list[Part]:
+        uri = (element.findtext("uri") or "").strip()
+        file = self._folders.find(uri, path.parent, f"{what}: heightmap")
+        size = numbers(element.findtext("size") or "1 1 1", 3, f"{what}: size")
+        start = numbers(element.findtext("pos") or "0 0 0", 3, f"{what}: pos")
+        with naming(f"{what}: heightmap"):
+            mesh = heightmap(file, size)
+        words = () if surface is None else surface.words
+        ground = Surface("terrain", None, words)
+        return [Part("terrain", mesh, translation(start), ground)]
+
+    def _load(self, path: Path, what: str) -> list[Part]:
+        """Parts of a mesh file in metres.
+
+        As in Gazebo, a unit counts, but the axes stay as they stand in the file: z is up in
+        Gazebo's meshes, whatever up_axis says (gz-common, AssimpLoader).
+        """
+        suffix = path.suffix.lower()
+        known = readers(meshes_alone=True)
+        if suffix not in known:
+            raise InputError(f"{what}: mesh {path.name!r}: {nearest(suffix, known)}")
+        if path in self._faults:
+            raise self._faults[path]
+        if path not in self._files:
+            try:
+                with naming(f"{what}: mesh"):
+                    content = known[suffix](path, self._folders)
+            except InputError as error:
+                self._faults[path] = error
+                raise
+            content.up = "z"
+            self._files[path] = to_metres(content, 1.0).parts
+            loaded = (part for parts in self._files.values() for part in parts)
+            check_triangles(sum(len(shapes.as_mesh(part.geometry).faces) for part in loaded))
+            for note in content.notes:
+                self.content.note(note)
+        return self._files[path]
+
+    def _surface(self, visual: Element, path: Path, what: str) -> Surface | None:
+        """What a visual says of its material, or None where it says nothing."""
+        material = visual.find("material")
+        if material is None:
+            return None
+        script = (material.findtext("script/name") or "").strip()
+        named = [
+            (element.tag, element.text.strip())
+            for element in material.iter()
+            if element.tag.endswith("_map") and element.text and element.text.strip()
+        ]
+        found = {
+            tag: self.content.texture(name, path.parent, self._folders, f"{what}: texture")
+            for tag, name in named
+        }
+        color = _color(material, what)
+        words = tuple(Path(name).stem for _, name in named)
+        if float(_number(material, "pbr/metal/metalness", 0.0, what)) >= 0.5 and not words:
+            words = ("metal",)
+        name = script.rpartition("/")[2] or None
+        told = _told(visual, color, found, what)
+        return Surface(name, None if named else color, words, found.get("albedo_map"), told)
+
+
+def _told(
+    visual: Element,
+    color: tuple[float, float, float] | None,
+    found: dict[str, Texture | None],
+    what: str,
+) -> Callable[[], Told | None] | None:
+    """What makes a surface by metalness and roughness, where a visual has one."""
+    metal = visual.find("material/pbr/metal")
+    read = {name: found[tag] for tag, name in MAPS.items() if tag in found}
+    if metal is None or None in read.values():
+        return None
+    # a map alone says all; without either, SDFormat's default
+    share, roughness = (
+        _number(metal, tag, 1.0 if f"{tag}_map" in found else 0.5, what)
+        for tag in ("metalness", "roughness")
+    )
+    odd = tuple(f"its {told} left out" for tag, told in MORE_MAPS.items() if tag in found)
+    surface = Metallic(
+        1.0 if color is None else color[0],
+        share,
+        roughness,
+        opacity=1 - max(_number(visual, "transparency", 0.0, what), 0.0),
+        pictures={name: (texture, 0) for name, texture in read.items() if texture is not None},
+        odd=odd,
+    )
+    return cache(surface.told)
+
+
+def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
+    """The parts of one name, centred if asked for."""
+    name = (submesh.findtext("name") or "").strip()
+    # trimesh calls groups of OBJ by their names and those of their materials
+    chosen = [part for part in parts if part.name in (name, f"{name}_{part.surface.name}")]
+    if not chosen:
+        known = nearest(name, dict.fromkeys(part.name for part in parts))
+        raise InputError(f"{what}: no submesh {name[:80]!r}: {known}")
+    if (submesh.findtext("center") or "").strip().lower() not in ("true", "1"):
+        return chosen
+    corners = [
+        shapes.as_mesh(part.geometry).copy().apply_transform(part.to_world).bounds
+        for part in chosen
+    ]
+    middle = np.eye(4)
+    middle[:3, 3] = -(np.min(corners, axis=(0, 1)) + np.max(corners, axis=(0, 1))) / 2
+    return [Part(p.name, p.geometry, middle @ p.to_world, p.surface) for p in chosen]
+
+
+def _facing(plane: Element, what: str) -> np.ndarray:
+    """Pose (4, 4) that turns z to the normal of a plane."""
+    normal = np.array(numbers(plane.findtext("normal") or "0 0 1", 3, f"{what}: normal"))
+    if not np.linalg.norm(normal) > 0:
+        raise InputError(f"{what}: the normal of the plane is zero")
+    return np.asarray(trimesh.geometry.align_vectors([0, 0, 1], normal / np.linalg.norm(normal)))
+
+
+def _color(material: Element, what: str) -> tuple[float, float, float] | None:
+    for tag in ("diffuse", "ambient"):
+        text = material.findtext(tag)
+        if text is not None and text.strip():
+            count = len(text.split())
+            red, green, blue = numbers(text, max(3, min(count, 4)), f"{what}: {tag}")[:3]
+            return red, green, blue
+    return None
+
+
+def _number(element: Element, tag: str, default: float, what: str) -> float:
+    text = element.findtext(tag)
+    return default if text is None else numbers(text, 1, f"{what}: {tag}")[0]
+
+
+def _lengths(element: Element, tag: str, default: str, what: str) -> list[float]:
+    """Numbers of an element, or SDFormat's default where it is not there."""
+    text = default if element.find(tag) is None else element.findtext(tag)
+    return numbers(text, len(default.split()), f"{what}: {element.tag}: {tag}")
+
+
+def _radius_and_length(element: Element, radius: str, what: str) -> tuple[float, float]:
+    return _lengths(element, "radius", radius, what)[0], _lengths(element, "length", "1", what)[0]
+
+
+SHAPES: dict[str, Callable[[Element, str], trimesh.Trimesh | Shape]] = {
+    "box": lambda row, what: shapes.box(_lengths(row, "size", "1 1 1", what), what),
+    "sphere": lambda row, what: shapes.sphere(_lengths(row, "radius", "1", what)[0], what),
+    "cylinder": lambda row, what: shapes.cylinder(*_radius_and_length(row, "1", what), what),
+    "plane": lambda row, what: shapes.rectangle(_lengths(row, "size", "1 1", what), what),
+    "ellipsoid": lambda row, what: shapes.ellipsoid(_lengths(row, "radii", "1 1 1", what), what),
+    "capsule": lambda row, what: shapes.capsule(*_radius_and_length(row, "0.5", what), what),
+    "cone": lambda row, what: shapes.cone(*_radius_and_length(row, "0.5", what), what),
+}
+FROM_FILES = {"mesh": Visuals._mesh, "heightmap": Visuals._heightmap}
+KNOWN = (*SHAPES, *FROM_FILES, *LEFT_OUT)

@@ -1,0 +1,101 @@
+"""URDF robots (.urdf): what their links show, joints in their zero positions.
+
+https://wiki.ros.org/urdf/XML. Visuals are those of SDFormat in other words and are read as such:
+attributes become elements.
+"""
+
+from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError
+from spisim.scene.pose import pose_matrix
+from spisim_formats.library.content import Content, Part
+from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.frames import Frames
+from spisim_formats.library.xml import numbers, parse_lenient_xml
+from spisim_formats.sdf.visual import Visuals
+
+
+@np.errstate(all="ignore")  # poses are checked to be finite in the end
+def read_urdf(path: Path, folders: Folders) -> Content:
+    """Parts of the visuals of a robot, metres, z up, all joints at zero.
+
+    What of it cannot be read, or refers to what is not there, is left out, and noted. Raises
+    InputError where nothing is left.
+    """
+    content = Content(unit_why="URDF is in metres", up_why="ROS has z up (REP 103)")
+    root = parse_lenient_xml(read_bytes(path), path, content.note)
+    if root.tag != "robot":
+        raise InputError(f"{path}: is no URDF: its root is <{root.tag}>, not <robot>")
+    if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
+        raise InputError(f"{path}: has macros (xacro); `xacro {path.name} > robot.urdf` fills them")
+    visuals = Visuals(folders, content)
+    frames = _frames(root, path, content)
+    colors = {row.get("name", ""): row for row in root.findall("material")}
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        for visual in link.findall("visual"):
+            what = f"link {shown(name)}"
+            with content.leaving_out(what):
+                at_link = frames.pose(name) @ _origin(visual, what)
+                for part in visuals.read(_as_sdf(visual, colors), path, what):
+                    title = " ".join(filter(None, (name, visual.get("name", ""))))
+                    content.add(Part(title, part.geometry, at_link @ part.to_world, part.surface))
+    content.check_not_empty(path, "has no visuals; collision shapes are not read")
+    return content
+
+
+def _frames(root: Element, path: Path, content: Content) -> Frames:
+    """Links by their names; what no joint places stands at the origin."""
+    frames = Frames("world", path.name)
+    placed: dict[str, tuple[Floats, str] | None] = {}
+    for joint in root.findall("joint"):
+        what = f"{path.name}: joint {shown(joint.get('name', ''))}"
+        parent, child = joint.find("parent"), joint.find("child")
+        moved = "" if child is None else child.get("link", "")
+        placed[moved] = None  # nobody knows where it is, unless all goes well
+        with content.leaving_out(what):
+            if parent is None or child is None:
+                raise InputError(f"{what}: needs a parent and a child")
+            placed[moved] = (_origin(joint, what), parent.get("link", ""))
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        pose = placed.get(name, (np.eye(4), ""))
+        if name != "world" and pose is not None:
+            with content.leaving_out(f"{path.name}: link {shown(name)}"):
+                frames.add(name, *pose)
+    return frames
+
+
+def _origin(element: Element, what: str) -> Floats:
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    angles = numbers(origin.get("rpy", "0 0 0"), 3, f"{what}: rpy")
+    return pose_matrix(np.degrees(angles), numbers(origin.get("xyz", "0 0 0"), 3, f"{what}: xyz"))
+
+
+def _as_sdf(visual: Element, colors: dict[str, Element]) -> Element:
+    """A visual of SDFormat without a pose."""
+    made = Element("visual")
+    geometry = SubElement(made, "geometry")
+    for shape in visual.findall("geometry/*"):
+        row = SubElement(geometry, shape.tag)
+        for name, value in shape.attrib.items():
+            SubElement(row, "uri" if name == "filename" else name).text = value
+    material = visual.find("material")
+    if material is not None:
+        name = material.get("name", "")
+        told = SubElement(made, "material")
+        SubElement(SubElement(told, "script"), "name").text = name
+        described = material if material.find("color") is not None else colors.get(name, material)
+        color = described.find("color")
+        if color is not None:
+            SubElement(told, "diffuse").text = color.get("rgba", "")
+        texture = described.find("texture")
+        if texture is not None:
+            SubElement(told, "albedo_map").text = texture.get("filename", "")
+    return made

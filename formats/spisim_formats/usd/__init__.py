@@ -1,0 +1,10 @@
+"""OpenUSD, as text, binary and package, by Pixar's library."""
+
+from spisim_formats.format import SceneFormat, lazily
+
+FORMAT = SceneFormat(
+    "OpenUSD",
+    dict.fromkeys(
+        (".usd", ".usda", ".usdc", ".usdz"), lazily("spisim_formats.usd.reading:read_usd")
+    ),
+)

@@ -1,0 +1,315 @@
+"""OpenUSD (.usd, .usda, .usdc, .usdz): meshes, shapes, instances, materials, by Pixar's library.
+
+Needs the extra `usd`. Layers that a stage is composed of are found by the library; those outside of
+the folders that may be read are refused before a prim is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from reconstruction.arrays import Floats
+from reconstruction.errors import InputError, LimitError
+from spisim.scene.shapes import check_mesh, check_triangles
+from spisim_formats.library import shapes
+from spisim_formats.library.content import (
+    LEFT_OUT,
+    MAX_PARTS,
+    Axis,
+    Content,
+    Part,
+    Shape,
+    Surface,
+    readable,
+    with_texture_coordinates,
+)
+from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.usd.lamps import read_lamp
+from spisim_formats.usd.package import check_package
+from spisim_formats.usd.surfaces import read_surface
+
+MAX_LAYERS = 1000
+#: Cameras look along their -z, x to the right.
+LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
+AXES: dict[str, Axis] = {"X": "x", "Y": "y", "Z": "z"}
+#: Turns that take a shape about z to one about another axis.
+ABOUT = {"X": [0.0, 1.0, 0.0], "Y": [-1.0, 0.0, 0.0], "Z": [0.0, 0.0, 0.0]}
+
+
+def read_usd(path: Path, folders: Folders) -> Content:
+    """Parts of a stage as it stands at its first time; what cannot be read is left out, and noted.
+
+    Raises InputError for what is no stage, or is composed of layers outside of the folders.
+    """
+    read_bytes(path)
+    try:
+        from pxr import Usd, UsdGeom, UsdUtils
+    except ImportError:
+        raise InputError(f"{path}: OpenUSD needs a library: install `spisim[usd]`") from None
+    told = UsdUtils.CoalescingDiagnosticDelegate()  # which keeps to itself what it would print
+    if path.suffix.lower() == ".usdz":
+        check_package(path)
+    content = Content()
+    layers = _readable_layers(path, folders, content)
+    with readable(str(path), "OpenUSD"):
+        stage = Usd.Stage.Open(layers[0])
+        for layer in stage.GetUsedLayers():
+            if file := layer.realPath.partition("[")[0]:
+                folders.check_inside(Path(file), file, f"{path}: layer")
+        axis = str(UsdGeom.GetStageUpAxis(stage))
+        stated = stage.GetRootLayer().pseudoRoot.GetInfo("metersPerUnit")  # of either precision
+        unit_m = float(stated or UsdGeom.GetStageMetersPerUnit(stage))
+        if not 0 < unit_m < np.inf:
+            raise InputError(f"{path}: metersPerUnit should be a positive number; found {unit_m}")
+        content.unit_m, content.unit_why = unit_m, f"metersPerUnit of the stage: {unit_m:g}"
+        content.up, content.up_why = AXES[axis], f"upAxis: {axis}"
+        _Stage(stage, content, folders).read()
+        if told.TakeUncoalescedDiagnostics():
+            content.note(f"{path.name}: OpenUSD doubts some of what it says")
+        return content
+
+
+def _readable_layers(top: Path, folders: Folders, content: Content) -> list[Any]:
+    """The layers of a stage, the first one its own, kept open as they are to be composed.
+
+    What one of them refers to and is missing or cannot be read, such as MaterialX where the library
+    lacks it, is taken out of it, in memory alone. InputError for one outside of the folders.
+    """
+    from pxr import Ar, Sdf
+
+    layers: list[Any] = []
+    waiting, seen = [str(top.resolve())], set()
+    while waiting:
+        if (name := waiting.pop()) in seen:
+            continue
+        seen.add(name)
+        if len(seen) > MAX_LAYERS:
+            raise LimitError(f"{top}: is composed of more than {MAX_LAYERS:,} layers")
+        with readable(str(top), "OpenUSD"):
+            layer = Sdf.Layer.FindOrOpen(name)
+            if not layer:
+                raise InputError(f"{top}: cannot be read as OpenUSD")
+            names = list(layer.GetCompositionAssetDependencies())
+        layers.append(layer)
+        for reference in filter(None, names):
+            what = f"{name}: layer {shown(reference)}"
+            anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, reference)
+            found = str(Ar.GetResolver().Resolve(anchored))
+            if found:
+                folders.check_inside(Path(found.partition("[")[0]), reference, f"{name}: layer")
+            if found and _opens(found):
+                waiting.append(found)
+                continue
+            why = "cannot be read as OpenUSD" if found else "there is no such file"
+            content.note(f"{LEFT_OUT}{what}: {why}")
+            layer.UpdateCompositionAssetDependency(reference, "")
+    return layers
+
+
+def _opens(name: str) -> bool:
+    """Whether the library reads a layer."""
+    from pxr import Sdf, Tf
+
+    try:
+        return Path(name.partition("[")[0]).is_file() and bool(Sdf.Layer.FindOrOpen(name))
+    except Tf.ErrorException:
+        return False
+
+
+class _Stage:
+    def __init__(self, stage: Any, content: Content, folders: Folders) -> None:
+        from pxr import UsdGeom
+
+        self._stage = stage
+        self._content = content
+        self._folders = folders
+        self._poses = UsdGeom.XformCache()
+        self._meshes: dict[str, list[tuple[trimesh.Trimesh | Shape, Any]]] = {}
+        self._surfaces: dict[str, Surface] = {}
+
+    def read(self) -> None:
+        """Add all that is shown, instances included."""
+        from pxr import Usd, UsdGeom
+
+        walk = iter(Usd.PrimRange(self._stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+        for prim in walk:
+            if prim.IsA(UsdGeom.Imageable) and self._is_hidden(prim):
+                walk.PruneChildren()
+            elif prim.IsA(UsdGeom.PointInstancer):
+                with self._content.leaving_out(shown(str(prim.GetPath()))):
+                    self._add_instances(prim)
+                walk.PruneChildren()
+            else:
+                with self._content.leaving_out(shown(str(prim.GetPath()))):
+                    self._add(prim, self._pose(prim))
+
+    def _is_hidden(self, prim: Any) -> bool:
+        from pxr import UsdGeom
+
+        shown_as = UsdGeom.Imageable(prim)
+        purpose = shown_as.GetPurposeAttr().Get()
+        return shown_as.GetVisibilityAttr().Get() == "invisible" or purpose in ("proxy", "guide")
+
+    def _pose(self, prim: Any) -> Floats:
+        """To the world; USD's vectors are rows."""
+        return np.array(self._poses.GetLocalToWorldTransform(prim)).T
+
+    def _add(self, prim: Any, to_world: Floats) -> None:
+        kind = str(prim.GetTypeName())
+        if kind not in READERS:
+            if kind in ("BasisCurves", "NurbsCurves", "NurbsPatch", "Points", "TetMesh", "Volume"):
+                self._content.note(f"{shown(str(prim.GetPath()))}: {kind} is left out")
+            elif "Light" in kind and kind != "LightFilter":
+                self._content.glows += read_lamp(prim, to_world, self._content, self._folders)
+            elif kind == "Camera":
+                self._content.cameras.append(to_world @ LOOKING)
+            return
+        original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        key = str(original.GetPath())
+        if key not in self._meshes:
+            self._meshes[key] = READERS[kind](prim)
+            every = (mesh for meshes in self._meshes.values() for mesh, _ in meshes)
+            check_triangles(sum(len(shapes.as_mesh(mesh).faces) for mesh in every))
+        for geometry, bound in self._meshes[key]:
+            name = prim.GetName() if prim.GetName() != "mesh" else prim.GetParent().GetName()
+            self._content.add(Part(name, geometry, to_world, self._surface(bound)))
+
+    def _surface(self, material: Any) -> Surface:
+        """Once for all that it is bound to."""
+        key = "" if material is None else str(material.GetPath())
+        if key not in self._surfaces:
+            self._surfaces[key] = Surface(material.GetName() if key else None)
+            with self._content.leaving_out(f"material {shown(key)}"):
+                self._surfaces[key] = read_surface(material, self._content, self._folders)
+        return self._surfaces[key]
+
+    def _add_instances(self, prim: Any) -> None:
+        from pxr import Usd, UsdGeom
+
+        instancer = UsdGeom.PointInstancer(prim)
+        poses = instancer.ComputeInstanceTransformsAtTime(0.0, 0.0)
+        numbers = instancer.GetProtoIndicesAttr().Get() or []
+        if len(numbers) > MAX_PARTS:
+            raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
+        roots = [self._stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetTargets()]
+        own = self._pose(prim)
+        # instances take the prototype's own transform along; what is below it stands relative to it
+        for number, matrix in zip(numbers, poses, strict=False):
+            root = roots[number]
+            undo = np.linalg.inv(self._pose(root))
+            for inner in Usd.PrimRange(root):
+                pose = own @ np.array(matrix).T @ undo @ self._pose(inner)
+                self._add(inner, pose)
+
+
+def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
+    """Triangles of a mesh, those of subsets with a material of their own apart."""
+    from pxr import UsdGeom, UsdShade
+
+    made = UsdGeom.Mesh(prim)
+    points = np.array(made.GetPointsAttr().Get() or [], float).reshape(-1, 3)
+    counts = np.array(made.GetFaceVertexCountsAttr().Get() or [], np.int64)
+    corners = np.array(made.GetFaceVertexIndicesAttr().Get() or [], np.int64)
+    check_triangles(int(np.maximum(counts - 2, 0).sum()))
+    if counts.sum() != len(corners) or (counts < 0).any():
+        raise InputError(f"mesh {prim.GetPath()}: its faces and their corners do not fit")
+    faces, owners = _fans(counts, corners)
+    if str(made.GetOrientationAttr().Get()) == "leftHanded":
+        faces = faces[:, ::-1]
+    bound = _bound(prim)
+    parts = []
+    left = np.ones(len(counts), bool)
+    subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+    for subset in subsets:
+        chosen = np.array(subset.GetIndicesAttr().Get() or [], np.int64)
+        here = np.zeros(len(counts), bool)
+        here[chosen] = True
+        left &= ~here
+        parts.append((here, _bound(subset.GetPrim()) or bound))
+    parts.append((left, bound))
+    found: list[tuple[trimesh.Trimesh | Shape, Any]] = []
+    for which, material in parts:
+        own = faces[np.asarray(which)[owners]]
+        if not len(own):
+            continue
+        mesh = trimesh.Trimesh(points, own, process=False)
+        check_mesh(mesh, str(prim.GetPath()))
+        uv = UsdGeom.PrimvarsAPI(prim).GetPrimvar("st")
+        if uv and str(uv.GetInterpolation()) in ("vertex", "varying"):
+            with suppress(ValueError, TypeError):
+                with_texture_coordinates(mesh, np.array(uv.ComputeFlattened(), float))
+        mesh.remove_unreferenced_vertices()
+        found.append((mesh, material))
+    return found
+
+
+def _fans(counts: Any, corners: Any) -> tuple[Any, Any]:
+    """Triangles (t, 3) of polygons about their first corners, and the polygon of each."""
+    starts = np.cumsum(counts) - counts
+    each = np.maximum(counts - 2, 0)
+    owners = np.repeat(np.arange(len(counts)), each)
+    step = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
+    first = starts[owners]
+    return np.column_stack(
+        [corners[first], corners[first + step + 1], corners[first + step + 2]]
+    ), owners
+
+
+def _bound(prim: Any) -> Any:
+    from pxr import UsdShade
+
+    material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+    return material.GetPrim() if material else None
+
+
+def _simple(
+    make: Callable[[Any, str], trimesh.Trimesh | Shape],
+) -> Callable[[Any], list[tuple[trimesh.Trimesh | Shape, Any]]]:
+    def read(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
+        return [(make(prim, f"{prim.GetTypeName()} {prim.GetPath()}"), _bound(prim))]
+
+    return read
+
+
+def _about(prim: Any, geometry: trimesh.Trimesh | Shape) -> trimesh.Trimesh:
+    """A shape about z turned to the prim's axis."""
+    axis = str(prim.GetAttribute("axis").Get())
+    turn = trimesh.transformations.euler_matrix(*(np.pi / 2 * np.array(ABOUT[axis])))
+    return shapes.as_mesh(geometry).copy().apply_transform(turn)
+
+
+def _get(prim: Any, name: str) -> float:
+    return float(prim.GetAttribute(name).Get())
+
+
+READERS: dict[str, Callable[[Any], list[tuple[trimesh.Trimesh | Shape, Any]]]] = {
+    "Mesh": _mesh_parts,
+    "Cube": _simple(lambda prim, what: shapes.box([_get(prim, "size")] * 3, what)),
+    "Sphere": _simple(lambda prim, what: shapes.sphere(_get(prim, "radius"), what)),
+    "Cylinder": _simple(
+        lambda prim, what: _about(
+            prim, shapes.cylinder(_get(prim, "radius"), _get(prim, "height"), what)
+        )
+    ),
+    "Cone": _simple(
+        lambda prim, what: _about(
+            prim, shapes.cone(_get(prim, "radius"), _get(prim, "height"), what)
+        )
+    ),
+    "Capsule": _simple(
+        lambda prim, what: _about(
+            prim, shapes.capsule(_get(prim, "radius"), _get(prim, "height"), what)
+        )
+    ),
+    "Plane": _simple(
+        lambda prim, what: _about(
+            prim, shapes.rectangle([_get(prim, "width"), _get(prim, "length")], what)
+        )
+    ),
+}

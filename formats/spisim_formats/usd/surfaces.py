@@ -1,0 +1,152 @@
+"""What OpenUSD's preview surfaces say: names, colours, pictures, metalness and roughness.
+
+https://openusd.org/release/spec_usdpreviewsurface.html
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spisim_formats.library.content import Content, Surface
+from spisim_formats.library.files import Folders, shown
+from spisim_formats.library.metallic import Metallic
+from spisim_formats.library.textures import Texture
+from spisim_formats.usd.package import read_from_package
+
+KIND, PICTURE, COORDINATES = "UsdPreviewSurface", "UsdUVTexture", "UsdPrimvarReader_float2"
+#: The primvar that meshes' coordinates are read from.
+PRIMVAR = "st"
+CHANNELS = {"rgb": 0, "r": 0, "g": 1, "b": 2, "a": 3}
+#: What else a surface may have, and what it is without.
+LEFT_OUT = {"normal": "bumps are", "displacement": "bumps are", "emissiveColor": "own light is",
+            "clearcoat": "clear coat is"}  # fmt: skip
+#: Its inputs, what they are called here, and their defaults; of a colour, red.
+INPUTS = {"diffuseColor": ("base", 0.18), "metallic": ("metal", 0.0),
+          "roughness": ("roughness", 0.5), "opacity": ("opacity", 1.0)}  # fmt: skip
+
+
+def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
+    """Of a material's prim, or of None; notes pictures that are missing."""
+    from pxr import UsdShade
+
+    if material is None:
+        return Surface()
+    name = material.GetName()
+    shader = UsdShade.Material(material).ComputeSurfaceSource()[0]
+    if not shader or shader.GetShaderId() != KIND:
+        return Surface(name)
+    numbers: dict[str, float] = {}
+    pictures: dict[str, tuple[Texture, int]] = {}
+    for key, (what, default) in INPUTS.items():
+        source = _source(shader, key)
+        if _is_picture(source):
+            found = _picture(source, content, folders)
+            if found is None:
+                return Surface(name)
+            pictures[what], numbers[what] = found[:2], found[2]
+        else:
+            numbers[what] = _red(source, default)
+    texture = None
+    if "base" in pictures:
+        texture = replace(pictures["base"][0], factor=numbers["base"])
+    diffuse = _source(shader, "diffuseColor")
+    color = None
+    if texture is None and diffuse is not None and (value := diffuse.Get()) is not None:
+        color = (float(value[0]), float(value[1]), float(value[2]))
+    surface = Surface(name, color, texture=texture)
+    if _red(_source(shader, "useSpecularWorkflow"), 0) != 0:
+        return surface
+    odd = [f"its {what} left out" for key, what in LEFT_OUT.items() if _is_there(shader, key)]
+    threshold = _red(_source(shader, "opacityThreshold"), 0.0)
+    made = Metallic(
+        numbers["base"],
+        numbers["metal"],
+        numbers["roughness"],
+        ior=_red(_source(shader, "ior"), 1.5),
+        opacity=numbers["opacity"],
+        cutoff=threshold if threshold > 0 else None,
+        pictures=pictures,
+        odd=tuple(dict.fromkeys(odd)),
+    )
+    return replace(surface, told=cache(made.told))
+
+
+def _source(shader: Any, name: str) -> Any:
+    """The attribute that an input gets its value from; None for an input that is not there."""
+    given = shader.GetInput(name)
+    found = given.GetValueProducingAttributes() if given else []
+    return found[0] if found else None
+
+
+def _is_picture(source: Any) -> bool:
+    from pxr import UsdShade
+
+    output = UsdShade.AttributeType.Output
+    return source is not None and UsdShade.Utils.GetType(source.GetName()) == output
+
+
+def _red(source: Any, default: float) -> float:
+    """Of a value; the default where it has none, or is a picture."""
+    value = None if source is None or _is_picture(source) else source.Get()
+    return default if value is None else float(np.ravel(value)[0])
+
+
+def _is_there(shader: Any, name: str) -> bool:
+    """Whether an input is a picture, or a number other than its default, 0 or straight up."""
+    source = _source(shader, name)
+    if source is None or _is_picture(source):
+        return source is not None
+    value = source.Get()
+    return value is not None and bool(np.any(value)) and name != "normal"
+
+
+def _picture(source: Any, content: Content, folders: Folders) -> tuple[Texture, int, float] | None:
+    """The picture and channel that an output is of, and its scale; None where it is not read."""
+    from pxr import UsdShade
+
+    shader = UsdShade.Shader(source.GetPrim())
+    channel = CHANNELS.get(source.GetName().removeprefix("outputs:"))
+    file = _source(shader, "file")
+    if shader.GetShaderId() != PICTURE or channel is None or file is None:
+        return None
+    asset = file.Get()
+    name = "" if asset is None else asset.resolvedPath or asset.path
+    if not name:
+        return None
+    texture = _texture(name, content, folders)
+    scale, bias = (_source(shader, key) for key in ("scale", "bias"))
+    if texture is None or (bias is not None and np.any(bias.Get())):
+        return None
+    factor = 1.0 if scale is None else float(scale.Get()[channel])
+    space = _source(shader, "sourceColorSpace")
+    linear = space is not None and space.Get() == "raw"
+    return replace(texture, fits=_fits(shader), linear=linear), channel, factor
+
+
+def _texture(name: str, content: Content, folders: Folders) -> Texture | None:
+    """The picture of a name, which may be that of a file in a package."""
+    package, bracket, inner = name.partition("[")
+    if not bracket:
+        return content.texture(name, folders.roots[0], folders, "texture")
+    folders.check_inside(Path(package), package, "texture")
+    if (data := read_from_package(name)) is None:
+        content.note(f"texture: no file {shown(inner.rstrip(']'))} in the package; it is not used")
+        return None
+    return Texture(inner.rstrip("]"), data)
+
+
+def _fits(texture: Any) -> bool:
+    """Whether a picture lies as the coordinates of the mesh say."""
+    from pxr import UsdShade
+
+    place = _source(texture, "st")
+    if place is None or not _is_picture(place):
+        return False
+    reader = UsdShade.Shader(place.GetPrim())
+    name = _source(reader, "varname")
+    return reader.GetShaderId() == COORDINATES and name is not None and name.Get() == PRIMVAR
