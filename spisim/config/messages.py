@@ -14,7 +14,7 @@ _SCALAR = {"float_type", "int_type", "string_type", "bool_type"}
 #: Kind of error of a field that a section does not have.
 UNKNOWN_FIELD = "unknown_field"
 #: Of one file, as many as are read with patience.
-MAX_ERRORS = 10
+MAX_ERRORS = 20
 
 
 def describe(error: ValidationError, data: Mapping[Any, Any], source: Path | str) -> str:
@@ -38,6 +38,8 @@ def describe(error: ValidationError, data: Mapping[Any, Any], source: Path | str
     if len(messages) == 1:
         return f"{source}: {messages[0]}"
     numbered = [f"({number}) {text}" for number, text in enumerate(messages[:MAX_ERRORS], 1)]
+    if len(messages) > MAX_ERRORS:
+        numbered.append(f"and {len(messages) - MAX_ERRORS} more")
     return f"{source}: {len(messages)} errors: {' '.join(numbered)}"
 
 
