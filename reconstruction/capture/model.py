@@ -166,10 +166,13 @@ class Setup:
     @property
     def facts(self) -> dict[str, Any]:
         """What it is, in a few words by name."""
-        plan = self.plan
-        return {
-            "patterns": f"{plan.sampled} of {plan.shape[0]} × {plan.shape[1]} pixels, {plan.basis}",
+        plan, shape = self.plan, " × ".join(map(str, self.plan.shape))
+        shown = {
+            "patterns": f"{plan.sampled} of {shape} pixels, {plan.basis}",
             "exposures": plan.exposures,
+        }
+        return {
+            **(shown if plan.shows_image else {"patterns": "none"}),
             "ranging": "none" if self.spots is None else self.spots.summary,
         }
 

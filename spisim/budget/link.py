@@ -144,11 +144,7 @@ def spot_link(instrument: Instrument, target: Target) -> SpotLink:
         patterns_w=patterns,
         echo_per_s=echo * instrument.electrons_per_joule(detector, "laser"),
         daylight_per_s=daylight * instrument.electrons_per_joule(detector, "daylight"),
-        patterns_per_s=(
-            patterns * instrument.electrons_per_joule(detector, "projector")
-            if instrument.images
-            else patterns
-        ),
+        patterns_per_s=patterns * instrument.electrons_per_joule(detector, "projector"),
         dark_per_s=detector.sensor.dark_rate_hz,
     )
 

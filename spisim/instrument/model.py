@@ -20,7 +20,7 @@ from spisim.config import Number, Positive, Section, dump_yaml, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.fitting import BAND_POINTS, errors_of
-from spisim.instrument.parts import Filter, Lasers, Plan, Projector
+from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
 from spisim.instrument.tof import Tof
 from spisim.instrument.tofs import AnyTof
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
@@ -221,7 +221,7 @@ class Instrument(Section):
         fields = self._fields
         fields["wavelength_nm"] = float(wavelength_nm)
         fields["filter"]["band_nm"] = list(band_nm)
-        if self.images and self.imaging.projector.spectrum is not None:
+        if self._spectrum is not None:
             fields["projector"]["spectrum"]["peak_nm"] += moved_nm
         for name, detector in self.detectors.items():
             part = fields["tof"] if name == "tof.detector" else fields
@@ -353,13 +353,18 @@ class Instrument(Section):
             **Weather.parsed(self.weather)._asdict(),
         )
 
+    @property
+    def _spectrum(self) -> Spectrum | None:
+        """Of the projector; None where it is one line, or there is no projector."""
+        return self.projector.spectrum if self.projector is not None else None
+
     def _in_band_spectrum(self, source: Source) -> tuple[Floats, Floats]:
         """Wavelengths, and weights that sum to one."""
         wavelengths = np.linspace(*self.filter.band_nm, BAND_POINTS)
         if source == "daylight":
             table, irradiance, _ = daylight_spectrum()
             weights = np.interp(wavelengths, table, irradiance)
-        elif source == "projector" and (spectrum := self.imaging.projector.spectrum) is not None:
+        elif source == "projector" and (spectrum := self._spectrum) is not None:
             weights = spectrum.density(wavelengths)
         else:
             return np.array([self.wavelength_nm]), np.ones(1)
