@@ -128,7 +128,7 @@ def replace_dataset(path, name, value, units=None):
         ("buckets/exposure_time_s", 0.0, "must be positive"),
         ("buckets/offset_counts", np.zeros(2), "expected .a scalar"),
         ("spots/taps", np.zeros((1, 4, 3)), r"shape \(1, 4, 3\), expected \(frames = 2"),
-        ("spots/directions", np.eye(3), r"shape \(4, 3\), expected \(spots = 3, 3 = 3\)"),
+        ("spots/directions", np.ones((3, 2)), r"shape \(3, 2\), expected \(spots = 3, 3 = 3\)"),
         ("spots/directions", np.tile([0, 0, 57.0], (4, 1)), "unit vectors"),
         ("spots/tap_frequencies_hz", np.full(3, -1.0), "must be positive"),
         ("spots/tap_frequencies_hz", [1e6, 1e6, 2e6], "1e.06 Hz has 2 tap.* at least 3"),
