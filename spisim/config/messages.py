@@ -29,6 +29,8 @@ def describe(error: ValidationError, data: Mapping[Any, Any], source: Path | str
         is_missing = details["type"] == "missing"
         if is_missing and details["loc"][:-1] in unknown:
             continue  # its name is perhaps the misspelt one
+        if details["type"] == "too_short" and _has_errors_within(details["loc"], errors):
+            continue  # of the items that are left
         field, value, in_union = _locate(details["loc"], data, is_missing)
         if field and any(_is_within(field, other) for other in of_unions):
             continue  # another branch of a union, whose first is described
@@ -41,6 +43,11 @@ def describe(error: ValidationError, data: Mapping[Any, Any], source: Path | str
     if len(messages) > MAX_ERRORS:
         numbered.append(f"and {len(messages) - MAX_ERRORS} more")
     return f"{source}: {len(messages)} errors: {' '.join(numbered)}"
+
+
+def _has_errors_within(loc: tuple[int | str, ...], errors: list[ErrorDetails]) -> bool:
+    """Whether items of a list have errors of their own."""
+    return any(each["loc"][: len(loc)] == loc != each["loc"] for each in errors)
 
 
 def _sentence(field: str, value: Any, details: ErrorDetails) -> str:

@@ -50,7 +50,9 @@ class Question(NamedTuple):
             wrong = not self.low <= value <= self.high
         if wrong:
             what = "whole number" if kind is int else "number"
-            raise InputError(f"{name} {answer}: a {what} from {self.low:g} to {self.high:g}")
+            in_mhz = name == "frequency_hz" and 0 < value < self.low
+            hint = f"; if it is in MHz, write {value:g}e6" if in_mhz else ""
+            raise InputError(f"{name} {answer}: a {what} from {self.low:g} to {self.high:g}{hint}")
         return value
 
 
@@ -67,9 +69,7 @@ QUESTIONS: dict[str, Question] = {
     "image_part": Question("Detector of the image, by part", "fga015", of=IMAGE),
     "image_adc_bits": Question("Bits of its converter", 16, 1, 31, IMAGE),
     "spots": Question("Laser spots; light is traced for 4", 4, 1, MAX_SPOTS, RANGES),
-    "laser_power_w": Question(
-        "Power of a laser: mean, or peak of a pulse", 5e-3, 1e-9, 1e4, RANGES
-    ),
+    "laser_power_w": Question("Power of a laser, of a pulse its peak", 5e-3, 1e-9, 1e4, RANGES),
     "modulation": Question("Time of flight: cw, pulsed or dtof", "cw", of=RANGES),
     "frequency_hz": Question("Modulation frequency of cw", 15e6, 1e4, 1e10, RANGES),
     "pulse_s": Question("Pulse width of pulsed and dtof", 1e-8, 1e-12, 1e-3, RANGES),

@@ -74,7 +74,7 @@ def _not_in_mhz(frequency_hz: float) -> float:
     if frequency_hz < LEAST_MODULATION_HZ:
         raise InputError(
             f"should be at least {LEAST_MODULATION_HZ:g} Hz; if it is in MHz, write "
-            f"{1e6 * frequency_hz:.6e}"
+            f"{frequency_hz:g}e+6"
         )
     return frequency_hz
 
