@@ -3,8 +3,8 @@
     python tools/first_hours.py [SCRIPT ...] [--python PYTHON]
 
 The wheel is built and installed into a new virtual environment, packages from wherever pip finds
-them, with the extras that scripts name in a line such as `# extras: ros, torch`. Scripts are
-Python or shell; both find the commands of that environment first in PATH. With `--python` an
+them. What a script needs besides, it says in a line such as `# needs: spisim[ros], mcap`. Scripts
+are Python or shell; both find the commands of that environment first in PATH. With `--python` an
 environment that has the packages already is used as it is.
 """
 
@@ -21,11 +21,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "tests" / "strangers"
-EXTRAS = re.compile(r"^# extras: (.+)$", re.MULTILINE)
+NEEDS = re.compile(r"^# needs: (.+)$", re.MULTILINE)
+EXTRA = re.compile(r"spisim\[(\w+)\]")
 
 
 def scripts_named(names: Iterable[str]) -> list[Path]:
-    """Scripts by their names with or without the suffix, all without any; exits for unknown ones."""
+    """Scripts by their names, all without any; ends the program for unknown ones."""
     found = {path.name: path for path in sorted(SCRIPTS.iterdir()) if path.suffix in (".py", ".sh")}
     stems = {path.stem: path for path in found.values()}
     chosen = list(names) or list(found)
@@ -40,17 +41,28 @@ def installed(folder: Path, scripts: Iterable[Path]) -> Path:
     build = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(ROOT)]
     subprocess.run(build, check=True, stdout=subprocess.DEVNULL)
     (wheel,) = folder.glob("*.whl")
-    extras = {
-        extra.strip()
+    needs = {
+        need.strip()
         for script in scripts
-        for line in EXTRAS.findall(script.read_text(encoding="utf-8"))
-        for extra in line.split(",")
+        for line in NEEDS.findall(script.read_text(encoding="utf-8"))
+        for need in line.split(",")
     }
+    extras = sorted(found[1] for need in needs if (found := EXTRA.fullmatch(need)))
+    packages = sorted(need for need in needs if not EXTRA.fullmatch(need))
     venv.create(folder / "venv", with_pip=True)
     python = folder / "venv" / "bin" / "python"
-    what = f"{wheel}[{','.join(sorted(extras))}]" if extras else str(wheel)
+    spisim = f"{wheel}[{','.join(extras)}]" if extras else str(wheel)
     subprocess.run(
-        [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", what],
+        [
+            python,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            spisim,
+            *packages,
+        ],
         check=True,
         env=environment(python),
     )

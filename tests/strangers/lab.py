@@ -1,12 +1,13 @@
-"""A laboratory's first hour: its own patterns, its own taps, its own instrument, in an empty folder.
+"""A laboratory's first hour: its own patterns, its own taps, its own instrument.
 
     python lab.py
 
-Only the installed packages and their commands are used; raises AssertionError where a figure is
-not what the closed form says.
+Run in an empty folder. Only the installed packages and their commands are used; raises
+AssertionError where a figure is not what the closed form says.
 """
 
 import json
+import shlex
 import subprocess
 import sys
 
@@ -22,11 +23,12 @@ FREQUENCY_HZ = 20e6
 BACKGROUND, AMPLITUDE = 60_000.0, 25_000.0  # electrons of a tap: mean, and its change with phase
 
 
-def run(*words: str) -> str:
+def run(command: str) -> str:
     """Output of a command of this environment."""
-    done = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True)
+    words = [sys.executable, "-m", *shlex.split(command)]
+    done = subprocess.run(words, capture_output=True, text=True)
     if done.returncode:
-        raise SystemExit(f"{' '.join(words)}\n{done.stderr}")
+        raise SystemExit(f"{command}\n{done.stderr}")
     return done.stdout
 
 
@@ -40,11 +42,11 @@ def image_of_own_patterns(rng: np.random.Generator) -> None:
     np.savetxt("patterns.csv", patterns, fmt="%d", delimiter=",")
     np.savetxt("readings.csv", counts, fmt="%d")
     run(
-        *"reconstruction import readings.csv --patterns-variable patterns.csv".split(),
-        *f"--shape {SIDE}x{SIDE} --electrons-per-count {COUNTS} --offset-counts 0".split(),
-        *f"--noise-electrons {NOISE} --excess-noise-factor 1 -o image.h5".split(),
+        f"reconstruction import readings.csv --patterns-variable patterns.csv -o image.h5 "
+        f"--shape {SIDE}x{SIDE} --electrons-per-count {COUNTS} --offset-counts 0 "
+        f"--noise-electrons {NOISE} --excess-noise-factor 1"
     )
-    run(*"reconstruction image.h5 -o image".split())
+    run("reconstruction image.h5 -o image")
     result = reconstruction.read_result("image/result.h5")
     name = next(name for name in result.images if name in result.deviations)
     image, sigma = result.images[name], result.deviations[name]
@@ -68,11 +70,10 @@ def range_of_own_taps(rng: np.random.Generator) -> None:
     counts = (rng.poisson(light) + NOISE * rng.standard_normal(light.shape)) / COUNTS
     np.savetxt("taps.csv", np.rint(counts), fmt="%d", delimiter=",")
     run(
-        *f"reconstruction import --taps taps.csv --frequency {FREQUENCY_HZ:g}".split(),
-        *f"--taps-electrons-per-count {COUNTS} --taps-noise-electrons {NOISE}".split(),
-        *"-o ranges.h5".split(),
+        f"reconstruction import --taps taps.csv --frequency {FREQUENCY_HZ:g} -o ranges.h5 "
+        f"--taps-electrons-per-count {COUNTS} --taps-noise-electrons {NOISE}"
     )
-    report = json.loads(run(*"reconstruction ranges.h5 -o ranges --ranging cw --json".split()))
+    report = json.loads(run("reconstruction ranges.h5 -o ranges --ranging cw --json"))
     closed_m = c / (4 * np.pi * FREQUENCY_HZ) * np.sqrt((BACKGROUND + NOISE**2) / 2) / AMPLITUDE
     for spot, true_m in zip(report["spots"]["cw"], SPOTS_M, strict=True):
         range_m, sigma_m = spot["range_m"], spot["sigma_m"]
@@ -84,15 +85,15 @@ def range_of_own_taps(rng: np.random.Generator) -> None:
 
 def own_instrument() -> None:
     """Data sheet -> instrument file -> budget -> capture -> image and ranges."""
-    run(*"spisim instrument new -o mine.yaml --defaults --field-deg 15".split())
-    run(*"spisim instrument new -o camera.yaml --defaults --makes image".split())
-    run(*"spisim instrument new -o ranger.yaml --defaults --makes ranges".split())
+    run("spisim instrument new -o mine.yaml --defaults --field-deg 15")
+    run("spisim instrument new -o camera.yaml --defaults --makes image")
+    run("spisim instrument new -o ranger.yaml --defaults --makes ranges")
     for name in ("mine", "camera", "ranger"):
-        budget = json.loads(run(*f"spisim budget {name}.yaml --range 3 --json".split()))
+        budget = json.loads(run(f"spisim budget {name}.yaml --range 3 --json"))
         assert (budget["image"] is None) == (name == "ranger")
         assert (budget["range"] is None) == (name == "camera")
-        run(*f"spisim simulate warehouse --instrument {name}.yaml -o {name}.h5 --spp 8".split())
-        report = json.loads(run(*f"reconstruction {name}.h5 -o {name} --json".split()))
+        run(f"spisim simulate warehouse --instrument {name}.yaml -o {name}.h5 --spp 8")
+        report = json.loads(run(f"reconstruction {name}.h5 -o {name} --json"))
         print(f"{name}: {load_instrument(f'{name}.yaml')!r}".replace("\n", ";"))
         assert bool(report["spots"]) == (name != "camera")
         assert name == "ranger" or report["pixels"] == 64**2
