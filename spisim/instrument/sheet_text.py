@@ -165,7 +165,8 @@ def _sensor(
     if not low <= answers["wavelength_nm"] <= high:
         raise InputError(
             f"{of}_part {name}: its values are those of {low:g} to {high:g} nm, not of "
-            f"wavelength_nm {answers['wavelength_nm']:g}"
+            f"wavelength_nm {answers['wavelength_nm']:g}; commands move an instrument to another "
+            "wavelength: --wavelength"
         )
     lines = [f"sensor:  # {part['about']}"]
     lines += [f"  {field}: {_number(value)}" for field, value in part["sensor"].items()]
