@@ -105,7 +105,7 @@ def record_frames(
         buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
     else:
         assert spots is not None
-        mean, buckets = no_light(frames, len(truths)), capture_from_spots(spots).buckets
+        mean, buckets = no_light(frames, max(1, len(truths))), capture_from_spots(spots).buckets
     return Frames(first, buckets, spots, pattern_taps), mean
 
 

@@ -84,10 +84,15 @@ class Transport:
 #: Paths per `spp`, and in their place the noise share to be reached.
 Effort = tuple[int, float | None]
 
-_NOTHING: dict[str, Any] = {"launches": 2, "paths": 0, "size": float("nan"), "dropped": 0}
+
+def _none(**sums: Floats) -> Estimate:
+    """Of light that there is none of."""
+    return Estimate(sums, sums, launches=2, paths=0, size=float("nan"), dropped=0)
+
+
 #: What there is without a projector, and without lasers.
-NO_IMAGE = Estimate({"image": np.zeros(1)}, {"image": np.zeros(1)}, **_NOTHING)
-NO_SPOTS = Estimate({"histogram": np.zeros((0, 0))}, {"histogram": np.zeros((0, 0))}, **_NOTHING)
+NO_IMAGE = _none(image=np.zeros(1))
+NO_SPOTS = _none(histogram=np.zeros((0, 0)), histogram_orders=np.zeros((3, 0, 0)))
 
 
 @with_backend
@@ -132,6 +137,8 @@ def solve(
     began = time.perf_counter()
     if instrument.ranges:
         instrument.ranging.tof.check_bins(BIN_WIDTH_M)
+    if outputs.frequencies_hz or outputs.bins is not None:
+        instrument.imaging  # noqa: B018 - raises where there are no pixels to keep it of
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
@@ -182,7 +189,7 @@ def solve(
         dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=seconds,
-        extra=_extra(outputs, image.mean, spots.mean, shape) if instrument.images else {},
+        extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape),
     )
 
 
@@ -320,15 +327,18 @@ def dark_power(instrument: Instrument, detector: Detector, source: Source) -> fl
 
 def _extra(
     outputs: Outputs,
-    image: Mapping[str, Floats],
+    image: Mapping[str, Floats] | None,
     spots: Mapping[str, Floats],
     shape: tuple[int, int],
 ) -> dict[str, NDArray[Any]]:
     """Everything kept besides the image, with pixels as rows and columns."""
     extra: dict[str, NDArray[Any]] = {}
     if outputs.orders:
-        extra["orders"] = image["image_orders"].reshape(-1, *shape)
         extra["spot_orders"] = spots["histogram_orders"]
+    if image is None:
+        return extra
+    if outputs.orders:
+        extra["orders"] = image["image_orders"].reshape(-1, *shape)
     if outputs.frequencies_hz:
         extra["phasors"] = _phasors(image["phasors"], shape)
         if outputs.orders:

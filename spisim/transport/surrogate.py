@@ -145,7 +145,8 @@ def _spots(
     """Fields of the spots; of none without lasers."""
     if not instrument.ranges:
         none = {name: np.zeros((0, 0)) for name in ("spot_histogram", "spot_histogram_error")}
-        return none | {"path_length_m": np.zeros(0), "dropped": 0, "paths": 0, "extra": {}}
+        extra = {"spot_orders": np.zeros((3, 0, 0))}
+        return none | {"path_length_m": np.zeros(0), "dropped": 0, "paths": 0, "extra": extra}
     bins = spot_bins(met_m(world, placed.beams), instrument.ranging.tof.unambiguous_range_m)
     found = spot_histogram(
         world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=seed, max_vertices=1
