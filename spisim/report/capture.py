@@ -105,6 +105,7 @@ def write_report(
         images=[
             (method_title("images", name), image, quality_of(metrics, name))
             for name, image in result.images.items()
+            if capture.plan.shows_image
         ],
         image_scale=image_scale,
         depths=depths,

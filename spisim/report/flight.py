@@ -148,7 +148,7 @@ def _row(seen: Sighting) -> dict[str, Any]:
         for key in ("true_m", "range_m", "error_m", "sigma_m"):
             row[f"spot_{k}_{key}"] = _number(spot[key])
         row[f"spot_{k}_status"] = spot["status"]
-    row["image_correlation"] = _number(image["correlation"])
+    row["image_correlation"] = _number(image.get("correlation"))
     for key in ("mae_m", "rmse_m"):
         row[f"depth_{key}"] = _number(depth.get(key))
     return row

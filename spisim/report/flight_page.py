@@ -67,14 +67,14 @@ def _told(seen: Sighting, scales: Scales) -> dict[str, Any]:
     """Pictures and words of one capture."""
     time = f"{seen.instant.time_s:.2f} s"
     error_m = _depth_error(seen)
-    images = next(iter(seen.metrics["images"].values()))
+    image = next(iter(seen.metrics["images"].values()), {})
     return {
         "time": time,
         "file": seen.instant.file,
         "words": f"{time} · mean depth error {length(error_m)}",
         "panels": scales.panels(seen),
         "error_m": error_m,
-        "correlation": images["correlation"],
+        "correlation": image.get("correlation"),
     }
 
 
