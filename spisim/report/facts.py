@@ -1,6 +1,6 @@
 """Facts of a capture and figures of its reconstruction, in words."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,12 @@ def media_of(capture: Capture) -> list[Mapping[str, Any]]:
         return []
     media = settings.get("media") if isinstance(settings, dict) else None
     return [one for one in media if isinstance(one, dict)] if isinstance(media, list) else []
+
+
+def in_all(warnings: Iterable[Sequence[str]]) -> list[str]:
+    """Warnings that every one of several captures has."""
+    first, *others = [*warnings] or [()]
+    return [each for each in first if all(each in other for other in others)]
 
 
 def cards_of(capture: Capture, result: Result, metrics: Metrics | None) -> Cards:
