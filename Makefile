@@ -13,7 +13,7 @@ help:
 	@echo 'make test    lint, type check and fast tests'
 	@echo 'make slow    the slow tests, half an hour on two cores; with PART=3 a fifth of them'
 	@echo 'make hours   the tests that take hours: files and streams changed 100,000 times'
-	@echo 'make check   make test, make slow, the path of a stranger, and a sample of faults'
+	@echo 'make check   make test, make slow, the path and scripts of strangers, and a sample of faults'
 	@echo 'make docs    the documentation site, into out/site'
 	@echo 'make benchmarks  measure everything anew, hours, into the tables of the pages'
 	@echo 'make clean   remove the virtual environment, caches and out/'
@@ -36,6 +36,7 @@ hours: $(INSTALLED)
 
 check: test docs slow
 	$(BIN)/python tools/strangers_path.py
+	$(BIN)/python tools/first_hours.py
 	$(BIN)/python tools/mutation.py
 
 docs: $(VENV)/.installed-docs

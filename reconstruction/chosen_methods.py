@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
 
 from .capture import Setup
-from .depth import DEPTH_METHODS, lacks, unlike
+from .capture.spots import check_four
+from .depth import DEPTH_METHODS, suits, unlike
 from .errors import InputError
 from .image import IMAGE_METHODS, CarryingMethod, UsableReadings, image_method
 from .ranging import RANGING_METHODS, RangingSolver, ranging_method, reads, usual_rangings
@@ -82,6 +83,12 @@ def ranging_solvers(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver
             RANGING_METHODS[name]  # an unknown one is told first
             raise InputError(f"ranging method {name!r} needs spots, which the recording lacks")
         return {}, {}
+    if not spots.are_four:
+        for name in _listed(names, (), (), bool):
+            RANGING_METHODS[name]
+            check_four(f"ranging method {name!r}", spots)
+        told = f"left out: methods need 4 spots, the recording has {len(spots.directions)}"
+        return {}, {"ranging": told}
     solvers: dict[str, RangingSolver] = {}
     refused: dict[str, str] = {}
 
@@ -104,7 +111,7 @@ def ranging_solvers(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver
 
 def left_out(setup: Setup) -> dict[str, str]:
     """Of the usual depth methods those that a recording does not suit, by name, and why."""
-    fit = (name for name in USUAL_DEPTHS if not lacks(DEPTH_METHODS[name], setup))
+    fit = (name for name in USUAL_DEPTHS if suits(DEPTH_METHODS[name], setup))
     told = {name: unlike(DEPTH_METHODS[name], setup) for name in fit}
     return {name: why for name, why in told.items() if why is not None}
 
@@ -113,7 +120,7 @@ def depth_names(names: Names, setup: Setup) -> list[str]:
     """Depth methods by name; InputError for what is no name."""
 
     def fits(name: str) -> bool:
-        return not lacks(DEPTH_METHODS[name], setup)
+        return suits(DEPTH_METHODS[name], setup)
 
     unsuited = left_out(setup)
     usual = [name for name in USUAL_DEPTHS if fits(name) and name not in unsuited]

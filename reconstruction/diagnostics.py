@@ -11,6 +11,7 @@ from .image import Imaging, doubt
 from .operators import decoder_for
 from .ranging import RANGED, RANGING_METHODS, Ranges, unambiguous_path_m
 from .ranging.doubts import LEAST_M
+from .result import Result
 
 ENOUGH = 0.9**2 / (1 - 0.9**2)
 """Squared SNR of a coefficient at which the zero-filled image is correlated with the truth 0.9
@@ -62,6 +63,11 @@ def capture_warnings(
         *_noise_warnings(capture, frames),
         *dict.fromkeys(found),
     ]
+
+
+def result_warnings(result: Result, capture: Capture) -> list[str]:
+    """Warnings of the frame that a result is of, given its ranges, and of the methods."""
+    return [*capture_warnings(capture, result.frame, result.ranges), *result.warnings]
 
 
 def _layout_warnings(capture: Capture, frame: int) -> list[str]:

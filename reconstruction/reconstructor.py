@@ -297,6 +297,7 @@ class Reconstructor:
         if (
             setup.optics is None
             or setup.spots is None
+            or not setup.spots.are_four
             or name is None
             or coupled
             or setup.buckets.unit != "electron"

@@ -130,6 +130,6 @@ def _told(light: LightSequence) -> dict[str, Any]:
         )
         tiny = np.finfo(np.float64).tiny
         told[f"{name}_relative_error"] = worst(
-            float(np.max(error / np.maximum(power, tiny))) for power, error in powers
+            float(np.max(error / np.maximum(power, tiny), initial=0.0)) for power, error in powers
         )
     return told

@@ -95,8 +95,8 @@ def _thumbnail(scene: Scene, instrument: Instrument, path: Path) -> tuple[str, S
     colours = view_image(scene, caster, FOV_DEG, PIXELS)
     image = Image.fromarray(np.round(255 * colours).astype(np.uint8))
     half = PIXELS / 2 / np.tan(np.radians(FOV_DEG / 2))
-    wide = half * instrument.projector.tan_half_width
-    high = half * instrument.projector.tan_half_height
+    wide = half * instrument.imaging.projector.tan_half_width
+    high = half * instrument.imaging.projector.tan_half_height
     middle = PIXELS / 2
     corners = middle - wide, middle - high, middle + wide, middle + high
     ImageDraw.Draw(image).rectangle(corners, outline=PROJECTOR)

@@ -18,7 +18,12 @@ from rosidl_runtime_py.utilities import get_message
 
 from reconstruction import InputError
 from reconstruction.exports import Shot
-from reconstruction.exports.ros import frame_messages, state_message, static_messages
+from reconstruction.exports.ros import (
+    frame_messages,
+    map_messages,
+    state_message,
+    static_messages,
+)
 from reconstruction.live import Loop, Reception
 from reconstruction.live.links import source_at
 
@@ -43,6 +48,7 @@ class Camera(Node):
             self._stream = outcome.stream
             self._publish(static_messages(shot))
         self._publish(frame_messages(shot))
+        self._publish(map_messages(shot))
 
     def state(self, state):
         """How the stream is, once a second."""

@@ -37,7 +37,7 @@ FORMAT = hdf5.Format(
     name="spisim-capture",
     kind="capture",
     oldest=(2, 0),
-    version=(3, 2),
+    version=(3, 3),
     remedy="record, simulate or import it again",
 )
 KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}

@@ -22,7 +22,7 @@ from ..plotting import draw_map, panels
 from .buckets import Buckets
 from .pattern_taps import PatternTaps
 from .schema import FRAMES, Stored, between, check_shape, stored_fields
-from .spots import Spots
+from .spots import SPOTS_AXIS, Spots
 
 Image = NDArray[np.float32]
 
@@ -63,7 +63,7 @@ class FrameTruth:
 
     ``image`` (H, W) is the electrons per exposure that each virtual pixel alone, fully on,
     contributes, ``image_error`` the standard error of the light transport that found it;
-    ``spot_range_m`` (4,), nan where a laser meets nothing.
+    ``spot_range_m`` (spots,), nan where a laser meets nothing.
     """
 
     image: Image
@@ -97,7 +97,9 @@ class Truth:
     reflectance: Annotated[
         Image, Stored("1", ("truths", "height", "width"), "float32", "not negative", nan=True)
     ]
-    spot_range_m: Annotated[Floats, Stored("m", ("truths", 4), sign="not negative", nan=True)]
+    spot_range_m: Annotated[
+        Floats, Stored("m", ("truths", SPOTS_AXIS), sign="not negative", nan=True)
+    ]
 
     @classmethod
     def of(cls, frames: Sequence[FrameTruth], *, still: bool = False) -> Self:
@@ -164,10 +166,13 @@ class Setup:
     @property
     def facts(self) -> dict[str, Any]:
         """What it is, in a few words by name."""
-        plan = self.plan
-        return {
-            "patterns": f"{plan.sampled} of {plan.shape[0]} × {plan.shape[1]} pixels, {plan.basis}",
+        plan, shape = self.plan, " × ".join(map(str, self.plan.shape))
+        shown = {
+            "patterns": f"{plan.sampled} of {shape} pixels, {plan.basis}",
             "exposures": plan.exposures,
+        }
+        return {
+            **(shown if plan.shows_image else {"patterns": "none"}),
             "ranging": "none" if self.spots is None else self.spots.summary,
         }
 

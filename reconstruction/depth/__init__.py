@@ -1,7 +1,7 @@
 """From image, ranges and readings to depth maps: methods, rays, point clouds."""
 
 from .method import REACH_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
-from .methods import DEPTH_METHODS, depth_method, lacks, unlike
+from .methods import DEPTH_METHODS, depth_method, lacks, suits, unlike
 from .obstacle import DISTANCES_M, MIN_FREE, Corridor, check_min_free, nearest_obstacle_m
 from .pointcloud import point_cloud_ply
 from .rays import pixel_of, pixel_rays, range_over_depth
@@ -25,5 +25,6 @@ __all__ = [
     "pixel_rays",
     "point_cloud_ply",
     "range_over_depth",
+    "suits",
     "unlike",
 ]

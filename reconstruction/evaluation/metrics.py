@@ -45,6 +45,7 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
         "images": {
             name: image_metrics(image, truth.image, result.images.get(BASELINE))
             for name, image in result.images.items()
+            if recording.plan.shows_image
         },
         "truth": {"image_error": _relative_rms(truth.image_error, truth.image)},
         "spots": {name: _spots(ranges, truth) for name, ranges in result.rangings.items()},

@@ -9,7 +9,8 @@ import numpy as np
 from ..errors import InputError
 from ..files import mark
 from .export import KIND
-from .ros import Message
+from .ros import Message, frame_messages, map_messages, static_messages
+from .shot import Shot
 
 LATCHED = """- history: keep_last
   depth: 1
@@ -22,24 +23,32 @@ LATCHED = """- history: keep_last
   avoid_ros_namespace_conventions: false
 """
 """How rosbag2 is told to publish for those too that come later."""
-MISSING = "MCAP files need two libraries: pip install './reconstruction[ros]' or 'spisim[ros]'"
+MAP_PERIOD_NS = 95_000_000
+"""Minimum time between frames whose image, depth map and cloud are written: ten a second, with room
+for jitter. Noise does not compress: those of every frame would take 10 MB a second."""
+MISSING = (
+    "MCAP files need mcap, zstandard and rosbags ({name} is missing): "
+    "pip install './reconstruction[ros]' or 'spisim[ros]'"
+)
 
 
 class Libraries(NamedTuple):
     """What writes the container, and what knows and encodes messages."""
 
     writer: Any
+    compression: Any
     types: Any
 
 
 def libraries() -> Libraries:
     """The libraries; InputError where they are not installed."""
     try:
-        from mcap.writer import Writer
+        import zstandard  # noqa: F401 -- with which the writer compresses
+        from mcap.writer import CompressionType, Writer
         from rosbags.typesys import Stores, get_typestore
-    except ModuleNotFoundError:
-        raise InputError(MISSING) from None
-    return Libraries(Writer, get_typestore(Stores.ROS2_JAZZY))
+    except ModuleNotFoundError as error:
+        raise InputError(MISSING.format(name=error.name)) from None
+    return Libraries(Writer, CompressionType.ZSTD, get_typestore(Stores.ROS2_JAZZY))
 
 
 def check_libraries() -> None:
@@ -55,14 +64,29 @@ class McapFile:
     """
 
     def __init__(self, path: Path) -> None:
-        writer, self._types = libraries()
+        writer, compression, self._types = libraries()
         self._file: IO[bytes] = path.open("wb")
-        self._writer = writer(self._file)
+        self._writer = writer(self._file, compression=compression)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._sequence: dict[str, int] = {}
+        self._map_ns: int | None = None  # stamp of the last frame with its maps
         self._writer.start(profile="ros2", library="spisim")
         self._writer.add_metadata(mark(KIND), {})
+
+    def write_frame(self, shot: Shot, log_ns: int, *, begins: bool) -> None:
+        """Add the messages of a frame; of one that begins a recording its static ones too.
+
+        Image, depth map and cloud are left out within `MAP_PERIOD_NS` of the last ones, unless a
+        recording begins.
+        """
+        if begins:
+            self.write(static_messages(shot), log_ns)
+        self.write(frame_messages(shot), log_ns)
+        last_ns = self._map_ns
+        if begins or last_ns is None or not 0 < shot.stamp_ns - last_ns < MAP_PERIOD_NS:
+            self.write(map_messages(shot), log_ns)
+            self._map_ns = shot.stamp_ns
 
     def write(self, messages: Iterable[Message], log_ns: int) -> None:
         """Add messages that came at a time, in nanoseconds since 1970 or since the beginning."""

@@ -58,7 +58,7 @@ def static_messages(shot: Shot) -> Iterator[Message]:
 
 
 def frame_messages(shot: Shot) -> Iterator[Message]:
-    """What a frame shows: poses, image, depth, cloud, ranges, diagnostics."""
+    """What a frame says in numbers: poses, ranges, diagnostics."""
     if shot.pose is not None:
         body = shot.pose @ OPTICAL_IN_BODY.T
         frames = [
@@ -66,6 +66,14 @@ def frame_messages(shot: Shot) -> Iterator[Message]:
             _transform(shot.stamp_ns, "odom", BASE, body),
         ]
         yield Message("/tf", "tf2_msgs/msg/TFMessage", {"transforms": frames})
+    if shot.ranges is not None:
+        for k in range(len(shot.ranges.status)):
+            yield Message(f"/camera/spot_{k}/range", "sensor_msgs/msg/Range", _range(shot, k))
+    yield _diagnostics(shot.stamp_ns, ranging_status(shot))
+
+
+def map_messages(shot: Shot) -> Iterator[Message]:
+    """What a frame shows pixel by pixel: image, depth map, cloud, and the camera they are of."""
     yield Message("/camera/image", "sensor_msgs/msg/Image", _image(shot, shot.image))
     if shot.optics is not None:
         info = _camera_info(shot)
@@ -75,10 +83,6 @@ def frame_messages(shot: Shot) -> Iterator[Message]:
             yield Message("/camera/depth/image_rect", "sensor_msgs/msg/Image", depth)
             yield Message("/camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", info)
             yield Message("/camera/points", "sensor_msgs/msg/PointCloud2", _cloud(shot))
-    if shot.ranges is not None:
-        for k in range(len(shot.ranges.status)):
-            yield Message(f"/camera/spot_{k}/range", "sensor_msgs/msg/Range", _range(shot, k))
-    yield _diagnostics(shot.stamp_ns, ranging_status(shot))
 
 
 def state_message(

@@ -8,6 +8,7 @@ from .interleaving import interleaved
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS, pattern_order
 from .plan import (
+    NOTHING_SHOWN,
     PatternPlan,
     expose,
     illumination,
@@ -25,6 +26,7 @@ from .transposed import transposed
 
 __all__ = [
     "BASES",
+    "NOTHING_SHOWN",
     "ORDERS",
     "POLARITIES",
     "Basis",

@@ -99,6 +99,10 @@ class PatternPlan:
         )
 
 
+NOTHING_SHOWN = PatternPlan((1, 1), np.zeros(1, np.int32), np.zeros(1, np.int8))
+"""Of recordings without an image: one exposure of a dark pixel."""
+
+
 def make_plan(
     shape: tuple[int, int],
     patterns: int | None = None,

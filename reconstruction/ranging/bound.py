@@ -38,12 +38,12 @@ BEFOREHAND = float(np.log(EXTINCTIONS_PER_M).std()), LOG_DEVIATION
 """Standard deviations of ln extinction and of ln (backscattering / extinction)."""
 
 Bound = Callable[["Targets", Floats], Floats]
-"""From targets and the mean readings (4, n) of one frame to standard deviations (4,) in metres."""
+"""From targets and the mean readings (spots, n) of a frame to standard deviations (spots,), m."""
 
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """What four lasers meet: ranges and reflectances (4,), and fog of these coefficients.
+    """What the lasers meet: ranges and reflectances (spots,), and fog of these coefficients.
 
     ``reflectance`` includes the cosine of the angle of incidence. ``backscatter`` is scattering
     times phase function at 180 degrees, 1 / (m sr).
@@ -71,17 +71,18 @@ def make_bound(
         )
     steady, precision = _steady(spots), _precision(spots)
     size = 2 + steady.shape[1]
+    fog = size * len(lights)  # where its two coefficients are, behind those of the spots
 
     def bound(targets: Targets, readings: Floats) -> Floats:
-        information = np.zeros((4 * size + 2, 4 * size + 2))
+        information = np.zeros((fog + 2, fog + 2))
         information[-2:, -2:] = _known_beforehand(*beforehand)
         weights = precision(readings)
         for spot, light in enumerate(lights):
             of_spot, of_fog = _slopes(light, targets, spot)
             jacobian = np.concatenate([of_spot, steady, of_fog], axis=1)
-            at = [*range(spot * size, (spot + 1) * size), 4 * size, 4 * size + 1]
+            at = [*range(spot * size, (spot + 1) * size), fog, fog + 1]
             information[np.ix_(at, at)] += (jacobian.T * weights[spot]) @ jacobian
-        return _deviations(information)[: 4 * size : size]
+        return _deviations(information)[:fog:size]
 
     return bound
 
@@ -104,7 +105,7 @@ class _Light:
 
 
 def smooth_overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
-    """As `fog.overlap` at many ranges (R,), in less time: weights in sr and paths in m, (4, R)."""
+    """As `fog.overlap` at many ranges (R,), in less time: weights in sr, paths in m, (spots, R)."""
     coarse_m = np.geomspace(range_m.min() / 2, 2 * range_m.max(), OVERLAPS)
     slowly = overlap(optics, coarse_m)[0] * coarse_m**2
     weights = [np.interp(range_m, coarse_m, each) / range_m**2 for each in slowly]
@@ -182,7 +183,7 @@ def _steady(spots: Spots) -> Floats:
 
 
 def _precision(spots: Spots) -> Callable[[Floats], Floats]:
-    """Information in each of the readings (4, n) about its mean."""
+    """Information in each of the readings (spots, n) about its mean."""
     if isinstance(spots, HistogramSpots):
         cycles = spots.pulses
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from spisim.budget.eye_safety import safety_warnings
 from spisim.budget.image import image_warnings
-from spisim.budget.link import SpotLink, Target, bucket_link, spot_link
+from spisim.budget.link import Target, bucket_link, spot_link
 from spisim.instrument import Instrument
 
 #: What ranging may take longer than the patterns, relative: whole numbers of periods seldom fit.
@@ -13,32 +13,27 @@ SLACK = 0.01
 
 def budget_warnings(instrument: Instrument, target: Target) -> list[str]:
     """Sentences about what does not fit, for one target."""
-    bucket, spots = bucket_link(instrument, target), spot_link(instrument, target)
-    background = float(bucket.daylight_electrons + bucket.dark_electrons)
     return [
-        *image_warnings(instrument, target),
-        *_range_warnings(instrument, target, spots),
-        *_bucket_warnings(instrument, background, background + float(bucket.signal_electrons)),
-        *instrument.tof.warnings(float(spots.steady_per_s.max()), float(spots.echo_per_s.max())),
+        *(_image_warnings(instrument, target) if instrument.images else []),
+        *(_range_warnings(instrument, target) if instrument.ranges else []),
         *instrument_warnings(instrument),
     ]
 
 
 def instrument_warnings(instrument: Instrument) -> list[str]:
     """Sentences about what does not fit, whatever the instrument looks at."""
-    spots_s = instrument.tof.frame_time_s
-    patterns_s = instrument.pattern_plan.exposures * instrument.pattern_period_s
-    late = spots_s > patterns_s * (1 + SLACK)
+    return [*safety_warnings(instrument), *_timing_warnings(instrument)]
+
+
+def _timing_warnings(instrument: Instrument) -> list[str]:
+    if not (instrument.images and instrument.ranges):
+        return []
+    spots_s, patterns_s = instrument.ranging.frame_time_s, instrument.frame_time_s
+    if spots_s <= patterns_s * (1 + SLACK):
+        return []
     return [
-        *safety_warnings(instrument),
-        *(
-            [
-                f"the spots take {1e3 * spots_s:.3g} ms, longer than the {1e3 * patterns_s:.3g} ms "
-                "of a frame's patterns: frames cannot follow one another without a pause"
-            ]
-            if late
-            else []
-        ),
+        f"the spots take {1e3 * spots_s:.3g} ms, longer than the {1e3 * patterns_s:.3g} ms "
+        "of a frame's patterns: frames cannot follow one another without a pause"
     ]
 
 
@@ -49,18 +44,30 @@ def background_warnings(
 
     Electrons of one exposure, and per second on the brightest of the ranging detectors.
     """
+    warnings = []
+    if instrument.images:
+        warnings += _bucket_warnings(instrument, bucket_electrons, bucket_electrons)
+    if instrument.ranges:
+        warnings += instrument.ranging.tof.warnings(spots_per_s, 0.0)
+    return warnings
+
+
+def _image_warnings(instrument: Instrument, target: Target) -> list[str]:
+    bucket = bucket_link(instrument, target)
+    background = float(bucket.daylight_electrons + bucket.dark_electrons)
     return [
-        *_bucket_warnings(instrument, bucket_electrons, bucket_electrons),
-        *instrument.tof.warnings(spots_per_s, 0.0),
+        *image_warnings(instrument, target),
+        *_bucket_warnings(instrument, background, background + float(bucket.signal_electrons)),
     ]
 
 
-def _range_warnings(instrument: Instrument, target: Target, link: SpotLink) -> list[str]:
+def _range_warnings(instrument: Instrument, target: Target) -> list[str]:
     warnings = []
-    longest = instrument.tof.unambiguous_range_m
+    link, tof = spot_link(instrument, target), instrument.ranging.tof
+    longest = tof.unambiguous_range_m
     if float(np.max(link.path_m)) > 2 * longest:
         warnings.append(
-            f"ranges at {target.distance_m:g} m are ambiguous: tof.method {instrument.tof.method} "
+            f"ranges at {target.distance_m:g} m are ambiguous: tof.method {tof.method} "
             f"tells ranges apart up to {longest:.4g} m"
         )
     unseen = np.flatnonzero(link.echo_w == 0)
@@ -69,12 +76,13 @@ def _range_warnings(instrument: Instrument, target: Target, link: SpotLink) -> l
         warnings.append(
             f"at {target.distance_m:g} m spots {names} are beyond tof.detector.field_of_view_deg"
         )
-    return warnings
+    overflow = tof.warnings(float(link.steady_per_s.max()), float(link.echo_per_s.max()))
+    return warnings + overflow
 
 
 def _bucket_warnings(instrument: Instrument, background: float, whole: float) -> list[str]:
     """By the electrons of one exposure."""
-    detector, modulation = instrument.detector, instrument.projector.modulation
+    detector, modulation = instrument.imaging.detector, instrument.imaging.projector.modulation
     share = 1.0 if modulation is None else modulation.taps.share  # each tap has its own converter
-    time_s = instrument.exposure_time_s
+    time_s = instrument.imaging.exposure_time_s
     return detector.sensor.warnings("detector", detector, time_s, share * background, share * whole)

@@ -50,7 +50,7 @@ class Flood:
         sensor: Photodiode | None = None,
     ) -> Flood:
         """Lens, filter and photodiode of an instrument's bucket detector, or another `sensor`."""
-        detector = instrument.detector
+        detector = instrument.imaging.detector
         diode = sensor or detector.sensor
         assert detector.f_number is not None
         wavelength = instrument.wavelength_nm

@@ -70,14 +70,14 @@ class RiskGroup:
 
 
 def laser_safety(instrument: Instrument) -> LaserSafety:
-    """Class of the four lasers: pulses, alone and in their train, and a beam left on for 100 s.
+    """Class of the lasers: pulses, alone and in their train, and a beam left on for 100 s.
 
     Beams count together if their axes are closer to each other than the limiting aperture and
     their own widths, 10 cm from where they leave.
 
     Raises InputError for a wavelength outside 700 to 1800 nm.
     """
-    one = instrument.tof.emission(instrument.lasers.power_w)
+    one = instrument.ranging.tof.emission(instrument.ranging.lasers.power_w)
     beams = _beams_together(instrument)
     together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
     mean_margin, pulse_margin = _margins(together, instrument.wavelength_nm)
@@ -94,7 +94,7 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
 def class_1_power_w(instrument: Instrument) -> float:
     """`lasers.power_w` with which the instrument's lasers would just be of class 1."""
     safety = laser_safety(instrument)
-    return instrument.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
+    return instrument.ranging.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
 
 
 def array_risk_group(instrument: Instrument) -> RiskGroup:
@@ -103,7 +103,7 @@ def array_risk_group(instrument: Instrument) -> RiskGroup:
     Risk groups of real lamps are measured; this one takes the array as an evenly lit lens, or as a
     point without one, and all its light as that of the spectrum's peak.
     """
-    projector = instrument.projector
+    projector = instrument.imaging.projector
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * ARRAY_AT_M**2
     shares = projector.pixel_shares
     return risk_group(
@@ -147,22 +147,24 @@ def retinal_weight(wavelength_nm: float) -> float:
 def safety_warnings(instrument: Instrument) -> list[str]:
     """What exceeds the classes that the instrument declares."""
     declared, warnings = instrument.eye_safety, []
-    lasers, array = laser_safety(instrument), array_risk_group(instrument)
-    if declared.laser_class is not None and LASER_CLASSES.index(
-        lasers.laser_class
-    ) > LASER_CLASSES.index(declared.laser_class):
+    lasers = laser_safety(instrument) if instrument.ranges else None
+    array = array_risk_group(instrument) if instrument.images else None
+    if lasers and _exceeds(LASER_CLASSES, lasers.laser_class, declared.laser_class):
         warnings.append(
             f"the lasers are of class {lasers.laser_class} by IEC 60825-1, above "
             f"eye_safety.laser_class {declared.laser_class}"
         )
-    if declared.risk_group is not None and RISK_GROUPS.index(array.risk_group) > RISK_GROUPS.index(
-        declared.risk_group
-    ):
+    if array and _exceeds(RISK_GROUPS, array.risk_group, declared.risk_group):
         warnings.append(
             f"the array is in risk group {array.risk_group} by IEC 62471, above "
             f"eye_safety.risk_group {declared.risk_group}"
         )
     return warnings
+
+
+def _exceeds(classes: tuple[str, ...], computed: str, declared: str | None) -> bool:
+    """Whether a class comes after the declared one, if there is one."""
+    return declared is not None and classes.index(computed) > classes.index(declared)
 
 
 def _margins(one: Emission, wavelength_nm: float) -> tuple[float, float]:
@@ -194,7 +196,7 @@ def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
 
 def _beams_together(instrument: Instrument) -> int:
     """The most beams that one limiting aperture may take in."""
-    lasers = instrument.lasers
+    lasers = instrument.ranging.lasers
     directions = lasers.directions
     places: Floats = MEASURED_AT_M * directions / directions[:, 2:]
     apart = np.linalg.norm(places[:, None] - places, axis=-1)

@@ -38,7 +38,7 @@ class FogBudget:
 
     `echo_share` is the fog's part of a laser's light on its detector, `plain_bias_m` the error of
     the instrument's own method without noise, both means over the spots that have one; `sigma_m`
-    and `longest_m` are those of the bound, for the worst of the four.
+    and `longest_m` are those of the bound, for the worst of the spots.
     """
 
     echo_share: float
@@ -53,9 +53,9 @@ def fog_budget(
     """Of one target: echo, bias and bound; and up to where the bound is below a limit."""
     here = np.array([float(target.distance_m)])
     light, share = _light(instrument, target, air, here)
-    spots = instrument.tof.record(light, instrument.spot_optics, None)
-    error_m = measure_ranges(spots).range_m - here / instrument.lasers.directions[:, 2]
-    farthest_m = min(instrument.tof.unambiguous_range_m, FARTHEST_M)
+    spots = instrument.ranging.tof.record(light, instrument.spot_optics, None)
+    error_m = measure_ranges(spots).range_m - here / instrument.ranging.lasers.directions[:, 2]
+    farthest_m = min(instrument.ranging.tof.unambiguous_range_m, FARTHEST_M)
     distances_m = np.geomspace(NEAREST_M, farthest_m, DISTANCES)
     sigma_m = _bound_m(instrument, target, air, np.append(distances_m, here))
     known = sigma_m is not None and np.isfinite(sigma_m[-1])
@@ -74,23 +74,23 @@ def _light(
 ) -> tuple[SpotLight, float]:
     """Light of walls at distances (D,), as of so many frames; the share of the fog in it."""
     link = spot_link(instrument, replace(target, distance_m=distance_m))
-    longest_m = float(distance_m.max()) / instrument.lasers.directions[:, 2].min()
+    longest_m = float(distance_m.max()) / instrument.ranging.lasers.directions[:, 2].min()
     range_m = np.arange(FOG_STEP_M / 2, longest_m, FOG_STEP_M)
     weight, path_m = smooth_overlap(instrument.spot_optics, range_m)
-    per_watt = instrument.electrons_per_joule(instrument.tof.detector, "laser")
-    scattered = instrument.lasers.power_w * per_watt * _backscatter(air) * FOG_STEP_M
+    per_watt = instrument.electrons_per_joule(instrument.ranging.tof.detector, "laser")
+    scattered = instrument.ranging.lasers.power_w * per_watt * _backscatter(air) * FOG_STEP_M
     fog = scattered * weight * np.exp(-air.extinction_per_m * path_m)
-    ranges_m = distance_m[:, None] / instrument.lasers.directions[:, 2]
+    ranges_m = distance_m[:, None] / instrument.ranging.lasers.directions[:, 2]
     bins = int(np.ceil(link.path_m.max() / PATH_STEP_M)) + 2
-    echo, share = np.zeros((len(distance_m), 4, bins)), []
-    for frame, spot in np.ndindex(len(distance_m), 4):
+    echo, share = np.zeros((len(distance_m), instrument.ranging.spots, bins)), []
+    for frame, spot in np.ndindex(len(distance_m), instrument.ranging.spots):
         before = range_m < ranges_m[frame, spot]
         echo[frame, spot] = _sorted(path_m[spot, before], fog[spot, before], bins)
         wall = link.echo_per_s[frame, spot]
         share.append(echo[frame, spot].sum() / max(echo[frame, spot].sum() + wall, 1e-300))
         echo[frame, spot] += _sorted(link.path_m[frame, spot, None], wall[None], bins)
     lengths: Floats = PATH_STEP_M * np.arange(bins, dtype=np.float64)
-    light = SpotLight(lengths, echo, link.steady_per_s, instrument.lasers.power_w)
+    light = SpotLight(lengths, echo, link.steady_per_s, instrument.ranging.lasers.power_w)
     return light, float(np.mean(share))
 
 
@@ -108,12 +108,12 @@ def _bound_m(
 ) -> Floats | None:
     """Bounds (D,) of the worst spot; None for readings that the fit in fog does not understand."""
     light, _ = _light(instrument, target, air, distance_m)
-    optics, tof = instrument.spot_optics, instrument.tof
+    optics, tof = instrument.spot_optics, instrument.ranging.tof
     told = _as_a_capture_tells(instrument, light)
     if not reads("fog", told) or (isinstance(told, HistogramSpots) and not told.piles_up):
         return None
     mean: NDArray[Any] = tof.record(light, optics, None).readings
-    cosine = instrument.lasers.directions[:, 2]
+    cosine = instrument.ranging.lasers.directions[:, 2]
     bound = make_bound(told, float(distance_m.max() / cosine.min()))
     reflectance = float(target.reflectance) * cosine
     coefficients = air.extinction_per_m, _backscatter(air)
@@ -128,7 +128,7 @@ def _bound_m(
 def _as_a_capture_tells(instrument: Instrument, light: SpotLight) -> Spots:
     """Readings of no frame, with the response and the noise that a capture has."""
     one = replace(light, echo_per_s=light.echo_per_s[:1], steady_per_s=light.steady_per_s[:1])
-    spots = instrument.tof.record(one, instrument.spot_optics, np.random.default_rng(0))
+    spots = instrument.ranging.tof.record(one, instrument.spot_optics, np.random.default_rng(0))
     return between(spots, 0, 0)
 
 

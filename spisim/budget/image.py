@@ -128,7 +128,7 @@ def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
         decoder = decoder_for(plan)
     operator = decoder.operator
     signal = float(link.signal_electrons) * _collected(instrument)
-    pixel = (1 - instrument.projector.dark_level) * signal / plan.pixels
+    pixel = (1 - instrument.imaging.projector.dark_level) * signal / plan.pixels
     variance = _coefficient_variance(instrument, decoder, bucket_noise(instrument, link))
     noise = float(np.sqrt(variance.mean())) / operator.row_length
     prior = Prior(operator)
@@ -168,13 +168,13 @@ def image_warnings(instrument: Instrument, target: Target) -> list[str]:
 
 def _collected(instrument: Instrument) -> float:
     """Share of an exposure's electrons that are counted: of a modulated one what its taps take."""
-    modulation = instrument.projector.modulation
+    modulation = instrument.imaging.projector.modulation
     return 1.0 if modulation is None else TAPS * modulation.taps.share
 
 
 def _coefficient_variance(instrument: Instrument, decoder: Decoder, all_on: NoiseBudget) -> Floats:
     """Variance (K,) of coefficients in electrons², from that of a reading with all pixels on."""
-    plan, dark = instrument.pattern_plan, instrument.projector.dark_level
+    plan, dark = instrument.pattern_plan, instrument.imaging.projector.dark_level
     lit = dark + (1 - dark) * expose(plan, np.full(plan.shape, 1 / plan.pixels))
     steady = sum(float(value) for name, value in all_on.variances.items() if name != "signal")
     return decoder.own_variance(float(all_on.variances["signal"]) * lit + steady)

@@ -63,7 +63,7 @@ class BucketLink:
 
 @dataclass(frozen=True, eq=False)
 class SpotLink:
-    """Light of the four spots on the way to their detectors (..., 4), in front of the filter.
+    """Light of the spots on the way to their detectors (..., spots), in front of the filter.
 
     Rates are primary electrons per second; the echo's is that while the laser is on.
     """
@@ -80,13 +80,13 @@ class SpotLink:
 
     @property
     def steady_per_s(self) -> Floats:
-        """All but the echo (..., 4)."""
+        """All but the echo (..., spots)."""
         return self.daylight_per_s + self.patterns_per_s + self.dark_per_s
 
 
 def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
     """Light and electrons of one exposure with all pixels on."""
-    projector, detector = instrument.projector, instrument.detector
+    projector, detector = instrument.imaging.projector, instrument.imaging.detector
     powers = instrument.pixel_powers_w.ravel()
     optics = Optics(projector.tan_half_width, projector.tan_half_height)
     rays = pixel_rays(optics, projector.shape).reshape(-1, 3)
@@ -104,7 +104,7 @@ def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * distance[..., 0] ** 2
     signal = target.reflectance * per_white_w
     daylight = len(detector.positions_m) * _daylight_w(instrument, detector, target)
-    time_s = instrument.exposure_time_s
+    time_s = instrument.imaging.exposure_time_s
     return BucketLink(
         emitted_w=float(powers.sum()),
         irradiance_w_per_m2=powers.sum() / lit_m2,
@@ -117,21 +117,24 @@ def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
 
 
 def spot_link(instrument: Instrument, target: Target) -> SpotLink:
-    """Light of lasers, sun and patterns on the four ranging detectors."""
-    detector, directions = instrument.tof.detector, instrument.lasers.directions
-    positions, axes = detector.spot_positions_m, _spot_axes(instrument)
+    """Light of lasers, sun and patterns on the ranging detectors."""
+    ranging = instrument.ranging
+    (lasers, tof), directions = ranging, ranging.lasers.directions
+    detector, positions, axes = tof.detector, ranging.detector_positions_m, ranging.detector_axes
     distance, extinction, reflectance = (
         np.asarray(value, dtype=np.float64)[..., None]
         for value in (target.distance_m, target.extinction_per_m, target.reflectance)
     )
-    points = distance[..., None] / directions[:, 2:] * directions  # (..., 4, 3)
+    points = distance[..., None] / directions[:, 2:] * directions  # (..., spots, 3)
     way_out = np.linalg.norm(points, axis=-1)
     share, way_back = _seen(detector, positions, axes, points)
     along_ray = np.sum(directions * (points - positions), axis=-1)
     path = way_out + way_back
-    echo = instrument.lasers.power_w * reflectance * share * np.exp(-extinction * path)
-    daylight = _daylight_w(instrument, detector, target)[..., None] * np.ones(4)
-    patterns = reflectance * _pattern_light_w(instrument, axes, distance, extinction)
+    echo = lasers.power_w * reflectance * share * np.exp(-extinction * path)
+    daylight = _daylight_w(instrument, detector, target)[..., None] * np.ones(len(directions))
+    patterns = np.zeros(np.shape(echo))
+    if instrument.images:
+        patterns = reflectance * _pattern_light_w(instrument, axes, distance, extinction)
     echo, daylight, patterns = np.broadcast_arrays(echo, daylight, patterns)
     return SpotLink(
         path_m=path,
@@ -175,15 +178,15 @@ def _solid_angle(detector: Detector) -> float:
 def _pattern_light_w(
     instrument: Instrument, axes: Floats, distance: Floats, extinction: Floats
 ) -> Floats:
-    """Power (..., 4) that the patterns, on average, send onto the detectors from a white target.
+    """Power (..., spots) of the patterns, on average, on the detectors from a white target.
 
     The radiance is averaged over directions that fill the field evenly in projected solid angle.
     """
-    detector = instrument.tof.detector
-    probes = _directions_within(axes, np.radians(detector.field_of_view_deg) / 2)  # (4, n, 3)
-    positions = detector.spot_positions_m[:, None]
+    detector = instrument.ranging.tof.detector
+    probes = _directions_within(axes, np.radians(detector.field_of_view_deg) / 2)  # (spots, n, 3)
+    positions = instrument.ranging.detector_positions_m[:, None]
     way_back = (distance[..., None] - positions[..., 2]) / probes[..., 2]
-    points = positions + way_back[..., None] * probes  # (..., 4, n, 3)
+    points = positions + way_back[..., None] * probes  # (..., spots, n, 3)
     irradiance = _pattern_irradiance(instrument, points)
     way = np.linalg.norm(points, axis=-1) + way_back
     vignetted = np.sum(probes * axes[:, None], axis=-1) ** detector.vignetting
@@ -197,7 +200,7 @@ def _pattern_irradiance(instrument: Instrument, points: Floats) -> Floats:
 
     A pixel lights a rectangle of the plane evenly, as much of it as of the image plane.
     """
-    projector = instrument.projector
+    projector = instrument.imaging.projector
     height, width = projector.shape
     powers = instrument.mean_powers_w
     x, y = (points[..., k] / points[..., 2] for k in (0, 1))
@@ -210,7 +213,7 @@ def _pattern_irradiance(instrument: Instrument, points: Floats) -> Floats:
 
 
 def _directions_within(axes: Floats, half_angle: float) -> Floats:
-    """Unit vectors (4, n, 3) around each axis, even in projected solid angle (a sunflower)."""
+    """Unit vectors (spots, n, 3) around each axis, even in projected solid angle (a sunflower)."""
     count = np.arange(FIELD_SAMPLES)
     sine = np.sin(half_angle) * np.sqrt((count + 0.5) / FIELD_SAMPLES)
     turn = GOLDEN_ANGLE * count
@@ -222,11 +225,3 @@ def _directions_within(axes: Floats, half_angle: float) -> Floats:
         + (sine * np.cos(turn))[:, None] * across[:, None]
         + (sine * np.sin(turn))[:, None] * up[:, None]
     )
-
-
-def _spot_axes(instrument: Instrument) -> Floats:
-    """Where the four ranging detectors look (4, 3)."""
-    directions = instrument.lasers.directions
-    if instrument.tof.detector.shared:
-        return np.broadcast_to([0.0, 0.0, 1.0], directions.shape).astype(np.float64)
-    return directions

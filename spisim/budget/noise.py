@@ -64,23 +64,23 @@ def bucket_noise(instrument: Instrument, link: BucketLink) -> NoiseBudget:
 
 def exposure_noise(instrument: Instrument, electrons: Mapping[str, Floats]) -> NoiseBudget:
     """Noise of exposures with these mean electrons (...) by source; see `bucket_noise`."""
-    modulation = instrument.projector.modulation
+    modulation = instrument.imaging.projector.modulation
     taps = None if modulation is None else modulation.taps
     conversions, noise_share = (1, 1.0) if taps is None else (TAPS, TAPS * taps.noise_share)
     collected = collected_share(instrument)
     light = {name: collected * mean for name, mean in electrons.items()}
-    time_s = noise_share * instrument.exposure_time_s
-    return _noise(instrument.detector, light, time_s, conversions=conversions)
+    time_s = noise_share * instrument.imaging.exposure_time_s
+    return _noise(instrument.imaging.detector, light, time_s, conversions=conversions)
 
 
 def collected_share(instrument: Instrument) -> float:
     """Share of an exposure's light that all taps together collect; all without modulation."""
-    modulation = instrument.projector.modulation
+    modulation = instrument.imaging.projector.modulation
     return 1.0 if modulation is None else TAPS * modulation.taps.share
 
 
 def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
-    """Noise of one reading of the ranging detectors (..., 4).
+    """Noise of one reading of the ranging detectors (..., spots).
 
     What a reading is, each method tells: `Tof.reading`.
     """
@@ -96,13 +96,13 @@ def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
 
 
 def ranging_noise(instrument: Instrument, electrons_per_s: Mapping[str, Floats]) -> NoiseBudget:
-    """Noise of readings at these mean rates (..., 4) by source; see `spot_noise`."""
-    reading = instrument.tof.reading
+    """Noise of readings at these mean rates (..., spots) by source; see `spot_noise`."""
+    reading = instrument.ranging.tof.reading
     light = {
         name: rate * (reading.echo_s if name == "signal" else reading.steady_s)
         for name, rate in electrons_per_s.items()
     }
-    detector = instrument.tof.detector
+    detector = instrument.ranging.tof.detector
     return _noise(detector, light, reading.amplifier_s, conversions=int(reading.converted))
 
 

@@ -1,6 +1,7 @@
 """The budget as one picture: the image above, the ranges below, the image's gratings beside."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,8 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
     `target` gives the reflectance of the noise panels, the daylight of all panels against distance
     and the fog; its distance is marked. `limit_m` is the scatter of ranges that is asked for.
     """
-    figure = Figure(figsize=(19, 8.5), layout="constrained")
+    both = instrument.images and instrument.ranges
+    figure = Figure(figsize=(19, 8.5 if both else 4.5), layout="constrained")
     light = f"{target.illuminance_klx:g} klx daylight"
     air = (
         ""
@@ -44,26 +46,35 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
         else f", fog with an extinction of {target.extinction_per_m:.3g} per metre"
     )
     figure.suptitle(f"{name}: {light}{air}", fontsize=13)
-    above, below = figure.subplots(2, 4)
-    (snr, image_noise, image_map, mtf), (sigma, spot_noise_axes, spot_map, contrast) = above, below
     distance = np.geomspace(MIN_DISTANCE_M, MAX_DISTANCE_M, 200)
-    _image_panel(snr, instrument, target, distance)
-    _range_panel(sigma, instrument, target, distance, limit_m)
-    same = Target(distance, target.reflectance, target.illuminance_klx, target.extinction_per_m)
-    bucket = bucket_noise(instrument, bucket_link(instrument, same))
-    spots = spot_noise(instrument, spot_link(instrument, same))
-    _noise_panel(image_noise, distance, bucket, "image: noise of one exposure")
-    _noise_panel(
-        spot_noise_axes, distance, spots, f"spots: noise of one {instrument.tof.reading.name}"
-    )
-    for axes in (snr, sigma, image_noise, spot_noise_axes):
+    columns = 4 if both else 5 if instrument.images else 3
+    panels = figure.subplots(2 if both else 1, columns, squeeze=False)
+    marked: list[Axes] = []
+    if instrument.images:
+        snr, noise, reach, mtf = panels[0, :4]
+        _image_panel(snr, instrument, target, distance)
+        budget = bucket_noise(instrument, bucket_link(instrument, _at(target, distance)))
+        _noise_panel(noise, distance, budget, "image: noise of one exposure")
+        title = f"image: distance with SNR {IMAGE_SNR:g} per exposure"
+        _map_panel(reach, _image_reach(instrument, target), title)
+        _grating_panels(mtf, panels[-1, -1], image_budget(instrument, target))
+        marked += [snr, noise]
+    if instrument.ranges:
+        sigma, noise, reach = panels[-1, :3]
+        _range_panel(sigma, instrument, target, distance, limit_m)
+        budget = spot_noise(instrument, spot_link(instrument, _at(target, distance)))
+        reading = instrument.ranging.tof.reading.name
+        _noise_panel(noise, distance, budget, f"spots: noise of one {reading}")
+        title = f"spots: distance with σ of range {100 * limit_m:g} cm"
+        _map_panel(reach, _range_reach(instrument, target, limit_m), title)
+        marked += [sigma, noise]
+    for axes in marked:
         axes.axvline(float(target.distance_m), color="0.5", lw=1, ls=":")
-    reach = _image_reach(instrument, target)
-    _map_panel(image_map, reach, f"image: distance with SNR {IMAGE_SNR:g} per exposure")
-    _grating_panels(mtf, contrast, image_budget(instrument, target))
-    longest = _range_reach(instrument, target, limit_m)
-    _map_panel(spot_map, longest, f"spots: distance with σ of range {100 * limit_m:g} cm")
     return figure
+
+
+def _at(target: Target, distance: Floats) -> Target:
+    return replace(target, distance_m=distance)
 
 
 def _grating_panels(mtf: Axes, contrast: Axes, budget: ImageBudget) -> None:
@@ -114,7 +125,9 @@ def _range_panel(
         finite = np.where(np.isfinite(sigma), 100 * sigma, np.nan)
         axes.plot(distance, finite, color=colour, label=f"reflectance {reflectance:g}")
     axes.axhline(100 * limit_m, color="0.3", lw=1)
-    axes.set(title=f"spots: σ of range, {instrument.tof.method}", ylabel="σ, cm", yscale="log")
+    axes.set(
+        title=f"spots: σ of range, {instrument.ranging.tof.method}", ylabel="σ, cm", yscale="log"
+    )
     axes.set_ylim(1e-2, 1e3)
     distance_axis(axes, MIN_DISTANCE_M, MAX_DISTANCE_M)
     axes.legend(frameon=False)

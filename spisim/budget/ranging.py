@@ -14,15 +14,17 @@ MIN_DISTANCE_M, MAX_DISTANCE_M, STEPS = 0.05, 100.0, 400
 
 
 def range_sigma_m(instrument: Instrument, target: Target) -> Floats:
-    """Standard deviation of the ranges of the four spots, along their rays, (..., 4).
+    """Standard deviation of the ranges of the spots, along their rays, (..., spots).
 
     Infinite where the method has no range: no echo, or beyond what it can tell apart.
     """
     link = spot_link(instrument, target)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        of_paths = instrument.tof.path_sigma_m(link.path_m, link.echo_per_s, link.steady_per_s)
+        of_paths = instrument.ranging.tof.path_sigma_m(
+            link.path_m, link.echo_per_s, link.steady_per_s
+        )
         sigma = of_paths * link.range_per_path
-    beyond = link.path_m > 2 * instrument.tof.unambiguous_range_m
+    beyond = link.path_m > 2 * instrument.ranging.tof.unambiguous_range_m
     return np.where(np.isnan(sigma) | beyond, np.inf, sigma)
 
 
@@ -34,7 +36,7 @@ def longest_range_m(
     illuminance_klx: float | Floats = 0.0,
     extinction_per_m: float = 0.0,
 ) -> Floats:
-    """Largest distance (...) of a target at which all four ranges scatter by less than a limit.
+    """Largest distance (...) of a target at which all ranges scatter by less than a limit.
 
     0 where there is none. Up to 100 m, between 400 distances by interpolation.
     """

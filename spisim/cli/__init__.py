@@ -20,6 +20,7 @@ from . import (
     evaluate,
     export,
     fly,
+    instrument,
     materials,
     paper,
     picture,
@@ -151,6 +152,7 @@ for module in COMMANDS:
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
 
 app.add_typer(dataset.app)
+app.add_typer(instrument.app)
 app.add_typer(scenes.app)
 
 

@@ -95,22 +95,55 @@ def command(
 def summarise(
     instrument: Instrument, target: Target, air: Atmosphere, correlation: float | None = None
 ) -> dict[str, Any]:
-    """Everything about one target as plain numbers; spots are the mean of four, σ the worst.
+    """Everything about one target as plain numbers; spots are the mean of all, σ the worst.
+
+    What an instrument lacks is None.
 
     `correlation` is that of an image with the truth for which frames are to be averaged.
     """
-    from spisim.budget import (
-        bucket_link,
-        bucket_noise,
-        fog_budget,
-        image_budget,
-        longest_range_m,
-        range_sigma_m,
-        spot_link,
-        spot_noise,
-    )
+    from spisim.budget import fog_budget
 
-    bucket, spots = bucket_link(instrument, target), spot_link(instrument, target)
+    in_fog = air.extinction_per_m and instrument.ranges
+    return {
+        "target": vars(target),
+        "image": _image(instrument, target, correlation) if instrument.images else None,
+        "spots": _spots(instrument, target) if instrument.ranges else None,
+        "range": _range(instrument, target) if instrument.ranges else None,
+        "fog": vars(fog_budget(instrument, target, air, LIMIT_M)) if in_fog else None,
+        "eye_safety": _safety(instrument),
+    }
+
+
+def _image(instrument: Instrument, target: Target, correlation: float | None) -> dict[str, Any]:
+    from spisim.budget import bucket_link, bucket_noise, image_budget
+
+    bucket = bucket_link(instrument, target)
+    return {
+        "emitted_w": bucket.emitted_w,
+        "irradiance_w_per_m2": float(bucket.irradiance_w_per_m2),
+        "signal_w": float(bucket.signal_w),
+        "daylight_w": float(bucket.daylight_w),
+        **_noise(bucket_noise(instrument, bucket)),
+        **_picture(image_budget(instrument, target), instrument.frame_time_s, correlation),
+    }
+
+
+def _spots(instrument: Instrument, target: Target) -> dict[str, Any]:
+    from spisim.budget import spot_link, spot_noise
+
+    spots = spot_link(instrument, target)
+    return {
+        "emitted_w": instrument.ranging.lasers.power_w,
+        "signal_w": float(spots.echo_w.mean()),
+        "daylight_w": float(spots.daylight_w.mean()),
+        "patterns_w": float(spots.patterns_w.mean()),
+        **_noise(spot_noise(instrument, spots)),
+    }
+
+
+def _range(instrument: Instrument, target: Target) -> dict[str, Any]:
+    from spisim.budget import longest_range_m, range_sigma_m
+
     longest = longest_range_m(
         instrument,
         LIMIT_M,
@@ -119,32 +152,13 @@ def summarise(
         extinction_per_m=float(target.extinction_per_m),
     )
     return {
-        "target": vars(target),
-        "image": {
-            "emitted_w": bucket.emitted_w,
-            "irradiance_w_per_m2": float(bucket.irradiance_w_per_m2),
-            "signal_w": float(bucket.signal_w),
-            "daylight_w": float(bucket.daylight_w),
-            **_noise(bucket_noise(instrument, bucket)),
-            **_picture(image_budget(instrument, target), instrument.frame_time_s, correlation),
-        },
-        "spots": {
-            "emitted_w": instrument.lasers.power_w,
-            "signal_w": float(spots.echo_w.mean()),
-            "daylight_w": float(spots.daylight_w.mean()),
-            "patterns_w": float(spots.patterns_w.mean()),
-            **_noise(spot_noise(instrument, spots)),
-        },
-        "range": {
-            "method": instrument.tof.method,
-            "frame_time_s": instrument.tof.frame_time_s,
-            "sigma_m": float(range_sigma_m(instrument, target).max()),
-            "limit_m": LIMIT_M,
-            "longest_m": float(longest),
-            "unambiguous_m": instrument.tof.unambiguous_range_m,
-        },
-        "fog": vars(fog_budget(instrument, target, air, LIMIT_M)) if air.extinction_per_m else None,
-        "eye_safety": _safety(instrument),
+        "method": instrument.ranging.tof.method,
+        "spots": instrument.ranging.spots,
+        "frame_time_s": instrument.ranging.frame_time_s,
+        "sigma_m": float(range_sigma_m(instrument, target).max()),
+        "limit_m": LIMIT_M,
+        "longest_m": float(longest),
+        "unambiguous_m": instrument.ranging.tof.unambiguous_range_m,
     }
 
 
@@ -193,13 +207,13 @@ def _picture(budget: ImageBudget, frame_time_s: float, correlation: float | None
 def _safety(instrument: Instrument) -> dict[str, Any]:
     from spisim.budget import array_risk_group, laser_safety
 
-    lasers, array = laser_safety(instrument), array_risk_group(instrument)
     declared = instrument.eye_safety
-    return {
-        "lasers": {**vars(lasers), "declared": declared.laser_class},
-        "array": {**vars(array), "declared": declared.risk_group},
-        "caveat": CAVEAT,
-    }
+    lasers = array = None
+    if instrument.ranges:
+        lasers = {**vars(laser_safety(instrument)), "declared": declared.laser_class}
+    if instrument.images:
+        array = {**vars(array_risk_group(instrument)), "declared": declared.risk_group}
+    return {"lasers": lasers, "array": array, "caveat": CAVEAT}
 
 
 def _print(figures: dict[str, Any]) -> None:
@@ -211,15 +225,20 @@ def _print(figures: dict[str, Any]) -> None:
         f"{target['illuminance_klx']:g} klx of daylight, {air}\n",
         soft_wrap=True,
     )
-    _print_light(image, spots)
-    _print_noise(image, spots)
-    _print_picture(image)
-    _print_range(figures["range"], figures["fog"])
+    sides = {
+        title: side for title, side in (("image", image), ("each spot", spots)) if side is not None
+    }
+    _print_light(sides)
+    _print_noise(sides)
+    if image is not None:
+        _print_picture(image)
+    if figures["range"] is not None:
+        _print_range(figures["range"], figures["fog"])
     _print_safety(figures["eye_safety"])
 
 
-def _print_light(image: dict[str, Any], spots: dict[str, Any]) -> None:
-    table = plain_table("light, in the filter's band", "image", "each spot")
+def _print_light(sides: dict[str, dict[str, Any]]) -> None:
+    table = plain_table("light, in the filter's band", *sides)
     rows = {
         "emitted, W": "emitted_w",
         "on the wall, W/m²": "irradiance_w_per_m2",
@@ -229,30 +248,35 @@ def _print_light(image: dict[str, Any], spots: dict[str, Any]) -> None:
         "signal, electrons": "signal_electrons",
     }
     for title, key in rows.items():
-        table.add_row(title, *(_short(side.get(key)) for side in (image, spots)))
+        if any(key in side for side in sides.values()):
+            table.add_row(title, *(_short(side.get(key)) for side in sides.values()))
     print_table(table)
-    results.print(
-        "A reading is one exposure with all pixels on (image); a tap, window or echo (spots).\n",
-        style="dim",
-        soft_wrap=True,
+    readings = {
+        "image": "one exposure with all pixels on (image)",
+        "each spot": "a tap, window or echo (spots)",
+    }
+    words = "; ".join(readings[title] for title in sides)
+    results.print(f"A reading is {words}.\n", style="dim", soft_wrap=True)
+
+
+def _print_noise(sides: dict[str, dict[str, Any]]) -> None:
+    table = plain_table("noise, electrons rms", *sides)
+    sources = dict.fromkeys(
+        source for side in reversed(sides.values()) for source in side["noise_electrons"]
     )
-
-
-def _print_noise(image: dict[str, Any], spots: dict[str, Any]) -> None:
-    table = plain_table("noise, electrons rms", "image", "each spot")
-    sources = dict.fromkeys([*spots["noise_electrons"], *image["noise_electrons"]])
     for source in sources:
         table.add_row(
-            source, *(_short(side["noise_electrons"].get(source)) for side in (image, spots))
+            source, *(_short(side["noise_electrons"].get(source)) for side in sides.values())
         )
-    table.add_row("together", *(_short(side["total_noise_electrons"]) for side in (image, spots)))
-    table.add_row("signal over noise", *(_short(side["snr"]) for side in (image, spots)))
+    for title, key in (("together", "total_noise_electrons"), ("signal over noise", "snr")):
+        table.add_row(title, *(_short(side[key]) for side in sides.values()))
     print_table(table)
-    for title, side in (("Image", image), ("Spots", spots)):
+    names = {"image": "Image", "each spot": "Spots"}
+    for title, side in sides.items():
         most = side["dominating"]
         share = 100 * most["share_of_variance"]
         words = f"the noise of the {most['source']} dominates, {share:.0f} % of the variance."
-        results.print(f"{title}: {words}")
+        results.print(f"{names[title]}: {words}")
     results.print()
 
 
@@ -325,15 +349,28 @@ def _print_range(ranges: dict[str, Any], fog: dict[str, Any] | None) -> None:
 def _print_safety(safety: dict[str, Any]) -> None:
     lasers, array = safety["lasers"], safety["array"]
     table = plain_table("eye safety", "value", "of the limit", "result", "declared")
-    mean, pulse = 100 * lasers["mean_margin"], 100 * lasers["pulse_margin"]
-    table.add_row(
-        f"lasers, mean of {lasers['beams']}, W",
-        _short(lasers["mean_w"]),
-        f"{mean:.3g} %",
-        f"class {lasers['laser_class']}",
-        _declared("class", lasers["declared"]),
+    if lasers is not None:
+        mean, pulse = 100 * lasers["mean_margin"], 100 * lasers["pulse_margin"]
+        table.add_row(
+            f"lasers, mean of {lasers['beams']}, W",
+            _short(lasers["mean_w"]),
+            f"{mean:.3g} %",
+            f"class {lasers['laser_class']}",
+            _declared("class", lasers["declared"]),
+        )
+        table.add_row("lasers, one pulse, J", _short(lasers["pulse_j"]), f"{pulse:.2g} %", "", "")
+    if array is not None:
+        _add_array(table, array)
+    print_table(table)
+    results.print(
+        "Limits: class 1 of IEC 60825-1, and the exempt group of IEC 62471 (all day long). "
+        + safety["caveat"],
+        style="dim",
+        soft_wrap=True,
     )
-    table.add_row("lasers, one pulse, J", _short(lasers["pulse_j"]), f"{pulse:.2g} %", "", "")
+
+
+def _add_array(table: Any, array: dict[str, Any]) -> None:
     table.add_row(
         "array at 0.2 m, W/m²",
         _short(array["irradiance_w_per_m2"]),
@@ -344,13 +381,6 @@ def _print_safety(safety: dict[str, Any]) -> None:
     if array["retinal_margin"]:
         margin = f"{100 * array['retinal_margin']:.0f} %"
         table.add_row("array, on the retina", "", margin, "", "")
-    print_table(table)
-    results.print(
-        "Limits: class 1 of IEC 60825-1, and the exempt group of IEC 62471 (all day long). "
-        + safety["caveat"],
-        style="dim",
-        soft_wrap=True,
-    )
 
 
 def _declared(what: str, value: str | None) -> str:

@@ -45,7 +45,7 @@ def command(
     )
     from reconstruction.cli.reconstruct import names
     from reconstruction.depth import check_min_free
-    from reconstruction.diagnostics import NOT_TRACED
+    from reconstruction.diagnostics import result_warnings
     from reconstruction.evaluation import evaluate_recording
 
     recording = read_capture(capture)
@@ -80,9 +80,9 @@ def command(
         result = replace(result, min_free=min_free)
     with naming(capture if file is None else f"{file} for {capture}"):
         metrics = evaluate(result, recording)
-    if recording.provenance.is_surrogate:
-        warn([NOT_TRACED])
+    warnings = result_warnings(result, recording)
+    warn(warnings)
     if json:
-        print_json(metrics)
+        print_json(metrics | {"warnings": warnings})
     else:
         print_errors(metrics)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -18,6 +19,7 @@ from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from spisim.config import LightSource
     from spisim.dataset.flight import Instant
     from spisim.instrument import Instrument
     from spisim.report.flight import Sighting
@@ -45,6 +47,10 @@ def command(
     weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
     stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
+    light: Annotated[
+        Literal["traced", "surrogate"],
+        typer.Option(help="surrogate: a fast stand-in, to learn from."),
+    ] = "traced",
     spp: opt.Spp = 256,
     overwrite: opt.Overwrite = False,
     json: opt.Json = False,
@@ -71,14 +77,15 @@ def command(
         place, oddities = scene_with(scene, carried.wavelength_nm, weather)
         check_clear_path(place, trajectory)
         flight = instants(place, trajectory, carried, rate, seed)
-        kept = kept_captures(output, flight, carried, spp)
+        kept = kept_captures(output, flight, carried, light, spp)
         remove_unfinished(output / instant.file for instant in flight)
+        record = partial(_record, output, instrument=carried, light=light, spp=spp)
         with progress_bar(f"Flying {len(flight)} captures", progress) as advance:
             seen = []
             for instant in flight:
                 done, share = instant.number / len(flight), 1 / len(flight)
                 if instant.number not in kept:
-                    _record(output, instant, carried, spp, _part(advance, done, share))
+                    record(instant, progress=_part(advance, done, share))
                 seen.append(_look(instant, output))
                 advance(done + share)
         write_animation(animation, seen, rate)
@@ -104,7 +111,9 @@ def _part(advance: Callable[[float], None], done: float, share: float) -> Callab
 def _record(
     folder: Path,
     instant: Instant,
+    *,
     instrument: Instrument,
+    light: LightSource,
     spp: int,
     progress: Callable[[float], None],
 ) -> None:
@@ -115,7 +124,7 @@ def _record(
     from spisim.simulation import simulate
 
     capture = simulate(
-        instant.scene, instrument, spp=spp, seed=instant.seed, progress=progress
+        instant.scene, instrument, light=light, spp=spp, seed=instant.seed, progress=progress
     ).capture
     provenance = replace(capture.provenance, created="")
     write_capture(replace(capture, provenance=provenance), folder / instant.file)
@@ -124,20 +133,20 @@ def _record(
 def _look(instant: Instant, folder: Path) -> Sighting:
     """What a capture shows, as it is read: equal whether it was kept or made."""
     from reconstruction import evaluate, read_capture, reconstruct
+    from reconstruction.diagnostics import result_warnings
     from spisim.report.flight import Sighting
 
     capture = read_capture(folder / instant.file)
     with naming(folder / instant.file):
         result = reconstruct(capture)
-    return Sighting(instant, capture, result, evaluate(result, capture))
+    warnings = result_warnings(result, capture)
+    return Sighting(instant, capture, result, evaluate(result, capture), warnings)
 
 
 def _warnings(seen: list[Sighting]) -> list[str]:
     """Of the captures, each once, with the first one's name."""
-    from reconstruction import capture_warnings
-
     found: dict[str, str] = {}
     for sighting in seen:
-        for warning in capture_warnings(sighting.capture):
+        for warning in sighting.warnings:
             found.setdefault(warning, sighting.instant.file)
     return [f"{file}: {warning}" for warning, file in found.items()]

@@ -88,7 +88,9 @@ def instrument_with(
     if not changes and stated is None:
         return instrument
     fields: dict[str, Any] = yaml.safe_load(instrument.text)
-    fields["plan"] |= changes
+    if changes:
+        instrument.imaging  # noqa: B018 - raises where there are no patterns
+        fields["plan"] |= changes
     if stated is not None:
         fields["weather"] = _weather(stated)
     return parse_model(dump_yaml(fields), Instrument, "pattern plan of the command line")

@@ -76,7 +76,7 @@ def command(
         height=height,
         fov_deg=fov,
         pattern=None if pattern is None else illumination(plan, pattern),
-        position_m=above if place is Place.PROJECTOR else carried.detector.positions_m[0],
+        position_m=above if place is Place.PROJECTOR else carried.imaging.detector.positions_m[0],
         spp=spp,
         seed=seed,
     )

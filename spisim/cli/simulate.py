@@ -95,7 +95,7 @@ def command(
             result,
             metrics=evaluate(result, simulation.capture),
             transport=simulation.transport,
-            view=fine_view(place, carried),
+            view=fine_view(place, carried) if carried.images else None,
             timings=seconds,
             title=place.name,
         )

@@ -26,6 +26,8 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
     from spisim.report.comparison import compared_methods, compared_spots, written
 
     _print_all([*compared_methods(metrics), *compared_spots(metrics)])
+    if not metrics["images"]:
+        return
     error = written(metrics["truth"]["image_error"], 100, "{:.1f} %")
     results.print(f"standard error of the true image, RMS: {error}\n", style="dim")
 

@@ -1,9 +1,9 @@
 """Fields that configuration files are made of, and the base of their sections."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 from contextlib import suppress
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     BaseModel,
@@ -11,13 +11,21 @@ from pydantic import (
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
+    ValidationError,
     model_validator,
 )
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import (
+    CoreSchema,
+    ErrorDetails,
+    InitErrorDetails,
+    PydanticCustomError,
+)
+from pydantic_core.core_schema import ErrorType
 
 from reconstruction.errors import nearest
 from spisim.config.json_schema import add_descriptions, name_bounds
-from spisim.config.messages import show
+from spisim.config.messages import UNKNOWN_FIELD, show
 
 #: Whatever has a unit here lies far between.
 SMALLEST, LARGEST = 1e-18, 1e30
@@ -52,6 +60,23 @@ Vector = tuple[Number, Number, Number]
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
+_KINDS = frozenset(get_args(ErrorType))
+
+
+def _renamed(details: ErrorDetails, names: Iterable[str]) -> InitErrorDetails:
+    """An error of a section to be raised again; that of an unknown field names the nearest."""
+    kind, loc, context = details["type"], details["loc"], details.get("ctx", {})
+    again = InitErrorDetails(type=kind, loc=loc, input=details["input"], ctx=context)
+    if kind == "extra_forbidden" and len(loc) == 1:
+        field = str(loc[0])
+        sentence = f"unknown field {show(field)}: {nearest(field, names)}"
+        again["type"] = PydanticCustomError(UNKNOWN_FIELD, "{sentence}", {"sentence": sentence})
+        again["loc"] = ()
+    elif kind not in _KINDS:
+        again["type"] = PydanticCustomError(kind, "{message}", {"message": details["msg"]})
+    return again
+
+
 class Section(BaseModel):
     """Base of every part of a configuration file: no unknown fields, no NaN, immutable.
 
@@ -61,18 +86,17 @@ class Section(BaseModel):
     # Built when first used: what other packages add to a file may import what it is part of.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _known_fields(cls, data: Any) -> Any:
-        if isinstance(data, Mapping):
-            for field in data:
-                if field not in cls.model_fields:
-                    raise PydanticCustomError(
-                        "unknown_field",
-                        "unknown field {field}: {nearest}",
-                        {"field": show(field), "nearest": nearest(str(field), cls.model_fields)},
-                    )
-        return data
+    def _known_fields(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Name the nearest to each unknown field."""
+        try:
+            return handler(data)
+        except ValidationError as error:
+            raise ValidationError.from_exception_data(
+                cls.__name__,
+                [_renamed(each, cls.model_fields) for each in error.errors(include_url=False)],
+            ) from None
 
     @classmethod
     def __get_pydantic_json_schema__(

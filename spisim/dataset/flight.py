@@ -1,12 +1,14 @@
 """Captures along a flight: one for each instant, kept where they are there already."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from reconstruction import Capture, InputError, read_capture
-from spisim.config import load_yaml
+from spisim.config import LightSource, load_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, at_moment
 
@@ -57,21 +59,29 @@ def instants(
 
 
 def kept_captures(
-    folder: Path, flight: list[Instant], instrument: Instrument, spp: int
+    folder: Path,
+    flight: list[Instant],
+    instrument: Instrument,
+    light: LightSource,
+    spp: int,
 ) -> set[int]:
     """Numbers of the captures of this very flight that are in a folder already.
 
-    Raises InputError for captures of another flight, scene, instrument, seed or number of paths.
+    Raises InputError for captures of another flight, scene, instrument, seed, source of light or,
+    where it is traced, number of paths.
     """
     files = {folder / instant.file: instant for instant in flight}
     strangers = sorted(set(folder.glob("capture-*.h5")) - set(files))
     if strangers:
         raise InputError(f"{strangers[0]} is not of this flight; give another folder")
+    settings: dict[str, Any] = {"noise": True, "frames": 1}
+    if light == "traced":
+        settings["spp"] = spp
     kept = set()
     for file, instant in files.items():
         if not file.exists():
             continue
-        if different := _difference(read_capture(file), instant, instrument, spp):
+        if different := _difference(read_capture(file), instant, instrument, settings):
             raise InputError(
                 f"{file} was made with another {different}; give another folder, or remove it"
             )
@@ -79,7 +89,9 @@ def kept_captures(
     return kept
 
 
-def _difference(capture: Capture, instant: Instant, instrument: Instrument, spp: int) -> str | None:
+def _difference(
+    capture: Capture, instant: Instant, instrument: Instrument, settings: Mapping[str, Any]
+) -> str | None:
     """What a capture was made with that an instant would not be, or None."""
     made = capture.provenance
     if made.source != "simulation" or made.scene != instant.scene.text:
@@ -88,9 +100,11 @@ def _difference(capture: Capture, instant: Instant, instrument: Instrument, spp:
         return "instrument"
     if made.seed != instant.seed:
         return "seed"
-    settings = load_yaml(made.settings, "settings")
-    told = settings if isinstance(settings, dict) else {}
-    for field, value in {"spp": spp, "noise": True, "frames": 1}.items():
+    if made.is_surrogate == ("spp" in settings):
+        return "light"
+    stored = load_yaml(made.settings, "settings")
+    told = stored if isinstance(stored, dict) else {}
+    for field, value in settings.items():
         if told.get(field) != value:
             return field
     return None

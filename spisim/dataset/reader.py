@@ -263,7 +263,7 @@ class DataSet(Sequence[StoredSample]):
         return {name: np.array(values) for name, values in rows.items()}
 
     def table(self) -> pandas.DataFrame:
-        """The manifest as a table by sample index, one column for every parameter.
+        """The manifest as a table by sample index, one column for every parameter, and warnings.
 
         InputError without pandas.
         """
@@ -273,10 +273,11 @@ class DataSet(Sequence[StoredSample]):
             {"scene_name": record.scene}
             | {name: getattr(record, name) for name in told}
             | dict(record.parameters)
+            | {"warnings": " | ".join(record.warnings)}
             for record in self.records
         ]
         index = pandas.Index([record.index for record in self.records], name="index", dtype=int)
-        columns = ["scene_name", *told, *self.parameter_names]
+        columns = ["scene_name", *told, *self.parameter_names, "warnings"]
         return pandas.DataFrame(rows, index=index, columns=columns)
 
     def xarray(self, *names: str) -> xarray.Dataset:

@@ -16,9 +16,10 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from reconstruction.arrays import Complex, Floats
+from reconstruction.capture.charge import LEAST_MODULATION_HZ
 from reconstruction.errors import InputError
 from spisim.config import Number, Section
 from spisim.instrument.sensor import PositiveFraction
@@ -69,7 +70,16 @@ class Taps(Section):
         return np.asarray(2 * np.sinc(orders * self.width))
 
 
-Frequency = Annotated[Number, Field(gt=0, le=1e10)]
+def _not_in_mhz(frequency_hz: float) -> float:
+    if frequency_hz < LEAST_MODULATION_HZ:
+        raise InputError(
+            f"should be at least {LEAST_MODULATION_HZ:g} Hz; if it is in MHz, write "
+            f"{frequency_hz:g}e+6"
+        )
+    return frequency_hz
+
+
+Frequency = Annotated[Number, Field(gt=0, le=1e10), AfterValidator(_not_in_mhz)]
 
 
 class Modulation(Section):

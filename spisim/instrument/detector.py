@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from scipy.constants import elementary_charge
 
 from reconstruction.arrays import Floats
+from reconstruction.capture.spots import MAX_SPOTS
 from reconstruction.errors import InputError
 from spisim.config import NonNegative, Number, Positive, Section, Vector
 from spisim.instrument.sensor import Each, PositiveFraction, Random, Readings
@@ -208,30 +209,11 @@ class BucketDetector(Detector):
 
 
 class TofDetector(Detector):
-    """The photodiodes of the four spots.
+    """The photodiodes of the spots.
 
-    Four, each looking along the direction of its laser; or one for all, looking along the optical
-    axis, for which the lasers fire in turn.
+    One for each, looking along the direction of its laser; or one for all, looking along the
+    optical axis, for which the lasers fire in turn.
     """
 
-    positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=4)]
-    """Where they are, optical frame; four, in the order of the lasers, or one for all."""
-
-    @property
-    def shared(self) -> bool:
-        """One photodiode for all spots."""
-        return len(self.positions_m) == 1
-
-    @property
-    def spot_positions_m(self) -> Floats:
-        """Position (4, 3) of each spot's photodiode."""
-        return np.asarray(np.broadcast_to(self.positions_m, (4, 3)), dtype=np.float64)
-
-    @model_validator(mode="after")
-    def _one_or_four(self) -> TofDetector:
-        if len(self.positions_m) not in (1, 4):
-            raise InputError(
-                f"positions_m has {len(self.positions_m)} positions; one photodiode for all four "
-                "spots or four are possible"
-            )
-        return self
+    positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=MAX_SPOTS)]
+    """Where they are, optical frame; one for each laser, in their order, or one for all."""

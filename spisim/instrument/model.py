@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic_core import InitErrorDetails
 
 from reconstruction.arrays import Floats
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.errors import InputError
 from reconstruction.notebook import drawing, figure, shown, told
-from reconstruction.operators import PatternPlan, mean_illumination
+from reconstruction.operators import NOTHING_SHOWN, PatternPlan, mean_illumination
 from reconstruction.ranging.weather import VISIBILITIES_M, Weather
 from spisim.config import Number, Positive, Section, dump_yaml, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
-from spisim.instrument.parts import Filter, Lasers, Plan, Projector
-from spisim.instrument.sensor import quantum_efficiency
+from spisim.instrument.fitting import BAND_POINTS, errors_of
+from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
+from spisim.instrument.tof import Tof
 from spisim.instrument.tofs import AnyTof
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 
 Source = Literal["projector", "laser", "daylight"]
 Visibility = Annotated[Number, Field(ge=VISIBILITIES_M[0], le=VISIBILITIES_M[1])]
-
-#: Wavelengths at which a spectrum within the filter's band is weighted.
-BAND_POINTS = 49
-#: Time constants that a pattern's period must last, so that a pattern is felt in the next one only.
-SETTLING_TIMES = 5
 
 
 class EyeSafety(Section):
@@ -46,12 +43,57 @@ def _stated_weather(weather: Any) -> Any:
     return weather
 
 
-def _pattern_period(fields: dict[str, Any]) -> float:
-    return 1.0 / fields["projector"].pattern_rate_hz
+def _pattern_period(fields: dict[str, Any]) -> float | None:
+    projector: Projector | None = fields["projector"]
+    return None if projector is None else 1.0 / projector.pattern_rate_hz
+
+
+class Imaging(NamedTuple):
+    """What an instrument makes its image with."""
+
+    projector: Projector
+    plan: Plan
+    detector: BucketDetector
+    exposure_time_s: float
+
+
+class Ranging(NamedTuple):
+    """What an instrument measures the ranges of its spots with."""
+
+    lasers: Lasers
+    tof: Tof
+
+    @property
+    def spots(self) -> int:
+        """Number of lasers."""
+        return len(self.lasers.directions_deg)
+
+    @property
+    def shared(self) -> bool:
+        """Whether one photodiode is for several spots."""
+        return len(self.tof.detector.positions_m) < self.spots
+
+    @property
+    def frame_time_s(self) -> float:
+        """Time of the ranges of a frame; with one photodiode the lasers fire in turn."""
+        return self.tof.frame_time_s * (self.spots if self.shared else 1)
+
+    @property
+    def detector_positions_m(self) -> Floats:
+        """Position (spots, 3) of each spot's photodiode."""
+        positions = self.tof.detector.positions_m
+        return np.asarray(np.broadcast_to(positions, (self.spots, 3)), dtype=np.float64)
+
+    @property
+    def detector_axes(self) -> Floats:
+        """Unit vectors (spots, 3) along which the photodiodes look."""
+        if self.shared:
+            return np.tile([0.0, 0.0, 1.0], (self.spots, 1))
+        return self.lasers.directions
 
 
 class Instrument(Section):
-    """An instrument: projector and bucket detector, lasers and time-of-flight detectors.
+    """An instrument: projector and bucket detector, lasers and ranging detectors, or one of both.
 
     Daylight is tabulated from 800 to 1600 nm, so the filter's band is bound to that. What a scene
     knows the materials at is up to the scene. `exposure_time_s` is the part of a pattern's period,
@@ -60,18 +102,18 @@ class Instrument(Section):
 
     wavelength_nm: Annotated[Number, Field(ge=800, le=1600)]
     """Of lasers and patterns; within the filter's band."""
-    projector: Projector
-    """The LED array."""
-    plan: Plan
+    projector: Projector | None = None
+    """The LED array; without it, `plan` and `detector` there are ranges alone."""
+    plan: Plan | None = None
     """The patterns that it shows."""
     filter: Filter
     """The band-pass in front of all detectors."""
-    detector: BucketDetector
+    detector: BucketDetector | None = None
     """The single-pixel detector of the patterns."""
-    lasers: Lasers
-    """The four beams."""
-    tof: AnyTof
-    """How the four spots are ranged."""
+    lasers: Lasers | None = None
+    """The beams of the spots; without them and `tof` there is an image alone."""
+    tof: AnyTof | None = None
+    """How the spots are ranged."""
     weather: Annotated[
         Literal["unknown", "clear", "fog"] | Visibility, BeforeValidator(_stated_weather)
     ] = "unknown"
@@ -79,15 +121,45 @@ class Instrument(Section):
     visibility in metres. Captures state it; it changes no light."""
     eye_safety: EyeSafety = EyeSafety()
     """What the maker declares; it is compared, and changes nothing else."""
-    exposure_time_s: Positive = Field(default_factory=_pattern_period)
+    exposure_time_s: Positive | None = Field(default_factory=_pattern_period)
     """The end of a pattern's period, in which the detector collects; all of it without."""
 
+    @property
+    def images(self) -> bool:
+        """Whether it has a projector and its detector."""
+        return self.projector is not None
+
+    @property
+    def ranges(self) -> bool:
+        """Whether it has lasers and their detectors."""
+        return self.lasers is not None
+
+    @property
+    def imaging(self) -> Imaging:
+        """What makes the image; InputError for an instrument of ranges alone."""
+        if self.projector is None or self.plan is None or self.detector is None:
+            raise InputError(
+                "the instrument has no image: projector, plan and detector are missing"
+            )
+        assert self.exposure_time_s is not None
+        return Imaging(self.projector, self.plan, self.detector, self.exposure_time_s)
+
+    @property
+    def ranging(self) -> Ranging:
+        """What measures the ranges; InputError for an instrument of an image alone."""
+        if self.lasers is None or self.tof is None:
+            raise InputError("the instrument has no ranges: lasers and tof are missing")
+        return Ranging(self.lasers, self.tof)
+
     def _repr_html_(self) -> str:
-        projector = self.projector
-        size = np.array([projector.tan_half_width, projector.tan_half_height])
-        spots = self.lasers.directions
-        spots = spots[:, :2] / spots[:, 2:] * (1, -1)
-        wide = 1.1 * float(max(size.max(), np.abs(spots).max()))
+        size, spots = np.zeros(2), np.zeros((0, 2))
+        if self.images:
+            projector = self.imaging.projector
+            size = np.array([projector.tan_half_width, projector.tan_half_height])
+        if self.ranges:
+            directions = self.ranging.lasers.directions
+            spots = directions[:, :2] / directions[:, 2:] * (1, -1)
+        wide = 1.1 * float(np.abs(np.vstack([size, spots, [1e-3, 0]])).max())
         line = f'stroke-width="{wide / 100:.4g}"'
         (x, y), (width, height) = -size, 2 * size
         drawn = [
@@ -107,16 +179,23 @@ class Instrument(Section):
 
     @property
     def _facts(self) -> dict[str, Any]:
-        projector, plan = self.projector, self.pattern_plan
-        return {
-            "wavelength": f"{self.wavelength_nm:g} nm",
-            "patterns": f"{plan.sampled} of {plan.shape[0]} × {plan.shape[1]} pixels, {plan.basis}",
-            "frame": f"{1e3 * self.frame_time_s:.4g} ms",
-            "projector": f"{projector.power_w:g} W over {projector.fov_deg:g}°",
-            "detector": f"{self.detector.sensor.type}, {self.detector.field_of_view_deg:g}°",
-            "lasers": f"4 × {1e3 * self.lasers.power_w:g} mW",
-            "ranging": self.tof.method,
-        }
+        facts: dict[str, Any] = {"wavelength": f"{self.wavelength_nm:g} nm"}
+        if self.images:
+            (projector, _, detector, _), plan = self.imaging, self.pattern_plan
+            shape = f"{plan.shape[0]} × {plan.shape[1]}"
+            facts |= {
+                "patterns": f"{plan.sampled} of {shape} pixels, {plan.basis}",
+                "projector": f"{projector.power_w:g} W over {projector.fov_deg:g}°",
+                "detector": f"{detector.sensor.type}, {detector.field_of_view_deg:g}°",
+            }
+        facts["frame"] = f"{1e3 * self.frame_time_s:.4g} ms"
+        if self.ranges:
+            lasers, tof = self.ranging
+            facts |= {
+                "lasers": f"{self.ranging.spots} × {1e3 * lasers.power_w:g} mW",
+                "ranging": tof.method,
+            }
+        return facts
 
     @property
     def text(self) -> str:
@@ -142,9 +221,10 @@ class Instrument(Section):
         fields = self._fields
         fields["wavelength_nm"] = float(wavelength_nm)
         fields["filter"]["band_nm"] = list(band_nm)
-        if self.projector.spectrum is not None:
+        if self._spectrum is not None:
             fields["projector"]["spectrum"]["peak_nm"] += moved_nm
-        for part, detector in ((fields, self.detector), (fields["tof"], self.tof.detector)):
+        for name, detector in self.detectors.items():
+            part = fields["tof"] if name == "tof.detector" else fields
             sensor = detector.sensor.at_band(band_nm, self.wavelength_nm, wavelength_nm)
             part["detector"]["sensor"] = sensor.model_dump(mode="json")
         source = f"instrument at {wavelength_nm:g} nm"
@@ -156,6 +236,7 @@ class Instrument(Section):
         Raises InputError for a power that is not positive and finite.
         """
         fields = self._fields
+        self.ranging  # noqa: B018 - raises where there are no lasers
         fields["lasers"]["power_w"] = float(power_w)
         return parse_model(dump_yaml(fields), Instrument, f"instrument of {power_w:g} W")
 
@@ -166,8 +247,13 @@ class Instrument(Section):
 
     @cached_property
     def pattern_plans(self) -> tuple[PatternPlan, ...]:
-        """The patterns of successive frames, over and over: one plan where all show the same."""
-        return self.plan.cycle(self.projector.shape)
+        """The patterns of successive frames, over and over: one plan where all show the same.
+
+        Without an image a dark pixel.
+        """
+        if not self.images:
+            return (NOTHING_SHOWN,)
+        return self.imaging.plan.cycle(self.imaging.projector.shape)
 
     def __copy__(self) -> Self:
         """Without patterns: a copy may get another plan."""
@@ -177,24 +263,29 @@ class Instrument(Section):
 
     @property
     def pattern_period_s(self) -> float:
-        """From one pattern to the next."""
-        return 1 / self.projector.pattern_rate_hz
+        """From one pattern to the next; without an image the time of a frame's ranges."""
+        return (
+            1 / self.imaging.projector.pattern_rate_hz if self.images else self.ranging.frame_time_s
+        )
 
     @property
     def frame_time_s(self) -> float:
-        """Duration of one frame of patterns."""
-        return self.pattern_plan.exposures / self.projector.pattern_rate_hz
+        """Duration of one frame of patterns; without an image that of the ranges."""
+        if not self.images:
+            return self.ranging.frame_time_s
+        return self.pattern_plan.exposures / self.imaging.projector.pattern_rate_hz
 
     def exposure_times_s(self, frames: int) -> Floats:
         """Middle of every exposure of a recording, (frames, M), from the first one's start."""
         exposures = self.pattern_plan.exposures
         middles: Floats = np.arange(frames * exposures, dtype=np.float64) + 0.5
-        return middles.reshape(frames, exposures) / self.projector.pattern_rate_hz
+        rate_hz = self.imaging.projector.pattern_rate_hz if self.images else 1 / self.frame_time_s
+        return middles.reshape(frames, exposures) / rate_hz
 
     @property
     def tap_frequencies_hz(self) -> tuple[float, ...]:
         """Of a modulated projector: every harmonic that its taps respond to."""
-        modulation = self.projector.modulation
+        modulation = self.imaging.projector.modulation if self.images else None
         if modulation is None:
             return ()
         orders = modulation.orders(PICTURE_HARMONICS)
@@ -203,7 +294,8 @@ class Instrument(Section):
     @property
     def pixel_powers_w(self) -> Floats:
         """In-band power (H, W) of each virtual pixel, fully on, in front of the filter."""
-        return self.projector.power_w * self.in_band_fraction * self.projector.pixel_shares
+        projector = self.imaging.projector
+        return projector.power_w * self.in_band_fraction * projector.pixel_shares
 
     @property
     def mean_powers_w(self) -> Floats:
@@ -214,10 +306,11 @@ class Instrument(Section):
     @property
     def in_band_fraction(self) -> float:
         """Share of the projector's power within the filter's band."""
-        if self.projector.spectrum is not None:
-            return self.projector.spectrum.fraction_within(self.filter.band_nm)
-        assert self.projector.in_band_fraction is not None
-        return self.projector.in_band_fraction
+        projector = self.imaging.projector
+        if projector.spectrum is not None:
+            return projector.spectrum.fraction_within(self.filter.band_nm)
+        assert projector.in_band_fraction is not None
+        return projector.in_band_fraction
 
     def daylight_irradiance(self, illuminance_klx: float) -> float:
         """Irradiance, W/m², of daylight within the filter's band, in front of the filter."""
@@ -233,22 +326,37 @@ class Instrument(Section):
         return float(self.filter.transmittance * detector.lens_transmittance * response)
 
     @property
+    def detectors(self) -> dict[str, Detector]:
+        """Those of image and ranges, as far as it has them, by their fields."""
+        detectors = {
+            "detector": self.detector,
+            "tof.detector": None if self.tof is None else self.tof.detector,
+        }
+        return {name: each for name, each in detectors.items() if each is not None}
+
+    @property
     def spot_optics(self) -> SpotOptics:
         """Lasers and ranging detectors, as captures tell of them."""
-        detector, directions = self.tof.detector, self.lasers.directions
-        ahead = np.array([0.0, 0.0, 1.0])
+        ranging = self.ranging
+        (lasers, tof), spots = ranging, ranging.spots
+        detector = tof.detector
         return SpotOptics(
-            directions=directions,
-            detector_positions_m=detector.spot_positions_m,
-            detector_axes=np.tile(ahead, (4, 1)) if detector.shared else directions,
-            half_fields_rad=np.full(4, math.radians(detector.field_of_view_deg) / 2),
-            falloffs=np.full(4, detector.vignetting),
-            aperture_radii_m=np.full(4, math.sqrt(detector.aperture_area_m2 / math.pi)),
-            beam_divergence_rad=self.lasers.divergence_mrad * 1e-3,
-            beam_waist_m=self.lasers.waist_mm * 1e-3,
+            directions=lasers.directions,
+            detector_positions_m=ranging.detector_positions_m,
+            detector_axes=ranging.detector_axes,
+            half_fields_rad=np.full(spots, math.radians(detector.field_of_view_deg) / 2),
+            falloffs=np.full(spots, detector.vignetting),
+            aperture_radii_m=np.full(spots, math.sqrt(detector.aperture_area_m2 / math.pi)),
+            beam_divergence_rad=lasers.divergence_mrad * 1e-3,
+            beam_waist_m=lasers.waist_mm * 1e-3,
             electrons_per_joule=self.electrons_per_joule(detector, "laser"),
             **Weather.parsed(self.weather)._asdict(),
         )
+
+    @property
+    def _spectrum(self) -> Spectrum | None:
+        """Of the projector; None where it is one line, or there is no projector."""
+        return self.projector.spectrum if self.projector is not None else None
 
     def _in_band_spectrum(self, source: Source) -> tuple[Floats, Floats]:
         """Wavelengths, and weights that sum to one."""
@@ -256,100 +364,21 @@ class Instrument(Section):
         if source == "daylight":
             table, irradiance, _ = daylight_spectrum()
             weights = np.interp(wavelengths, table, irradiance)
-        elif source == "projector" and self.projector.spectrum is not None:
-            weights = self.projector.spectrum.density(wavelengths)
+        elif source == "projector" and (spectrum := self._spectrum) is not None:
+            weights = spectrum.density(wavelengths)
         else:
             return np.array([self.wavelength_nm]), np.ones(1)
         return wavelengths, weights / weights.sum()
 
     @model_validator(mode="after")
-    def _has_a_plan(self) -> Instrument:
-        try:
-            self.pattern_plan  # noqa: B018 - raises where there is no such plan
-        except InputError as error:
-            raise InputError(f"plan: {error}") from None
-        return self
-
-    @model_validator(mode="after")
-    def _wavelength_passes_the_filter(self) -> Instrument:
-        try:
-            self.daylight_irradiance(1.0)
-        except InputError as error:
-            raise InputError(f"filter.{error}") from None
-        low, high = self.filter.band_nm
-        if not low <= self.wavelength_nm <= high:
-            raise InputError(
-                f"wavelength_nm {self.wavelength_nm} is outside filter.band_nm, {low} to {high}"
-            )
-        spectrum = self.projector.spectrum
-        if spectrum is not None and spectrum.fraction_within(self.filter.band_nm) < 1e-9:
-            raise InputError(
-                f"projector.spectrum has no light within filter.band_nm, {low} to {high}"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _exposure_fits_a_pattern(self) -> Instrument:
-        if self.exposure_time_s > self.pattern_period_s * (1 + 1e-9):
-            raise InputError(
-                f"exposure_time_s {self.exposure_time_s} is longer than a pattern's period "
-                f"{self.pattern_period_s:.6g}, 1 / projector.pattern_rate_hz"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _patterns_settle_within_their_period(self) -> Instrument:
-        amplifier = self.detector.amplifier
-        times_s = {
-            "projector.settling_time_s": self.projector.settling_time_s,
-            "the time constant of detector.amplifier.bandwidth_hz,": (
-                0.0 if amplifier is None else amplifier.time_constant_s
-            ),
-        }
-        for name, time_s in times_s.items():
-            if time_s * SETTLING_TIMES > self.pattern_period_s:
-                raise InputError(
-                    f"{name} {time_s:.4g} s is too long for patterns of "
-                    f"{self.pattern_period_s:.4g} s, 1 / projector.pattern_rate_hz: at most "
-                    f"{self.pattern_period_s / SETTLING_TIMES:.4g} s"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _one_electron_per_photon_at_most(self) -> Instrument:
-        low, _ = band = self.filter.band_nm
-        for name, detector in (("detector", self.detector), ("tof.detector", self.tof.detector)):
-            sensor = detector.sensor
-            if quantum_efficiency(sensor, np.linspace(*band, BAND_POINTS)).max() > 1:
-                raise InputError(f"{name}.sensor.{sensor.too_efficient(low)}")
-        return self
-
-    @model_validator(mode="after")
-    def _modulated_patterns_are_demodulated(self) -> Instrument:
-        modulation, detector = self.projector.modulation, self.detector
-        if modulation is None:
-            return self
-        if detector.amplifier is None:
-            raise InputError("projector.modulation needs a detector that integrates charge")
-        if detector.amplifier.coupling == "ac":
-            raise InputError("projector.modulation needs detector.amplifier.coupling dc")
-        if modulation.taps.arrangement == "in-turn":
-            raise InputError(
-                "projector.modulation.taps.arrangement should be parallel: one exposure holds "
-                "all taps"
-            )
-        if len(modulation.frequencies_hz) > 1:
-            raise InputError(
-                "projector.modulation.frequencies_hz should be one frequency, that of all patterns"
-            )
-        if len(modulation.taps.phases_rad) * modulation.taps.share > 1 + 1e-9:
-            raise InputError(
-                "projector.modulation.taps should share the electrons of an exposure: rectangular, "
-                "of width 0.25 at most"
-            )
-        if self.exposure_time_s * modulation.frequencies_hz[0] < 1:
-            raise InputError(
-                "projector.modulation.frequencies_hz should fit a period into exposure_time_s "
-                f"{self.exposure_time_s:.4g}; at least {1 / self.exposure_time_s:.4g}"
+    def _fits(self) -> Instrument:
+        errors = errors_of(self)
+        if errors:
+            raise ValidationError.from_exception_data(
+                "Instrument",
+                [
+                    InitErrorDetails(type="value_error", ctx={"error": each}, input=None)
+                    for each in errors
+                ],
             )
         return self

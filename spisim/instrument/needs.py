@@ -11,15 +11,15 @@ WITHIN_RANGE = 0.98
 
 def needs(instrument: Instrument) -> Needs:
     """Field, beams and detectors that a scene has to suit; see `layout_problem`."""
-    projector, detector = instrument.projector, instrument.tof.detector
+    projector, (lasers, tof) = instrument.imaging.projector, instrument.ranging
     return Needs(
         half_field_deg=(
             math.degrees(math.atan(projector.tan_half_width)),
             math.degrees(math.atan(projector.tan_half_height)),
         ),
-        beams=instrument.lasers.directions,
-        farthest_spot_m=WITHIN_RANGE * instrument.tof.unambiguous_range_m,
+        beams=lasers.directions,
+        farthest_spot_m=WITHIN_RANGE * tof.unambiguous_range_m,
         least_spots=1,
-        detectors_m=detector.spot_positions_m,
-        lens_ring_m=math.sqrt(detector.aperture_area_m2 / (2 * math.pi)),
+        detectors_m=instrument.ranging.detector_positions_m,
+        lens_ring_m=math.sqrt(tof.detector.aperture_area_m2 / (2 * math.pi)),
     )

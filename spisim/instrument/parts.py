@@ -26,6 +26,7 @@ from scipy.special import erf
 
 from reconstruction.arrays import Floats
 from reconstruction.capture import read_capture
+from reconstruction.capture.spots import MAX_SPOTS
 from reconstruction.errors import InputError
 from reconstruction.operators import (
     BASES,
@@ -299,7 +300,7 @@ class Filter(Section):
 
 
 class Lasers(Section):
-    """Four beams that leave from the projector's pinhole, Gaussian in angle and place."""
+    """Beams that leave from the projector's pinhole, Gaussian in angle and place."""
 
     power_w: Positive
     """Power of each; mean of continuous light, peak of a pulse."""
@@ -307,12 +308,14 @@ class Lasers(Section):
     """Standard deviation of the angle, per axis."""
     waist_mm: Annotated[Number, Field(ge=0, le=1000)] = 0.0
     """Standard deviation of the place of exit, per axis."""
-    directions_deg: Annotated[tuple[tuple[Angle, Angle], ...], Field(min_length=4, max_length=4)]
-    """Four times [azimuth to the right, elevation up]."""
+    directions_deg: Annotated[
+        tuple[tuple[Angle, Angle], ...], Field(min_length=1, max_length=MAX_SPOTS)
+    ]
+    """[azimuth to the right, elevation up] of each spot, 1 to 64 of them."""
 
     @property
     def directions(self) -> Floats:
-        """Unit vectors (4, 3) in the optical frame."""
+        """Unit vectors (spots, 3) in the optical frame."""
         azimuth, elevation = np.radians(self.directions_deg).T
         return np.stack(
             [
@@ -324,8 +327,8 @@ class Lasers(Section):
         )
 
     @model_validator(mode="after")
-    def _four_different_directions(self) -> Lasers:
-        for one, other in combinations(range(4), 2):
+    def _different_directions(self) -> Lasers:
+        for one, other in combinations(range(len(self.directions_deg)), 2):
             if self.directions_deg[one] == self.directions_deg[other]:
                 raise InputError(
                     f"directions_deg: spots {one} and {other} point the same way, "

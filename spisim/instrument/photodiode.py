@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from spisim.instrument.detector import Detector
     from spisim.instrument.tofs.dtof import DirectTof
 
+#: At which data sheets of avalanche diodes tell a responsivity.
+USUAL_GAIN = 100.0
+#: Of photodiodes at unit gain, near infrared: less is no hint to a gain.
+LEAST_A_PER_W = 0.1
 #: Electrons above which the normal distribution stands for Poisson's, whose skewness is 1e-6.
 LARGE_MEAN = 1e12
 
@@ -50,9 +54,17 @@ class Photodiode(Sensor):
 
     def too_efficient(self, shortest_nm: float) -> str:
         limit = elementary_charge * shortest_nm * 1e-9 / (h * c)
-        return (
+        message = (
             f"responsivity_a_per_w {self.responsivity_a_per_w} is more than one electron per "
             f"photon, {limit:.4g} A/W"
+        )
+        largest = float(np.max(spectral_value(self.responsivity_a_per_w, shortest_nm)))
+        gain = self.gain if self.gain > 1 else USUAL_GAIN
+        if not LEAST_A_PER_W <= largest / gain <= limit:
+            return message
+        return (
+            f"{message}; it belongs at unit gain: if the data sheet tells it at a gain of "
+            f"{gain:g}, divide by that, {largest / gain:.3g}"
         )
 
     def arrivals(self, electrons: Floats, rng: np.random.Generator) -> Floats:

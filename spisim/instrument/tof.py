@@ -1,4 +1,4 @@
-"""What a method of ranging the four spots is."""
+"""What a method of ranging the spots is."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ BINS_PER_PULSE = 4
 
 @dataclass(frozen=True, eq=False)
 class SpotLight:
-    """What reaches the four ranging detectors, in primary electrons.
+    """What reaches the ranging detectors, in primary electrons.
 
-    `echo_per_s` (frames, 4, bins) is the rate per histogram bin of the path length
-    `path_length_m` (bins,), ascending, for a laser that is on; `steady_per_s` (frames, 4) that of
-    daylight, the projector's patterns and the dark current. `laser_power_w` is that of one laser.
+    `echo_per_s` (frames, spots, bins) is the rate per histogram bin of the path length
+    `path_length_m` (bins,), ascending, for a laser that is on; `steady_per_s` (frames, spots) that
+    of daylight, the projector's patterns and the dark current. `laser_power_w` is that of one
+    laser.
     """
 
     path_length_m: Floats
@@ -74,7 +75,7 @@ class Tof(Protocol):
 
     @property
     def frame_time_s(self) -> float:
-        """Time that a frame takes."""
+        """Time that a frame takes; of each spot, where all share a photodiode."""
 
     @property
     def reading(self) -> Reading:

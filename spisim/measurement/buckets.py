@@ -20,11 +20,11 @@ def record_buckets(
     reconstruction takes every reading at its word. The taps' noise is told, as of the spots: their
     sigma is that of one real reading.
     """
-    modulation = instrument.projector.modulation
+    modulation = instrument.imaging.projector.modulation
     if modulation is not None:
         return _demodulated(instrument, modulation, light, rng)
-    readings = instrument.detector.read(
-        light.buckets, instrument.exposure_time_s, rng, light.taken_off
+    readings = instrument.imaging.detector.read(
+        light.buckets, instrument.imaging.exposure_time_s, rng, light.taken_off
     )
     buckets = Buckets(
         counts=readings.counts,
@@ -41,12 +41,12 @@ def _demodulated(
     instrument: Instrument, modulation: Modulation, light: BucketLight, rng: Random
 ) -> tuple[Buckets, PatternTaps]:
     """Each tap has a converter of its own; the bucket is their sum, formed by the recorder."""
-    detector = instrument.detector
+    detector = instrument.imaging.detector
     assert detector.adc is not None
     assert detector.amplifier is not None
     assert light.taps is not None
     taps = light.taps.shape[-1]
-    time_s = instrument.exposure_time_s * modulation.taps.noise_share
+    time_s = instrument.imaging.exposure_time_s * modulation.taps.noise_share
     readings = detector.read(light.taps, time_s, rng)
     frequency = modulation.frequencies_hz[0]
     offset = modulation.phase_offset_rad(frequency, detector.amplifier.response)
@@ -78,6 +78,6 @@ def _unknown(rng: Random) -> dict[str, float]:
 
 def _timing(instrument: Instrument) -> dict[str, float]:
     return {
-        "exposure_time_s": instrument.exposure_time_s,
+        "exposure_time_s": instrument.imaging.exposure_time_s,
         "pattern_period_s": instrument.pattern_period_s,
     }

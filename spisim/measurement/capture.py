@@ -9,11 +9,12 @@ import numpy as np
 
 from reconstruction.arrays import Floats
 from reconstruction.capture import Capture, Frames, FrameTruth, Optics, Provenance, Truth
+from reconstruction.capture.importers import capture_from_spots
 from spisim.config import dump_yaml
 from spisim.instrument import Instrument
 from spisim.measurement.buckets import record_buckets
 from spisim.measurement.electronics import Memory
-from spisim.measurement.light import BucketLight, bucket_light, pixel_electrons
+from spisim.measurement.light import BucketLight, bucket_light, no_light, pixel_electrons
 from spisim.measurement.spots import spot_light
 from spisim.scene import Scene
 from spisim.transport import GroundTruth, Light
@@ -92,22 +93,30 @@ def record_frames(
         np.random.default_rng(stream) for stream in streams.spawn(3)
     )
     drops = falling_drops(scene, instrument, truths, frames, for_drops)
-    mean = bucket_light(instrument, light, frames, drops, first=first, before=before)
-    buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
-    spots = instrument.tof.record(
-        spot_light(instrument, light, frames, drops),
-        instrument.spot_optics,
-        for_spots if noise else None,
-    )
+    spots = pattern_taps = None
+    if instrument.ranges:
+        spots = instrument.ranging.tof.record(
+            spot_light(instrument, light, frames, drops),
+            instrument.spot_optics,
+            for_spots if noise else None,
+        )
+    if instrument.images:
+        mean = bucket_light(instrument, light, frames, drops, first=first, before=before)
+        buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
+    else:
+        assert spots is not None
+        mean, buckets = no_light(frames, max(1, len(truths))), capture_from_spots(spots).buckets
     return Frames(first, buckets, spots, pattern_taps), mean
 
 
-def told_optics(instrument: Instrument) -> Optics:
-    """What captures state of projector and bucket detector."""
-    detector, electrons = instrument.detector, pixel_electrons(instrument)
+def told_optics(instrument: Instrument) -> Optics | None:
+    """What captures state of projector and bucket detector; None without."""
+    if not instrument.images:
+        return None
+    detector, electrons = instrument.imaging.detector, pixel_electrons(instrument)
     return Optics(
-        tan_half_width=instrument.projector.tan_half_width,
-        tan_half_height=instrument.projector.tan_half_height,
+        tan_half_width=instrument.imaging.projector.tan_half_width,
+        tan_half_height=instrument.imaging.projector.tan_half_height,
         detector_positions_m=np.array(detector.positions_m, dtype=np.float64),
         detector_half_field_rad=math.radians(detector.field_of_view_deg) / 2,
         detector_falloff=detector.vignetting,

@@ -15,13 +15,14 @@ TRUE_ERROR = 0.1
 def simulation_warnings(instrument: Instrument, light: Transport) -> list[str]:
     """Sentences about eye safety, timing, overwhelmed detectors, and noise of light and truth."""
     still = LightSequence(np.zeros(1), (light,))
+    bucket = spots = 0.0
+    if instrument.images:
+        bucket = float(background_electrons(instrument, light.daylight_w))
+    if instrument.ranges:
+        spots = float(spot_light(instrument, still, frames=1).steady_per_s.max())
     return [
         *instrument_warnings(instrument),
-        *background_warnings(
-            instrument,
-            float(background_electrons(instrument, light.daylight_w)),
-            float(spot_light(instrument, still, frames=1).steady_per_s.max()),
-        ),
+        *background_warnings(instrument, bucket, spots),
         *truth_warnings(light),
         *noise_share_warnings(light),
     ]

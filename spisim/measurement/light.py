@@ -63,7 +63,7 @@ def bucket_light(
     )
     steady = background_electrons(instrument, [key.daylight_w for key in light.transports])
 
-    modulation = instrument.projector.modulation
+    modulation = instrument.imaging.projector.modulation
     pictures, steadies = images[None], steady[None]
     if modulation is not None:
         by_tap = tap_images(instrument, modulation, light.transports)  # (taps, keys, H, W)
@@ -83,7 +83,7 @@ def bucket_light(
         for each, each_last in zip(settled, last, strict=True)
     )
     taken_off, level = np.zeros_like(buckets), 0.0
-    if (amplifier := instrument.detector.amplifier) is not None:
+    if (amplifier := instrument.imaging.detector.amplifier) is not None:
         taken_off, level = slow_part(
             buckets,
             amplifier,
@@ -100,24 +100,30 @@ def bucket_light(
     )
 
 
+def no_light(frames: int, images: int) -> BucketLight:
+    """What there is without a projector: a dark pixel, in each of the `images`."""
+    image, readings = np.zeros((images, 1, 1)), np.zeros((frames, 1))
+    return BucketLight(image, image, readings, readings, None)
+
+
 def pixel_electrons(instrument: Instrument) -> Floats:
     """Electrons of one exposure (H, W) that a pixel adds if all its light reaches an aperture."""
     fully_on = instrument.pixel_powers_w * _gain(instrument, "projector")
-    return np.asarray((1 - instrument.projector.dark_level) * fully_on)
+    return np.asarray((1 - instrument.imaging.projector.dark_level) * fully_on)
 
 
 def background_electrons(instrument: Instrument, daylight_w: ArrayLike) -> Floats:
     """Electrons of one exposure from dark current and this much daylight on the apertures."""
-    dark = instrument.detector.dark_electrons(instrument.exposure_time_s)
+    dark = instrument.imaging.detector.dark_electrons(instrument.imaging.exposure_time_s)
     daylight = np.asarray(daylight_w) * _gain(instrument, "daylight")
-    return daylight + len(instrument.detector.positions_m) * dark
+    return daylight + len(instrument.imaging.detector.positions_m) * dark
 
 
 def tap_images(
     instrument: Instrument, modulation: Modulation, transports: tuple[Transport, ...]
 ) -> Floats:
     """Transport images as each tap sees them, (taps, keys, H, W), from the phasor images."""
-    amplifier = instrument.detector.amplifier
+    amplifier = instrument.imaging.detector.amplifier
     assert amplifier is not None
     orders, amplitudes = modulation.amplitudes(
         modulation.frequencies_hz[0], amplifier.response, PICTURE_HARMONICS
@@ -132,7 +138,10 @@ def tap_images(
 
 def _response(instrument: Instrument) -> Callable[[Floats], Floats]:
     """Share of light of a path length in m (n,) that bucket and taps collect, (1 + taps, n)."""
-    modulation, amplifier = instrument.projector.modulation, instrument.detector.amplifier
+    modulation, amplifier = (
+        instrument.imaging.projector.modulation,
+        instrument.imaging.detector.amplifier,
+    )
     if modulation is None:
         return lambda length_m: np.ones((1, len(length_m)))
     assert amplifier is not None
@@ -160,7 +169,7 @@ def _readings(
 
     Each by itself, as if nothing of the one before it were left.
     """
-    dark = instrument.projector.dark_level
+    dark = instrument.imaging.projector.dark_level
     total = images.sum(axis=(1, 2))[:, None]
     readings = change.copy()
     plans = instrument.pattern_plans
@@ -175,16 +184,16 @@ def _readings(
 
 def _carried(instrument: Instrument) -> float:
     """Share of a reading that belongs to the exposure before."""
-    amplifier = instrument.detector.amplifier
+    amplifier = instrument.imaging.detector.amplifier
     pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
     return carried_over(
-        (instrument.projector.settling_time_s, pole_s),
-        instrument.exposure_time_s,
+        (instrument.imaging.projector.settling_time_s, pole_s),
+        instrument.imaging.exposure_time_s,
         instrument.pattern_period_s,
     )
 
 
 def _gain(instrument: Instrument, source: Source) -> float:
     """Electrons per exposure and watt on the bucket detector's aperture."""
-    per_joule = instrument.electrons_per_joule(instrument.detector, source)
-    return per_joule * instrument.exposure_time_s
+    per_joule = instrument.electrons_per_joule(instrument.imaging.detector, source)
+    return per_joule * instrument.imaging.exposure_time_s

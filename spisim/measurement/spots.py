@@ -21,7 +21,7 @@ def spot_light(
 
     Falling drops change them by their mean over a frame.
     """
-    detector = instrument.tof.detector
+    detector = instrument.ranging.tof.detector
     between = light.between(instrument.exposure_times_s(frames))
 
     def rate(values: Sequence[Floats], source: Any) -> Floats:
@@ -40,9 +40,9 @@ def spot_light(
         )
     return SpotLight(
         path_length_m=lengths,
-        echo_per_s=echo * instrument.lasers.power_w,
+        echo_per_s=echo * instrument.ranging.lasers.power_w,
         steady_per_s=steady + detector.sensor.dark_rate_hz,
-        laser_power_w=instrument.lasers.power_w,
+        laser_power_w=instrument.ranging.lasers.power_w,
     )
 
 
@@ -52,7 +52,7 @@ def _over_the_same_lengths(keys: Sequence[Transport]) -> tuple[Floats, list[Floa
     if all(np.array_equal(key.path_length_m, first) for key in keys):
         return first, [key.spot_histogram for key in keys]
     lengths = np.unique(np.concatenate([key.path_length_m for key in keys]))
-    histograms = [np.zeros((4, lengths.size)) for _ in keys]
+    histograms = [np.zeros((len(key.spot_histogram), lengths.size)) for key in keys]
     for histogram, key in zip(histograms, keys, strict=True):
         histogram[:, np.searchsorted(lengths, key.path_length_m)] = key.spot_histogram
     return lengths, histograms

@@ -106,7 +106,7 @@ def reaches(diode: str, amplifier_a_per_sqrt_hz: float) -> Floats:
 
 def _sensor(diode: str) -> Photodiode:
     """FGA015 as in Table 1, or G14858-0020AA in linear mode."""
-    sensor = load_instrument("paper" if diode == "PIN" else "apd").detector.sensor
+    sensor = load_instrument("paper" if diode == "PIN" else "apd").imaging.detector.sensor
     assert isinstance(sensor, Photodiode)
     return sensor
 

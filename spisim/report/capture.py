@@ -7,11 +7,12 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from reconstruction import Capture, Result, capture_warnings
+from reconstruction import Capture, Result
 from reconstruction.arrays import Floats
 from reconstruction.capture import FrameTruth, Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.depth import REACH_M, Corridor, pixel_rays
+from reconstruction.diagnostics import result_warnings
 from reconstruction.evaluation import method_title
 
 from .buildup import build_up
@@ -95,7 +96,7 @@ def write_report(
         truth=truth,
         metrics=metrics,
         cards=cards_of(capture, result, metrics),
-        warnings=[*capture_warnings(capture, result.frame, result.ranges), *result.warnings],
+        warnings=result_warnings(result, capture),
         view=view,
         view_scale=None if view is None else view_scale(view),
         facts=facts_of(capture),
@@ -105,6 +106,7 @@ def write_report(
         images=[
             (method_title("images", name), image, quality_of(metrics, name))
             for name, image in result.images.items()
+            if capture.plan.shows_image
         ],
         image_scale=image_scale,
         depths=depths,

@@ -9,9 +9,10 @@ import numpy as np
 
 from reconstruction import InputError, Result, evaluate, reconstruct
 from reconstruction.capture import FrameTruth
+from reconstruction.diagnostics import result_warnings
 from spisim.dataset.reader import DataSet, StoredSample
 
-from .facts import media_of
+from .facts import in_all, media_of
 from .page import write_page
 from .pictures import Scale, depth_scale, intensity_scale
 
@@ -25,6 +26,7 @@ class _Shown:
     truth: FrameTruth | None = None
     metrics: Mapping[str, Any] | None = None
     media: Sequence[Mapping[str, Any]] = ()
+    warnings: Sequence[str] = ()
     problem: str = ""
 
     @property
@@ -76,6 +78,7 @@ def write_contact_sheet(
         scenes=len({record.scene for record in samples.records}),
         failed=len(samples.failed),
         shown=shown,
+        warnings=in_all(each.warnings for each in shown if each.result),
         common=_common(samples),
         intensity_scale=intensity_scale,
         software=samples.meta.get("software", ""),
@@ -92,12 +95,13 @@ def _show(sample: StoredSample) -> _Shown:
     try:
         capture = sample.capture
         result, media = reconstruct(capture), media_of(capture)
+        warnings = result_warnings(result, capture)
         if capture.truth is None:
-            return _Shown(sample, result, media=media)
+            return _Shown(sample, result, media=media, warnings=warnings)
         truth, metrics = capture.truth.at(result.frame), evaluate(result, capture)
     except InputError as error:
         return _Shown(sample, problem=str(error))
-    return _Shown(sample, result, truth, metrics, media)
+    return _Shown(sample, result, truth, metrics, media, warnings)
 
 
 def _common(samples: DataSet) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Facts of a capture and figures of its reconstruction, in words."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,11 +28,19 @@ def media_of(capture: Capture) -> list[Mapping[str, Any]]:
     return [one for one in media if isinstance(one, dict)] if isinstance(media, list) else []
 
 
+def in_all(warnings: Iterable[Sequence[str]]) -> list[str]:
+    """Warnings that every one of several captures has."""
+    first, *others = [*warnings] or [()]
+    return [each for each in first if all(each in other for other in others)]
+
+
 def cards_of(capture: Capture, result: Result, metrics: Metrics | None) -> Cards:
     """The figures that tell how good the reconstruction is."""
     plan = capture.plan
     patterns = f"{plan.sampled} of {plan.pixels} patterns, {plan.exposures} exposures"
-    cards = [(f"{100 * plan.sampling_ratio:.3g} %", "sampling ratio", patterns)]
+    cards = []
+    if plan.shows_image:
+        cards.append((f"{100 * plan.sampling_ratio:.3g} %", "sampling ratio", patterns))
     frame_s = plan.exposures * capture.buckets.pattern_period_s
     reconstructed = duration(float(f"{sum(result.timings_s.values()):.3g}"))
     if np.isfinite(frame_s):
@@ -83,17 +91,20 @@ def facts_of(capture: Capture) -> dict[str, str]:
         "software": provenance.software,
         "seed": "–" if provenance.seed is None else str(provenance.seed),
         "frames": str(capture.frames),
-        "virtual pixels": f"{width} × {height}",
-        "patterns": f"{plan.sampled} of {plan.pixels}, {plan.basis}, {plan.order}",
-        "exposures": str(plan.exposures),
-        **_of_several_frames(capture.setup),
-        "exposure time": duration(buckets.exposure_time_s),
-        "duration": duration(plan.exposures * buckets.pattern_period_s),
-        "electronics noise": (
-            f"{noise:,.0f} electrons rms per exposure" if np.isfinite(noise) else "not known"
-        ),
-        "saturated readings": str(int(np.count_nonzero(~buckets.usable))),
     }
+    if plan.shows_image:
+        facts |= {
+            "virtual pixels": f"{width} × {height}",
+            "patterns": f"{plan.sampled} of {plan.pixels}, {plan.basis}, {plan.order}",
+            "exposures": str(plan.exposures),
+            **_of_several_frames(capture.setup),
+            "exposure time": duration(buckets.exposure_time_s),
+            "duration": duration(plan.exposures * buckets.pattern_period_s),
+            "electronics noise": (
+                f"{noise:,.0f} electrons rms per exposure" if np.isfinite(noise) else "not known"
+            ),
+            "saturated readings": str(int(np.count_nonzero(~buckets.usable))),
+        }
     if capture.spots is not None:
         facts["time of flight"] = capture.spots.summary
     if capture.pattern_taps is not None:

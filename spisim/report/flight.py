@@ -49,6 +49,7 @@ class Sighting:
     capture: Capture
     result: Result
     metrics: dict[str, Any]
+    warnings: Sequence[str] = ()
 
     @property
     def truth(self) -> FrameTruth:
@@ -124,7 +125,10 @@ def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> N
 
 
 def write_table(path: Path, flight: Sequence[Sighting]) -> None:
-    """Write a CSV with one row per capture: pose, motion, spots and errors. Raises OSError."""
+    """Write a CSV with one row per capture: pose, motion, spots, errors and warnings.
+
+    Raises OSError where it cannot be written.
+    """
     rows = [_row(seen) for seen in flight]
     table = csv_table([list(rows[0]), *(list(row.values()) for row in rows)])
     write_atomically(path, table.encode())
@@ -148,9 +152,10 @@ def _row(seen: Sighting) -> dict[str, Any]:
         for key in ("true_m", "range_m", "error_m", "sigma_m"):
             row[f"spot_{k}_{key}"] = _number(spot[key])
         row[f"spot_{k}_status"] = spot["status"]
-    row["image_correlation"] = _number(image["correlation"])
+    row["image_correlation"] = _number(image.get("correlation"))
     for key in ("mae_m", "rmse_m"):
         row[f"depth_{key}"] = _number(depth.get(key))
+    row["warnings"] = " | ".join(seen.warnings)
     return row
 
 

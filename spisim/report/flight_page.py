@@ -11,6 +11,7 @@ from reconstruction.arrays import Floats
 from spisim import __version__
 
 from .contact_sheet import evenly
+from .facts import in_all
 from .flight import KIND, Scales, Sighting, map_limits
 from .inline import WIDE_IN, plot_in_page
 from .page import duration, length, write_page
@@ -28,6 +29,7 @@ def write_flight(path: Path, title: str, flight: Sequence[Sighting], rate_hz: fl
     """Write a self-contained page of a flight. Raises OSError where it cannot be written."""
     shown = [flight[k] for k in evenly(len(flight), MOST)]
     scales = Scales.of(flight)
+    common = in_all(seen.warnings for seen in flight)
     write_page(
         path,
         KIND,
@@ -35,11 +37,12 @@ def write_flight(path: Path, title: str, flight: Sequence[Sighting], rate_hz: fl
         title=title,
         captures=len(flight),
         cards=_cards(flight, rate_hz),
+        warnings=common,
         pause_ms=int(np.clip(1000 / rate_hz, *PAUSE_MS)),
         plan=_plan(shown, map_limits(flight)),
         depth_scale=scales.depth,
         errors=plot_in_page("errors", lambda width_in: _error_figure(flight, width_in)),
-        shown=[_told(seen, scales) for seen in shown],
+        shown=[_told(seen, scales, common) for seen in shown],
         software=f"spisim {__version__}",
     )
 
@@ -63,18 +66,19 @@ def _cards(flight: Sequence[Sighting], rate_hz: float) -> list[tuple[str, str, s
     ]
 
 
-def _told(seen: Sighting, scales: Scales) -> dict[str, Any]:
+def _told(seen: Sighting, scales: Scales, common: Sequence[str]) -> dict[str, Any]:
     """Pictures and words of one capture."""
     time = f"{seen.instant.time_s:.2f} s"
     error_m = _depth_error(seen)
-    images = next(iter(seen.metrics["images"].values()))
+    image = next(iter(seen.metrics["images"].values()), {})
     return {
         "time": time,
         "file": seen.instant.file,
         "words": f"{time} · mean depth error {length(error_m)}",
         "panels": scales.panels(seen),
         "error_m": error_m,
-        "correlation": images["correlation"],
+        "correlation": image.get("correlation"),
+        "warnings": [warning for warning in seen.warnings if warning not in common],
     }
 
 

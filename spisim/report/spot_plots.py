@@ -37,6 +37,8 @@ def light_figure(
     `true_length_m` (4,): the true way to each spot and back, marked by a dashed line.
     """
     lengths_m: Floats = np.asarray(transport.path_length_m, np.float64)
+    if lengths_m.size == 0:  # an instrument without lasers
+        return None
     density = np.asarray(transport.spot_histogram, float) / np.gradient(lengths_m)
     lit = np.flatnonzero(density.max(axis=0) > 0)
     if lit.size == 0:

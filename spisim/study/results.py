@@ -35,6 +35,7 @@ class Row:
     parameters: Mapping[str, Any]
     metrics: Mapping[str, float | None]
     profile: Profile
+    warnings: Sequence[str]
     error: str | None
 
 
@@ -220,6 +221,7 @@ def _row(record: Record, evaluations: Mapping[int, Evaluation], combinations: in
         record.parameters,
         evaluation.metrics,
         evaluation.profile,
+        record.warnings,
         evaluation.error,
     )
 
@@ -294,10 +296,10 @@ def table_outputs(folder: Path) -> list[Output]:
 
 
 def results_csv(results: Results) -> str:
-    """One row per sample: index, round, scene, parameters, all metrics, what went wrong."""
+    """One row per sample: index, round, scene, parameters, all metrics, warnings, error."""
     parameters = dict.fromkeys(name for row in results.rows for name in row.parameters)
     metrics = dict.fromkeys(name for row in results.rows for name in row.metrics)
-    head = ("index", "round", "scene_name", *parameters, *metrics, "error")
+    head = ("index", "round", "scene_name", *parameters, *metrics, "warnings", "error")
     return _csv(
         head,
         (
@@ -307,6 +309,7 @@ def results_csv(results: Results) -> str:
                 row.scene_name,
                 *(row.parameters.get(name) for name in parameters),
                 *(row.metrics.get(name) for name in metrics),
+                " | ".join(row.warnings),
                 row.error,
             )
             for row in results.rows

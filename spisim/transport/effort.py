@@ -28,10 +28,10 @@ def image_gauge(instrument: Instrument, daylight_w: float) -> Gauge:
     """
     plans = instrument.pattern_plans
     decoders = [_decoder(plan) for plan in plans]
-    detector, time_s = instrument.detector, instrument.exposure_time_s
+    detector, time_s = instrument.imaging.detector, instrument.imaging.exposure_time_s
     per_joule = instrument.electrons_per_joule
     electrons = instrument.pixel_powers_w * (per_joule(detector, "projector") * time_s)
-    dark_level = instrument.projector.dark_level
+    dark_level = instrument.imaging.projector.dark_level
     others = {
         "daylight": np.asarray(daylight_w * per_joule(detector, "daylight") * time_s),
         "dark current": np.asarray(
@@ -73,9 +73,9 @@ def spot_gauge(
     noise of a phasor is that of four readings, one reading's over √2 in either part (Lange & Seitz,
     IEEE J. Quantum Electron. 37, 390 (2001)), with their contrast taken as one.
     """
-    tof = instrument.tof
+    tof = instrument.ranging.tof
     per_joule = instrument.electrons_per_joule
-    echo = per_joule(tof.detector, "laser") * instrument.lasers.power_w
+    echo = per_joule(tof.detector, "laser") * instrument.ranging.lasers.power_w
     others = {
         "daylight": np.asarray(daylight_w * per_joule(tof.detector, "daylight")),
         "patterns": np.asarray(crosstalk_w * per_joule(tof.detector, "projector")),

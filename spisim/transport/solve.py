@@ -15,11 +15,16 @@ from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.daylight import STEADY_ERROR, daylight_power, projector_power
+from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.effort import image_gauge, spot_gauge
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import Paths, SamplingBudget, TargetError
+from spisim.transport.engine.sampling import (
+    Estimate,
+    Paths,
+    SamplingBudget,
+    TargetError,
+)
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
@@ -45,6 +50,8 @@ GROWTH = 3.0
 @dataclass(frozen=True, eq=False)
 class Transport:
     """Light transport of one scene and instrument: fractions of emitted power, and daylight.
+
+    Without lasers the arrays of spots have length 0; without a projector `image` is one dark pixel.
 
     `*_error` are standard errors of the Monte Carlo estimate, those of pixels and bins moderated by
     what is around (`spisim.transport.stated_error`). `extra` has what `Outputs` asked for:
@@ -72,6 +79,20 @@ class Transport:
     paths: int
     seconds: float
     extra: Mapping[str, NDArray[Any]]  # as above
+
+
+#: Paths per `spp`, and in their place the noise share to be reached.
+Effort = tuple[int, float | None]
+
+
+def _none(**sums: Floats) -> Estimate:
+    """Of light that there is none of."""
+    return Estimate(sums, sums, launches=2, paths=0, size=float("nan"), dropped=0)
+
+
+#: What there is without a projector, and without lasers.
+NO_IMAGE = _none(image=np.zeros(1))
+NO_SPOTS = _none(histogram=np.zeros((0, 0)), histogram_orders=np.zeros((3, 0, 0)))
 
 
 @with_backend
@@ -114,57 +135,39 @@ def solve(
         into its detector.
     """
     began = time.perf_counter()
-    instrument.tof.check_bins(BIN_WIDTH_M)
+    if instrument.ranges:
+        instrument.ranging.tof.check_bins(BIN_WIDTH_M)
+    if outputs.frequencies_hz or outputs.bins is not None:
+        instrument.imaging  # noqa: B018 - raises where there are no pixels to keep it of
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
-    warn_of_glints(world, placed.beams, placed.tof)
+    if instrument.ranges:
+        warn_of_glints(world, placed.beams, placed.tof)
     steady = steady_light(scene, instrument, world, placed, streams[2:])
     dropped = steady.pop("dropped")
-    bins = spot_bins(met_m(world, placed.beams), instrument.tof.unambiguous_range_m)
-    longest_m = 2 * instrument.tof.unambiguous_range_m
-    gauges = (
-        image_gauge(instrument, steady["daylight_w"]),
-        spot_gauge(
+    image, (spots, lengths_m) = NO_IMAGE, (NO_SPOTS, np.zeros(0))
+    if instrument.images:
+        image = _image(
             instrument,
-            steady["spot_daylight_w"],
-            steady["spot_crosstalk_w"],
-            2 * np.pi / longest_m * bins.centres_m,
-        ),
-    )
-    budgets: list[SamplingBudget]
-    if transport_noise_share is None:
-        paths = (spp, SPOT_PATHS_PER_SPP * spp)
-        budgets = [Paths(each, gauge=gauge) for each, gauge in zip(paths, gauges, strict=True)]
-    else:
-        budgets = [
-            TargetError(
-                transport_noise_share,
-                gauges[0],
-                1 if placed.projector.pixels % 2 else LEAST_PATHS,
-                launches=LEAST_IMAGES,
-                growth=GROWTH,
-            ),
-            TargetError(transport_noise_share, gauges[1], FIRST_SPOT_PATHS, growth=GROWTH),
-        ]
-    image = transport_image(
-        world,
-        placed.projector,
-        placed.bucket,
-        budgets[0],
-        seed=streams[0],
-        outputs=outputs,
-        progress=_part(progress, 0.1, 0.8),
-    )
-    spots = spot_histogram(
-        world,
-        placed.beams,
-        placed.tof,
-        bins,
-        budgets[1],
-        seed=streams[1],
-        progress=_part(progress, 0.8, 1.0),
-    )
+            world,
+            placed,
+            steady["daylight_w"],
+            (spp, transport_noise_share),
+            outputs,
+            streams[0],
+            _part(progress, 0.1, 0.8),
+        )
+    if instrument.ranges:
+        spots, lengths_m = _spots(
+            instrument,
+            world,
+            placed,
+            steady,
+            (spp, transport_noise_share),
+            streams[1],
+            _part(progress, 0.8, 1.0),
+        )
     seconds, shape = time.perf_counter() - began, placed.projector.shape
     logger.info(
         "light of %s: %d paths in %.1f s; error over the detectors' noise %.2g, of spots %.2g",
@@ -179,15 +182,76 @@ def solve(
         image_error=image_error(image, shape),
         spot_histogram=spots.mean["histogram"],
         spot_histogram_error=spot_error(spots),
-        path_length_m=bins.centres_m,
+        path_length_m=lengths_m,
         **steady,
         noise_share=image.size,
         spot_noise_share=spots.size,
         dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=seconds,
-        extra=_extra(outputs, image.mean, spots.mean, shape),
+        extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape),
     )
+
+
+def _image(
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    daylight_w: float,
+    effort: Effort,
+    outputs: Outputs,
+    seed: np.random.SeedSequence,
+    progress: Callable[[float], None] | None,
+) -> Estimate:
+    """Light of the projector on the bucket detector."""
+    spp, noise_share = effort
+    gauge = image_gauge(instrument, daylight_w)
+    budget: SamplingBudget = Paths(spp, gauge=gauge)
+    if noise_share is not None:
+        budget = TargetError(
+            noise_share,
+            gauge,
+            1 if placed.projector.pixels % 2 else LEAST_PATHS,
+            launches=LEAST_IMAGES,
+            growth=GROWTH,
+        )
+    return transport_image(
+        world,
+        placed.projector,
+        placed.bucket,
+        budget,
+        seed=seed,
+        outputs=outputs,
+        progress=progress,
+    )
+
+
+def _spots(
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    steady: Mapping[str, Any],
+    effort: Effort,
+    seed: np.random.SeedSequence,
+    progress: Callable[[float], None] | None,
+) -> tuple[Estimate, Floats]:
+    """Light of the lasers on their detectors, and the path lengths (bins,) that it is sorted by."""
+    spp, noise_share = effort
+    longest_m = 2 * instrument.ranging.tof.unambiguous_range_m
+    bins = spot_bins(met_m(world, placed.beams), instrument.ranging.tof.unambiguous_range_m)
+    gauge = spot_gauge(
+        instrument,
+        steady["spot_daylight_w"],
+        steady["spot_crosstalk_w"],
+        2 * np.pi / longest_m * bins.centres_m,
+    )
+    budget: SamplingBudget = Paths(SPOT_PATHS_PER_SPP * spp, gauge=gauge)
+    if noise_share is not None:
+        budget = TargetError(noise_share, gauge, FIRST_SPOT_PATHS, growth=GROWTH)
+    found = spot_histogram(
+        world, placed.beams, placed.tof, bins, budget, seed=seed, progress=progress
+    )
+    return found, bins.centres_m
 
 
 def met_m(world: World, beams: BeamView) -> Floats:
@@ -215,8 +279,11 @@ def steady_light(
     `target` is their relative error; errors that are small next to the dark current do not matter
     either. Of the pattern's light, that which is scattered `max_vertices` times at most.
     """
+    none = Received(*np.zeros((2, 0)))
     bucket, spots = (
-        daylight_power(
+        none
+        if (detector := instrument.detectors.get(name)) is None
+        else daylight_power(
             scene,
             instrument,
             world,
@@ -225,21 +292,23 @@ def steady_light(
             target=target,
             seed=stream,
         )
-        for view, detector, stream in (
-            (placed.bucket, instrument.detector, streams[0]),
-            (placed.tof, instrument.tof.detector, streams[1]),
+        for name, view, stream in (
+            ("detector", placed.bucket, streams[0]),
+            ("tof.detector", placed.tof, streams[1]),
         )
     )
-    crosstalk = projector_power(
-        world,
-        placed.projector,
-        instrument.mean_powers_w,
-        placed.tof,
-        floor_w=dark_power(instrument, instrument.tof.detector, "projector"),
-        target=target,
-        seed=streams[2],
-        max_vertices=max_vertices,
-    )
+    crosstalk = Received(*np.zeros((2, len(placed.tof.positions_m))))
+    if instrument.images and instrument.ranges:
+        crosstalk = projector_power(
+            world,
+            placed.projector,
+            instrument.mean_powers_w,
+            placed.tof,
+            floor_w=dark_power(instrument, instrument.ranging.tof.detector, "projector"),
+            target=target,
+            seed=streams[2],
+            max_vertices=max_vertices,
+        )
     return {
         "dropped": bucket.dropped + spots.dropped + crosstalk.dropped,
         "daylight_w": float(bucket.power_w.sum()),
@@ -258,15 +327,18 @@ def dark_power(instrument: Instrument, detector: Detector, source: Source) -> fl
 
 def _extra(
     outputs: Outputs,
-    image: Mapping[str, Floats],
+    image: Mapping[str, Floats] | None,
     spots: Mapping[str, Floats],
     shape: tuple[int, int],
 ) -> dict[str, NDArray[Any]]:
     """Everything kept besides the image, with pixels as rows and columns."""
     extra: dict[str, NDArray[Any]] = {}
     if outputs.orders:
-        extra["orders"] = image["image_orders"].reshape(-1, *shape)
         extra["spot_orders"] = spots["histogram_orders"]
+    if image is None:
+        return extra
+    if outputs.orders:
+        extra["orders"] = image["image_orders"].reshape(-1, *shape)
     if outputs.frequencies_hz:
         extra["phasors"] = _phasors(image["phasors"], shape)
         if outputs.orders:

@@ -79,42 +79,88 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     Raises InputError if the scene was made for another wavelength than the instrument's.
     """
     began = time.perf_counter()
-    instrument.tof.check_bins(BIN_WIDTH_M)
+    if instrument.ranges:
+        instrument.ranging.tof.check_bins(BIN_WIDTH_M)
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
-    image = image_once(world, placed, instrument.tap_frequencies_hz, streams[0])
-    bins = spot_bins(met_m(world, placed.beams), instrument.tof.unambiguous_range_m)
-    spots = spot_histogram(
-        world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=streams[1], max_vertices=1
-    )
     steady = steady_light(
         scene, instrument, world, placed, streams[2:], target=STEADY_ERROR, max_vertices=1
     )
     extinction = scene.atmosphere.extinction_per_m
-    once, waves = by_order(image.mean, placed.projector.shape)
-    depth = extinction * mean_path_m(waves[0, -1])
-    light, guessed = _completed(once[0], once[1], depth, extinction)
-    phasors = [
-        _completed(wave[0], wave[1], depth, extinction)[0] for wave in waves[:, :-1].swapaxes(0, 1)
-    ]
-    surfaces, echo = spots.mean["histogram_orders"][:2]
-    spot_guessed = extinction * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
+    image = _image(instrument, world, placed, extinction, streams[0])
+    spots = _spots(instrument, world, placed, extinction, streams[1])
+    dropped = image.pop("dropped") + spots.pop("dropped") + steady.pop("dropped")
+    extra = image.pop("extra") | spots.pop("extra")
+    paths = image.pop("paths") + spots.pop("paths")
     return Transport(
-        image=light,
-        image_error=np.hypot(image_error(image, light.shape), guessed),
-        spot_histogram=surfaces + echo + spot_guessed,
-        spot_histogram_error=np.hypot(spot_error(spots), spot_guessed),
-        path_length_m=bins.centres_m,
+        **image,
+        **spots,
+        **steady,
         noise_share=np.nan,
         spot_noise_share=np.nan,
-        dropped=image.dropped + spots.dropped + steady.pop("dropped"),
-        paths=image.paths + spots.paths,
+        dropped=dropped,
+        paths=paths,
         seconds=time.perf_counter() - began,
-        extra={"spot_orders": np.stack([surfaces, echo, spot_guessed])}
-        | ({"phasors": np.array(phasors)} if phasors else {}),
-        **steady,
+        extra=extra,
     )
+
+
+def _image(
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    extinction_per_m: float,
+    seed: np.random.SeedSequence,
+) -> dict[str, Any]:
+    """Fields of the image; one dark pixel without a projector."""
+    shape = placed.projector.shape
+    if not instrument.images:
+        dark = np.zeros(shape)
+        return {"image": dark, "image_error": dark, "dropped": 0, "paths": 0, "extra": {}}
+    found = image_once(world, placed, instrument.tap_frequencies_hz, seed)
+    once, waves = by_order(found.mean, shape)
+    depth = extinction_per_m * mean_path_m(waves[0, -1])
+    light, guessed = _completed(once[0], once[1], depth, extinction_per_m)
+    phasors = [
+        _completed(wave[0], wave[1], depth, extinction_per_m)[0]
+        for wave in waves[:, :-1].swapaxes(0, 1)
+    ]
+    return {
+        "image": light,
+        "image_error": np.hypot(image_error(found, light.shape), guessed),
+        "dropped": found.dropped,
+        "paths": found.paths,
+        "extra": {"phasors": np.array(phasors)} if phasors else {},
+    }
+
+
+def _spots(
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    extinction_per_m: float,
+    seed: np.random.SeedSequence,
+) -> dict[str, Any]:
+    """Fields of the spots; of none without lasers."""
+    if not instrument.ranges:
+        none = {name: np.zeros((0, 0)) for name in ("spot_histogram", "spot_histogram_error")}
+        extra = {"spot_orders": np.zeros((3, 0, 0))}
+        return none | {"path_length_m": np.zeros(0), "dropped": 0, "paths": 0, "extra": extra}
+    bins = spot_bins(met_m(world, placed.beams), instrument.ranging.tof.unambiguous_range_m)
+    found = spot_histogram(
+        world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=seed, max_vertices=1
+    )
+    surfaces, echo = found.mean["histogram_orders"][:2]
+    guessed = extinction_per_m * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
+    return {
+        "spot_histogram": surfaces + echo + guessed,
+        "spot_histogram_error": np.hypot(spot_error(found), guessed),
+        "path_length_m": bins.centres_m,
+        "dropped": found.dropped,
+        "paths": found.paths,
+        "extra": {"spot_orders": np.stack([surfaces, echo, guessed])},
+    }
 
 
 def image_once(

@@ -17,6 +17,10 @@ from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
 
+#: Fields that a pixel without an image does not have.
+MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
+#: Fields that a pixel without an image does not have.
+MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
 
@@ -37,8 +41,8 @@ class GroundTruth:
     object_id: NDArray[np.int32]  # (H, W), index into `object_names`
     coverage: NDArray[np.float32]  # (H, W)
     object_names: tuple[str, ...]
-    spot_range_m: Floats  # (4,)
-    spot_object: tuple[str | None, ...]  # (4,)
+    spot_range_m: Floats  # (spots,)
+    spot_object: tuple[str | None, ...]  # (spots,)
 
 
 @with_backend
@@ -56,7 +60,6 @@ def ground_truth(
     """
     placed = InstrumentView.placed(scene, instrument)
     meshes = Meshes.of(scene.objects)
-    spots = _trace(meshes.scene, scene.drone_pose[:3, 3], placed.beams.directions)
     height, width = placed.projector.shape
     rows = max(1, RAYS_AT_A_TIME // (width * subpixels**2))
     bands = [
@@ -64,14 +67,32 @@ def ground_truth(
         for top in range(0, height, rows)
     ]
     names = tuple(thing.name for thing in scene.objects)
+    pictures: dict[str, Any] = {
+        name: np.concatenate([band[name] for band in bands]) for name in bands[0]
+    }
+    if not instrument.images:  # whose only pixel shows nothing
+        pictures |= {name: np.full_like(pictures[name], np.nan) for name in MAPS}
     return GroundTruth(
-        **{name: np.concatenate([band[name] for band in bands]) for name in bands[0]},
+        **pictures,
         object_names=names,
-        spot_range_m=np.where(spots.is_valid().numpy(), spots.t.numpy(), np.nan).astype(np.float64),
-        spot_object=tuple(
+        **_spots(scene, meshes, placed, names),
+    )
+
+
+def _spots(
+    scene: Scene, meshes: Meshes, placed: InstrumentView, names: tuple[str, ...]
+) -> dict[str, Any]:
+    """The fields of `GroundTruth` of the lasers."""
+    if not len(placed.beams.directions):
+        return {"spot_range_m": np.zeros(0), "spot_object": ()}
+    spots = _trace(meshes.scene, scene.drone_pose[:3, 3], placed.beams.directions)
+    met = np.where(spots.is_valid().numpy(), spots.t.numpy(), np.nan)
+    return {
+        "spot_range_m": met.astype(np.float64),
+        "spot_object": tuple(
             names[number] if number >= 0 else None for number in meshes.object_ids(spots)
         ),
-    )
+    }
 
 
 def _band(

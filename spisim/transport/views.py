@@ -11,7 +11,7 @@ from reconstruction.arrays import Floats
 from reconstruction.errors import InputError
 
 if TYPE_CHECKING:
-    from spisim.instrument import Instrument
+    from spisim.instrument import Detector, Instrument
     from spisim.scene import Scene
 
 
@@ -66,6 +66,12 @@ class BeamView:
     waist_m: float = 0.0
 
 
+NO_DETECTOR = DetectorView(np.zeros((0, 3)), np.zeros((0, 3)), 0.0, 0.0)
+NO_BEAMS = BeamView(np.zeros((0, 3)), np.zeros((0, 3)))
+#: Lasers whose light is traced.
+TRACED_SPOTS = 4
+
+
 @dataclass(frozen=True, eq=False)
 class InstrumentView:
     """An instrument placed in the world."""
@@ -85,42 +91,53 @@ class InstrumentView:
                 f"wavelength_nm={instrument.wavelength_nm:g}, or move the instrument with "
                 f"at_wavelength({scene.wavelength_nm:g})"
             )
+        if instrument.ranges and instrument.ranging.spots != TRACED_SPOTS:
+            raise InputError(
+                f"lasers.directions_deg has {instrument.ranging.spots} spots: light is traced for "
+                f"{TRACED_SPOTS}, or without lasers and tof for an image alone"
+            )
         return cls.of(instrument, scene.drone_pose)
 
     @classmethod
     def of(cls, instrument: Instrument, pose: Floats) -> InstrumentView:
-        """`pose` (4, 4): world from optical frame."""
+        """`pose` (4, 4): world from optical frame. What an instrument lacks is empty."""
         rotation, origin = pose[:3, :3], pose[:3, 3]
-        headings = instrument.lasers.directions @ rotation.T
-        bucket, ranging = instrument.detector, instrument.tof.detector
-        ahead = np.repeat(rotation[None, :, 2], 4, axis=0)
-        return cls(
-            projector=ProjectorView(
+        projector, bucket = ProjectorView(pose, (1, 1), 0.0, 0.0), NO_DETECTOR
+        beams, tof = NO_BEAMS, NO_DETECTOR
+        if instrument.images:
+            lit, _, detector, _ = instrument.imaging
+            projector = ProjectorView(
                 pose,
-                instrument.projector.shape,
-                instrument.projector.tan_half_width,
-                instrument.projector.tan_half_height,
-                instrument.projector.lens_radius_m,
-                instrument.projector.focus_m,
-            ),
-            bucket=DetectorView(
-                origin + np.asarray(bucket.positions_m) @ rotation.T,
-                np.repeat(rotation[None, :, 2], len(bucket.positions_m), axis=0),
-                bucket.aperture_area_m2,
-                np.radians(bucket.field_of_view_deg) / 2,
-                bucket.vignetting,
-            ),
-            beams=BeamView(
+                lit.shape,
+                lit.tan_half_width,
+                lit.tan_half_height,
+                lit.lens_radius_m,
+                lit.focus_m,
+            )
+            places = np.asarray(detector.positions_m)
+            bucket = _placed(detector, places, np.tile([0.0, 0.0, 1.0], (len(places), 1)), pose)
+        if instrument.ranges:
+            ranging = instrument.ranging
+            headings = ranging.lasers.directions @ rotation.T
+            beams = BeamView(
                 np.repeat(origin[None], len(headings), axis=0),
                 headings,
-                instrument.lasers.divergence_mrad * 1e-3,
-                instrument.lasers.waist_mm * 1e-3,
-            ),
-            tof=DetectorView(
-                origin + instrument.tof.detector.spot_positions_m @ rotation.T,
-                ahead if ranging.shared else headings,
-                ranging.aperture_area_m2,
-                np.radians(ranging.field_of_view_deg) / 2,
-                ranging.vignetting,
-            ),
-        )
+                ranging.lasers.divergence_mrad * 1e-3,
+                ranging.lasers.waist_mm * 1e-3,
+            )
+            tof = _placed(
+                ranging.tof.detector, ranging.detector_positions_m, ranging.detector_axes, pose
+            )
+        return cls(projector, bucket, beams, tof)
+
+
+def _placed(detector: Detector, positions_m: Floats, axes: Floats, pose: Floats) -> DetectorView:
+    """Detectors of an instrument, positions and axes (detectors, 3) in its optical frame."""
+    rotation, origin = pose[:3, :3], pose[:3, 3]
+    return DetectorView(
+        origin + positions_m @ rotation.T,
+        axes @ rotation.T,
+        detector.aperture_area_m2,
+        np.radians(detector.field_of_view_deg) / 2,
+        detector.vignetting,
+    )

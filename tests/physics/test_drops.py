@@ -170,7 +170,7 @@ def test_on_average_spots_see_the_medium():
     changes = [on_spots(drops(one, falling, seed, FOG_PER_M), LENGTHS) for seed in range(SEEDS)]
     echoes = np.array([change.echo[0].sum(axis=-1).mean() for change in changes])
     rays = one.lasers.directions / one.lasers.directions[:, 2:]
-    detector, ends = one.tof.detector, one.tof.detector.spot_positions_m
+    detector, ends = one.tof.detector, one.ranging.detector_positions_m
     closed = [
         closed_echo(falling, ray[None], detector, end, axis)[0]
         for ray, end, axis in zip(rays, ends, one.lasers.directions, strict=True)
@@ -303,7 +303,7 @@ def test_a_drop_in_a_laser_beam_casts_a_shadow_and_a_glint():
     falling = one_drop(one, direction * range_m, diameter)
     change, radius = on_spots(falling, LENGTHS), diameter * 0.5e-3
     met = gaussian_on_disc(np.hypot(2e-3, 0.5e-3 * range_m), 0.0, radius)
-    end, detector = one.tof.detector.spot_positions_m[0], one.tof.detector
+    end, detector = one.ranging.detector_positions_m[0], one.tof.detector
     home = direction * WALL_M / direction[2] - end
     along = np.dot(direction * range_m - end, home) / np.linalg.norm(home)
     part = along / np.linalg.norm(home)

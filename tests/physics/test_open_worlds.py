@@ -69,9 +69,9 @@ def test_light_of_a_wall_at_any_range_is_that_of_the_closed_form(range_m):
     cosine = SMALL.lasers.directions[:, 2]
     detector = SMALL.tof.detector
     spots = range_m / cosine[:, None] * SMALL.lasers.directions
-    back = np.linalg.norm(spots - detector.spot_positions_m, axis=1)
+    back = np.linalg.norm(spots - SMALL.ranging.detector_positions_m, axis=1)
     home = range_m / back  # against the wall's normal
-    aperture = np.ones(4) if not detector.shared else home
+    aperture = np.ones(4) if not SMALL.ranging.shared else home
     expected = 0.5 * home * aperture * detector.aperture_area_m2 / (np.pi * back**2)
     total = light.spot_histogram.sum(axis=1)
     np.testing.assert_allclose(total, expected, rtol=2e-3)

@@ -67,6 +67,7 @@ def test_reconstruct_and_evaluate_agree(capture_file: Path, tmp_path: Path) -> N
     stored = spisim("evaluate", capture_file, tmp_path / "result", "--json")
     anew = spisim("evaluate", capture_file, "--json")
     assert json.loads(stored.stdout) == json.loads(anew.stdout)
+    assert json.loads(anew.stdout)["warnings"] == json.loads(run.stdout)["warnings"]
     assert json.loads(anew.stdout)["images"]["edge-preserving"]["correlation"] > 0.9
 
 

@@ -1,6 +1,7 @@
 """A flight from the command line: its captures, what is made of them, and going on with them."""
 
 import csv
+import html
 import json
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 
 import spisim
 from reconstruction import read_capture
+from reconstruction.diagnostics import NOT_TRACED
 from reconstruction.ranging import RANGED
 from spisim.cli import app
 from spisim.scene import load_trajectory, make_scene
@@ -123,6 +125,40 @@ def test_an_interrupted_flight_goes_on(folder: Path, flown: Path) -> None:
     assert json.loads(run.stdout)["kept"] == 2
     assert first.stat().st_mtime_ns == kept_time
     assert {path.name: path.read_bytes() for path in flown.iterdir()} == before
+
+
+def test_surrogate_light_is_used_and_warned_of_everywhere(folder: Path) -> None:
+    output = folder / "guessed"
+    options = ("--light", "surrogate", "--json")
+    report = json.loads(fly(folder, output, *options).stdout)
+    assert report["warnings"][0] == f"capture-0000.h5: {NOT_TRACED}"
+    assert read_capture(output / "capture-0000.h5").provenance.is_surrogate
+    with (output / "flight.csv").open() as file:
+        assert all(row["warnings"].startswith(NOT_TRACED) for row in csv.DictReader(file))
+    page = html.unescape((output / "flight.html").read_text(encoding="utf-8"))
+    assert page.count(NOT_TRACED) == 1  # above the captures, as it holds for all of them
+    assert json.loads(fly(folder, output, *options, "--spp", "7").stdout)["kept"] == 3
+    traced = fly(folder, output)
+    assert traced.exit_code == 2
+    assert "capture-0000.h5 was made with another light" in traced.stderr.replace("\n", " ")
+
+
+def test_warnings_of_a_capture_stand_in_its_row_and_on_its_tile(folder: Path) -> None:
+    """The first looks beside the wall, into the open, the second at it."""
+    (folder / "turn.csv").write_text("t,x,y,z,look_x,look_y,look_z\n0,0,0,1,0,6,1\n1,0,0,1,6,0,1\n")
+    output = folder / "turned"
+    run = fly(folder, output, "--path", str(folder / "turn.csv"))
+    assert run.exit_code == 0, run.output
+    with (output / "flight.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    beside, at_wall = (row["warnings"].split(" | ") for row in rows)
+    own = [warning for warning in beside if warning not in at_wall]
+    assert {
+        f"spot {k} is too weak to tell from noise and fog: it gives no range" for k in range(4)
+    } <= set(own)
+    page = html.unescape((output / "flight.html").read_text(encoding="utf-8"))
+    tile = page[page.index("capture-0000.h5</small>") : page.index("capture-0001.h5</small>")]
+    assert all(f"<li>{warning}</li>" in tile for warning in own)
 
 
 @pytest.mark.parametrize(

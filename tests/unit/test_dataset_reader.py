@@ -214,6 +214,7 @@ def test_the_table_has_a_column_for_every_parameter(data: DataSet) -> None:
     assert table.index.tolist() == list(range(40))
     assert table.loc[7, VISIBILITY] == 80
     assert table[VISIBILITY].isna().sum() == 14
+    assert table["warnings"].tolist() == [" | ".join(each.warnings) for each in data.records]
     assert table.loc[3, "scene_name"] == "walls-3"
     chosen = data.select(table.query(f"`{VISIBILITY}` < 80 and power_w > 0.3").index)
     assert [sample.index for sample in chosen] == [4, 5]

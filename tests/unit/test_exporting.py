@@ -1,10 +1,14 @@
 """Scenes out to Blender and Gazebo and in again: the same triangles, names and materials."""
 
+import subprocess
+import sys
+from ctypes.util import find_library
 from pathlib import Path
 from xml.etree.ElementTree import parse
 
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 from foreign import assert_same, taken
@@ -83,6 +87,59 @@ def test_a_world_has_the_instruments_sensors(tmp_path: Path, scene: Scene, paper
     assert float(rays[0].findtext("lidar/range/max")) == pytest.approx(10)
     with pytest.raises(InputError, match=r"\.glb has no sensors; those go into worlds of Gazebo"):
         export_scene(scene, tmp_path / "out.glb", further=sensors)
+
+
+#: Names that SDFormat reserves, cannot have, or has for something else in this world.
+ODD_NAMES = ("world", "__mast__", "a::b", "sun", MODEL, 'a & "b" <c>')
+
+
+def test_names_that_sdformat_refuses_are_changed(tmp_path: Path, paper) -> None:
+    path = export_scene(odd_scene(tmp_path), tmp_path / "out.sdf")[0]
+    assert parse(path).find("world").get("name") == "scene __a__"
+    names = [model.get("name") for model in parse(path).iter("model")]
+    assert names == ["scene world", "scene __mast__", "a_b", "sun_", MODEL, 'a & "b" <c>']
+
+
+def odd_scene(folder: Path) -> Scene:
+    """Of objects whose names SDFormat does not take."""
+    box = {"shape": "box", "size_m": [1, 1, 1], "material": "concrete"}
+    things = [
+        box | {"name": name, "translate_m": [3, 2 * number, 1]}
+        for number, name in enumerate(ODD_NAMES)
+    ]
+    drone = {"position_m": [-4, 0, 1.5], "look_at_m": [0, 0, 1]}
+    (folder / "odd.yaml").write_text(
+        yaml.safe_dump({"name": "__a__", "drone": drone, "objects": things})
+    )
+    return load_scene(folder / "odd.yaml")
+
+
+SDFORMAT = next(filter(None, (find_library(f"sdformat{n}") for n in range(16, 8, -1))), None)
+#: What `gz sdf --check` calls, in a process of its own.
+CHECK = (
+    "import ctypes, sys; sys.exit(ctypes.CDLL(sys.argv[1]).cmdCheck(sys.argv[2].encode()) & 255)"
+)
+
+
+@pytest.mark.skipif(SDFORMAT is None, reason="without libsdformat")
+@pytest.mark.parametrize("name", ["odd", "yard", "warehouse"])
+def test_the_parser_of_sdformat_takes_worlds(tmp_path: Path, scene: Scene, paper, name) -> None:
+    worlds = {"odd": odd_scene(tmp_path), "yard": scene, "warehouse": load_scene("warehouse")}
+    sensors = sensor_elements(paper, worlds[name].drone_pose)
+    path = export_scene(worlds[name], tmp_path / "out.sdf", further=sensors)[0]
+    assert checked(path) == (0, "Valid.\n", "")
+    path.write_text(path.read_text().replace('type="gpu_lidar"', 'type="lidr"'))
+    status, _, complaint = checked(path)
+    assert status != 0
+    assert "sensor type is missing or invalid" in complaint
+
+
+def checked(path: Path) -> tuple[int, str, str]:
+    """Status, output and complaints of SDFormat's own parser."""
+    run = subprocess.run(
+        [sys.executable, "-c", CHECK, str(SDFORMAT), str(path)], capture_output=True, text=True
+    )
+    return run.returncode, run.stdout, run.stderr
 
 
 def posed(text: str) -> np.ndarray:

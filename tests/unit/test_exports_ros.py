@@ -32,13 +32,25 @@ pytest.importorskip("mcap")
 pytest.importorskip("rosbags")
 
 FRAMES = 4
+FRAME_S = 0.1
+MAPS = (
+    *("/camera/image", "/camera/camera_info", "/camera/points"),
+    *("/camera/depth/image_rect", "/camera/depth/camera_info"),
+)
 
 
 @pytest.fixture(scope="module")
 def recording(capture):
+    """Frames of 0.1 s, each of which is written with its maps."""
     made = with_scene(film(capture, FRAMES))
     made.spots.saturated[2, 1] = True
-    return made
+    return lasting(made, FRAME_S)
+
+
+def lasting(recording, frame_s):
+    """The same with frames of so many seconds."""
+    period_s = frame_s / recording.plan.exposures
+    return replace(recording, buckets=replace(recording.buckets, pattern_period_s=period_s))
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +110,32 @@ def test_the_container_is_one_of_rosbag2(bag):
         *("/camera/depth/image_rect", "/camera/depth/camera_info"),
         *(f"/camera/spot_{k}/range" for k in range(4)),
     }
+
+
+def test_the_container_is_compressed(bag):
+    from mcap.reader import make_reader
+
+    with bag.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    assert {chunk.compression for chunk in chunks} == {"zstd"}
+    assert sum(chunk.compressed_size for chunk in chunks) < sum(
+        chunk.uncompressed_size for chunk in chunks
+    )
+
+
+@pytest.mark.parametrize(("frame_s", "with_maps"), [(0.11, 4), (0.1, 4), (0.05, 2), (0.03, 1)])
+def test_maps_come_ten_times_a_second_at_most_and_ranges_with_each_frame(
+    recording, tmp_path, frame_s, with_maps
+):
+    from rosbags.highlevel import AnyReader
+
+    write_capture(lasting(recording, frame_s), tmp_path / "a.h5")
+    assert main(["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "a.mcap")]) == 0
+    with AnyReader([tmp_path / "a.mcap"]) as reader:
+        count = {each.topic: each.msgcount for each in reader.connections}
+    assert {count.pop(topic) for topic in MAPS} == {with_maps}
+    assert count.pop("/tf_static") == 1
+    assert set(count.values()) == {FRAMES}
 
 
 def test_clouds_are_equal_to_float_precision(bag, recording, results):
@@ -218,10 +256,16 @@ def test_a_stream_can_be_recorded_so(recording, results, tmp_path):
     loop.run()
     sink.close()
     told = decoded(tmp_path / "live.mcap")
+    ranges = [message for topic, message, _ in told if topic == "/camera/spot_0/range"]
+    assert [stamp_ns(each.header) for each in ranges][1:] == [2000, 3000]  # the sender's clock
+    assert [each.range for each in ranges] == [
+        np.float32(results[number].ranges.range_m[0]) for number in (0, 2, 3)
+    ]
     clouds = [message for topic, message, _ in told if topic == "/camera/points"]
-    assert [stamp_ns(each.header) for each in clouds][1:] == [2000, 3000]  # the sender's clock
-    points = np.frombuffer(bytes(clouds[2].data), "<f4").reshape(16, 16, 4)
-    assert np.array_equal(points[..., 3], results[3].image)
+    # Of frame 0, stamped when it was received, and of the first of the sender's stamps
+    for cloud, result in zip(clouds, (results[0], results[2]), strict=True):
+        points = np.frombuffer(bytes(cloud.data), "<f4").reshape(16, 16, 4)
+        assert np.array_equal(points[..., 3], result.image)
     (stream,) = [m.status[0] for t, m, _ in told if t == "/diagnostics"
                  and m.status[0].name == "spisim: stream"]  # fmt: skip
     assert {each.key: each.value for each in stream.values}["lost"] == "1"
@@ -242,8 +286,8 @@ def test_stamps_that_ros_has_no_numbers_for_are_those_of_receipt(recording, tmp_
     loop.run()
     sink.close()
     told = decoded(tmp_path / "live.mcap")
-    images = [message for topic, message, _ in told if topic == "/camera/image"]
-    assert [stamp_ns(each.header) for each in images] == [7, 5, 7]
+    ranges = [message for topic, message, _ in told if topic == "/camera/spot_0/range"]
+    assert [stamp_ns(each.header) for each in ranges] == [7, 5, 7]
 
 
 def test_files_of_others_are_not_replaced(recording, tmp_path, capsys):
@@ -257,11 +301,15 @@ def test_files_of_others_are_not_replaced(recording, tmp_path, capsys):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "a.mcap"]
 
 
-def test_without_the_libraries_it_says_how_to_get_them(recording, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("module", ["mcap.writer", "zstandard", "rosbags.typesys"])
+def test_without_a_library_it_says_how_to_get_them(
+    recording, tmp_path, monkeypatch, capsys, module
+):
     write_capture(recording, tmp_path / "a.h5")
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    monkeypatch.setitem(sys.modules, module, None)
     assert main(["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "a.mcap")]) == 2
-    assert "MCAP files need two libraries: pip install" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert f"need mcap, zstandard and rosbags ({module} is missing): pip install" in told
     assert [path.name for path in tmp_path.iterdir()] == ["a.h5"]
 
 

@@ -273,10 +273,10 @@ def test_shared_photodiode_stands_for_all_spots(tmp_path: Path) -> None:
     head, tail = PAPER.split("    positions_m:\n      - [-0.00707", 1)
     one = head + "    positions_m:\n      - [0.01, 0, 0]\n" + tail.split("\n", 4)[4]
     instrument = load_text(tmp_path, one)
-    assert instrument.tof.detector.shared
-    np.testing.assert_array_equal(instrument.tof.detector.spot_positions_m, [[0.01, 0, 0]] * 4)
+    assert instrument.ranging.shared
+    np.testing.assert_array_equal(instrument.ranging.detector_positions_m, [[0.01, 0, 0]] * 4)
     paper = load_instrument("paper")
-    assert instrument.tof.frame_time_s == pytest.approx(4 * paper.tof.frame_time_s)
+    assert instrument.ranging.frame_time_s == pytest.approx(4 * paper.tof.frame_time_s)
 
 
 def test_leds_differ_as_they_should(paper: Instrument) -> None:

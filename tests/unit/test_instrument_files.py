@@ -154,7 +154,7 @@ def test_exposure_longer_than_a_pattern(tmp_path: Path) -> None:
 
 
 def test_missing_part(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"mine\.yaml: tof: is missing"):
+    with pytest.raises(InputError, match=r"mine\.yaml: tof is missing: lasers and tof make ranges"):
         load_text(tmp_path, PAPER.split("\ntof:")[0])
 
 

@@ -37,7 +37,7 @@ def test_taps_and_photodiodes_in_turn_multiply_the_time() -> None:
     in_turn = changed("fog", tof__modulation__taps=taps)
     assert in_turn.tof.frame_time_s == pytest.approx(4 * plain)
     shared = changed("fog", tof__detector__positions_m=[[0.01, 0, 0]])
-    assert shared.tof.frame_time_s == pytest.approx(4 * plain)
+    assert shared.ranging.frame_time_s == pytest.approx(4 * plain)
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,7 @@ def record(index: int, scene: str, parameters: dict[str, Any], error: str | None
         attempts=1,
         error=error,
         finished="",
+        warnings=() if error else (f"spot {index % 2} is weak", "light is guessed"),
     )
 
 
@@ -112,6 +113,11 @@ def test_every_sample_and_every_combination_has_a_row(tmp_path: Path) -> None:
     assert [row["round"] for row in rows] == [str(index // 2) for index in range(20)]
     assert rows[7]["error"] == "a laser <hits> nothing"
     assert rows[7]["depth_mae_m"] == ""
+    assert [row["warnings"] for row in rows[6:9]] == [
+        "spot 0 is weak | light is guessed",
+        "",
+        "spot 0 is weak | light is guessed",
+    ]
     assert float(rows[6]["depth_mae_m[nearest]"]) == 2 * float(rows[6]["depth_mae_m"])
     means = table(summary_csv(results))
     assert [(row["scene.fog.visibility_m"], row["metric"]) for row in means] == [
@@ -256,6 +262,7 @@ def test_the_page_needs_no_other_file_and_escapes_what_it_shows(tmp_path: Path) 
     assert "6 samples failed" in page
     assert "more than half of the samples have none in fog visibility 100 m" in page
     assert "rest on 4 independent scenes or rounds" in page
+    assert "<li>14 of 20 samples: light is guessed</li>" in page
 
 
 def test_a_combination_of_which_nothing_is_left_is_shown_without_marks(tmp_path: Path) -> None:

@@ -42,15 +42,15 @@ def sensor_elements(instrument: Instrument, drone_pose: Floats) -> list[Element]
     SubElement(model, "pose").text = _pose(drone_pose @ OPTICAL_FROM_BODY)
     link = SubElement(model, "link", name="base_link")
     rate_hz = 1 / instrument.frame_time_s
-    far_m = min(FARTHEST_M, instrument.tof.unambiguous_range_m)
+    far_m = min(FARTHEST_M, instrument.ranging.tof.unambiguous_range_m)
     _add_camera(link, instrument, rate_hz)
-    for number, (azimuth, elevation) in enumerate(instrument.lasers.directions_deg):
+    for number, (azimuth, elevation) in enumerate(instrument.ranging.lasers.directions_deg):
         _add_ray(link, number, (azimuth, elevation), rate_hz, far_m)
     return [*systems, model]
 
 
 def _add_camera(link: Element, instrument: Instrument, rate_hz: float) -> None:
-    projector = instrument.projector
+    projector = instrument.imaging.projector
     sensor = _sensor(link, "camera", "rgbd_camera", rate_hz, "camera")
     camera = SubElement(sensor, "camera")
     SubElement(camera, "optical_frame_id").text = "camera_optical_frame"

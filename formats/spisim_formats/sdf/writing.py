@@ -1,6 +1,6 @@
 """Scenes as worlds of Gazebo: SDFormat 1.9, a static model and an OBJ file for each object."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import trimesh
@@ -11,6 +11,7 @@ from spisim.scene.write import MESH
 from spisim_formats.sdf.light import SKY_KLX, SUN_KLX
 
 LIBRARY = "materials.mtl"
+SUN = "sun"
 
 
 def sdf_files(
@@ -21,16 +22,20 @@ def sdf_files(
     The world has the `further` elements too.
 
     Poses are those of the middle of each object's bounds; daylight is what an import makes of it.
+    Names that SDFormat refuses are changed.
     """
     root = Element("sdf", version="1.9")
-    world = SubElement(root, "world", name=scene.name)
+    taken = {SUN, *(element.get("name", "") for element in further)}
+    world = SubElement(root, "world", name=_allowed_name(scene.name, ()))
     world.extend(further)
     _add_daylight(world, scene.ambient)
     files = {LIBRARY: _library(scene)}
     for number, thing in enumerate(scene.objects):
         files[f"object-{number}.obj"] = _obj(thing)
         middle = thing.mesh.bounds.mean(axis=0)
-        model = SubElement(world, "model", name=thing.name)
+        name = _allowed_name(thing.name, taken)
+        taken.add(name)
+        model = SubElement(world, "model", name=name)
         SubElement(model, "static").text = "true"
         SubElement(model, "pose").text = f"{_numbers(middle)} 0 0 0"
         visual = SubElement(SubElement(model, "link", name="link"), "visual", name="visual")
@@ -40,11 +45,21 @@ def sdf_files(
     return tostring(root, "utf-8", xml_declaration=True), files
 
 
+def _allowed_name(name: str, taken: Collection[str]) -> str:
+    """As SDFormat has names: without ``::``, not a reserved one, unique among those beside it."""
+    allowed = name.replace("::", "_")
+    if allowed == "world" or (allowed.startswith("__") and allowed.endswith("__")):
+        allowed = f"scene {allowed}"
+    while allowed in taken:
+        allowed += "_"
+    return allowed
+
+
 def _add_daylight(world: Element, ambient: Ambient) -> None:
     scene = SubElement(world, "scene")
     SubElement(scene, "ambient").text = _numbers([min(1.0, ambient.sky_klx / SKY_KLX)] * 3 + [1])
     if ambient.sun_klx > 0:
-        sun = SubElement(world, "light", name="sun", type="directional")
+        sun = SubElement(world, "light", name=SUN, type="directional")
         SubElement(sun, "direction").text = _numbers(ambient.sun_direction)
         SubElement(sun, "diffuse").text = "1 1 1 1"
         SubElement(sun, "intensity").text = _numbers([ambient.sun_klx / SUN_KLX])

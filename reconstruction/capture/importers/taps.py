@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import Floats
 from ...errors import InputError
-from ...operators import PatternPlan
+from ...operators import NOTHING_SHOWN
 from ..model import Capture
 from ..readings.cw import CwSpots
 from ..readings.dtof import HistogramSpots
@@ -232,8 +232,7 @@ def spots_from_histograms(
 
 def capture_from_spots(spots: Spots) -> Capture:
     """Capture (source hardware) of ranges alone: its image is a single dark pixel."""
-    nothing_shown = PatternPlan((1, 1), np.zeros(1, np.int32), np.zeros(1, np.int8))
-    return capture_from_readings(np.zeros((len(spots.readings), 1)), nothing_shown, spots=spots)
+    return capture_from_readings(np.zeros((len(spots.readings), 1)), NOTHING_SHOWN, spots=spots)
 
 
 def _of_spots(taps: ArrayLike, each: int, what: str) -> NDArray[Any]:

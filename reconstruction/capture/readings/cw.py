@@ -10,7 +10,7 @@ from ...arrays import Floats, Mask
 from ...constants import c
 from ..charge import Charge, check_taps, spare_combinations, taps_summary
 from ..schema import Stored
-from ..spots import Spots
+from ..spots import SPOTS_AXIS, Spots
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,10 @@ class CwSpots(Charge, Spots):
 
     method = "cw"
 
-    taps: Annotated[NDArray[Any], Stored("count", ("frames", 4, "taps"), "int32 or float64")]
-    saturated: Annotated[Mask, Stored("1", ("frames", 4, "taps"), "bool")]
+    taps: Annotated[
+        NDArray[Any], Stored("count", ("frames", SPOTS_AXIS, "taps"), "int32 or float64")
+    ]
+    saturated: Annotated[Mask, Stored("1", ("frames", SPOTS_AXIS, "taps"), "bool")]
     noise_electrons: Annotated[
         float | Floats,
         Stored("electron", ("taps",), sign="not negative", nan=True, one_for_all=True),

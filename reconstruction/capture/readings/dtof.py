@@ -10,7 +10,7 @@ from ...arrays import Floats, Mask
 from ...constants import c
 from ...errors import InputError
 from ..schema import Stored
-from ..spots import Spots, check_duration
+from ..spots import SPOTS_AXIS, Spots, check_duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class HistogramSpots(Spots):
 
     counts: Annotated[
         NDArray[Any],
-        Stored("count", ("frames", 4, "bins"), "int32 or float64", sign="not negative"),
+        Stored("count", ("frames", SPOTS_AXIS, "bins"), "int32 or float64", sign="not negative"),
     ]
-    saturated: Annotated[Mask, Stored("1", ("frames", 4), "bool")]
+    saturated: Annotated[Mask, Stored("1", ("frames", SPOTS_AXIS), "bool")]
     bin_width_s: Annotated[float, Stored("s", sign="positive")]
     start_s: Annotated[float, Stored("s")]
     pulses: Annotated[int, Stored("1", dtype="int64", sign="positive")]

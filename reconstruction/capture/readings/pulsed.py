@@ -11,7 +11,7 @@ from ...constants import c
 from ...errors import InputError
 from ..charge import Charge
 from ..schema import Stored
-from ..spots import Spots, check_duration
+from ..spots import SPOTS_AXIS, Spots, check_duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,10 @@ class PulsedSpots(Charge, Spots):
 
     method = "pulsed"
 
-    taps: Annotated[NDArray[Any], Stored("count", ("frames", 4, "windows"), "int32 or float64")]
-    saturated: Annotated[Mask, Stored("1", ("frames", 4, "windows"), "bool")]
+    taps: Annotated[
+        NDArray[Any], Stored("count", ("frames", SPOTS_AXIS, "windows"), "int32 or float64")
+    ]
+    saturated: Annotated[Mask, Stored("1", ("frames", SPOTS_AXIS, "windows"), "bool")]
     window_starts_s: Annotated[Floats, Stored("s", ("windows",))]
     pulse_width_s: Annotated[float, Stored("s", sign="positive")]
     pulses: Annotated[int, Stored("1", dtype="int64", sign="positive")]

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from ...capture import Setup
+from ...capture.spots import check_four
 from ...errors import InputError
 from ...registry import Registry
 from ..method import DepthMethod, Need
@@ -19,12 +20,20 @@ def depth_method(name: str, setup: Setup) -> DepthMethod:
     if missing:
         parts = " and ".join(part.replace("_", " ") for part in missing)
         raise InputError(f"depth method {name!r} needs {parts}, which the recording lacks")
+    if "spots" in method.needs:
+        check_four(f"depth method {name!r}", setup.spots)
     return method
 
 
 def lacks(method: DepthMethod, setup: Setup) -> tuple[Need, ...]:
     """What a method needs and a recording has not."""
     return tuple(need for need in method.needs if getattr(setup, need) is None)
+
+
+def suits(method: DepthMethod, setup: Setup) -> bool:
+    """Whether a recording has what a method needs, in the number that it needs."""
+    other = "spots" in method.needs and setup.spots is not None and not setup.spots.are_four
+    return not (lacks(method, setup) or other)
 
 
 def unlike(method: DepthMethod, setup: Setup) -> str | None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from ...errors import InputError
 from ..export import Export
 from ..mcap_file import McapFile, check_libraries
-from ..ros import frame_messages, static_messages
 from ..shot import Shot
 
 
@@ -19,10 +18,9 @@ def write_mcap(shots: Iterable[Shot], path: Path) -> None:
     try:
         spots, begun = None, False
         for shot in shots:
-            if not begun or shot.spots is not spots:
-                file.write(static_messages(shot), shot.stamp_ns)
+            begins = not begun or shot.spots is not spots
+            file.write_frame(shot, shot.stamp_ns, begins=begins)
             spots, begun = shot.spots, True
-            file.write(frame_messages(shot), shot.stamp_ns)
         if not begun:
             raise InputError("there is nothing to export")
     finally:

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...exports import EXPORTS, Shot, check_export
 from ...exports.mcap_file import McapFile
-from ...exports.ros import frame_messages, state_message, static_messages
+from ...exports.ros import state_message
 from ..results import Outcome, State
 from ..setups import StreamSetup
 from .sink import Sink
@@ -45,11 +45,9 @@ class McapRecord(Sink):
         setup = outcome.stream.setup
         told = 0 < outcome.time_ns < MAX_STAMP_NS
         shot = Shot.of(outcome.result, setup, outcome.time_ns if told else now_ns)
-        file = self._opened()
-        if outcome.stream is not self._stream:
-            self._stream = outcome.stream
-            file.write(static_messages(shot), now_ns)
-        file.write(frame_messages(shot), now_ns)
+        begins = outcome.stream is not self._stream
+        self._stream = outcome.stream
+        self._opened().write_frame(shot, now_ns, begins=begins)
 
     def state(self, state: State) -> None:
         now_ns = self._now_ns()

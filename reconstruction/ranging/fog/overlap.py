@@ -26,14 +26,14 @@ def check_known(optics: SpotOptics) -> None:
 
 
 def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
-    """Weights w in sr (4, R) and path lengths in metres (4, R) at ranges (R,) along the lasers.
+    """Weights w in sr and path lengths in metres, (spots, R), at ranges (R,) along the lasers.
 
     w is the mean over the aperture, times its area, of cos / distance^2 and the field's response;
     light that a diffuser sends back with unit radiance per incident power is collected so.
     Raises InputError for a detector that sees nothing of its beam.
     """
     weights = []
-    for number in range(4):
+    for number in range(len(optics.directions)):
         total = np.zeros(len(range_m))
         for points, share in _pencils(optics, optics.directions[number], range_m):
             total += share * _collected(optics, number, points)
@@ -76,7 +76,7 @@ def _common_area(one: float, other: Floats, apart: Floats) -> Floats:
 
 
 def path_lengths(optics: SpotOptics, range_m: Floats) -> Floats:
-    """Lengths (4, R) of the paths over points at ranges (R,) along the lasers to the detectors."""
+    """Lengths (spots, R) of the paths over points at ranges (R,) along lasers to the detectors."""
     points = range_m[:, None] * optics.directions[:, None]
     back = np.linalg.norm(points - optics.detector_positions_m[:, None], axis=-1)
     return np.asarray(range_m + back)

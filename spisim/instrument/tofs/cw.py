@@ -44,9 +44,8 @@ class CwTof(Section):
     @property
     def frame_time_s(self) -> float:
         turns = 4 if self.modulation.taps.arrangement == "in-turn" else 1
-        spots = 4 if self.detector.shared else 1
         each = sum(map(self.light_time_s, self.modulation.frequencies_hz))
-        return each * turns * spots
+        return each * turns
 
     def light_time_s(self, frequency_hz: float) -> float:
         """Time for which a tap works at a frequency in a frame."""

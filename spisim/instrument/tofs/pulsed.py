@@ -59,7 +59,7 @@ class PulsedTof(Section):
 
     @property
     def frame_time_s(self) -> float:
-        return self.pulses / self.repetition_rate_hz * (4 if self.detector.shared else 1)
+        return self.pulses / self.repetition_rate_hz
 
     @property
     def reading(self) -> Reading:

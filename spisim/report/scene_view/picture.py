@@ -51,7 +51,7 @@ class Look:
         """(4, 3): where the beams end in the world; far out where they meet nothing."""
         pose = self.scene.drone_pose
         ranges = np.array([min(spot.range_m, MAX_SHOWN_M) for spot in self.survey.spots])
-        rays = self.instrument.lasers.directions @ pose[:3, :3].T
+        rays = self.instrument.ranging.lasers.directions @ pose[:3, :3].T
         return np.asarray(pose[:3, 3] + ranges[:, None] * rays)
 
 
@@ -100,7 +100,7 @@ def _title(sheet: Figure, look: Look) -> None:
 def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
     half = np.tan(np.radians(fov_deg) / 2)
     axis.imshow(view_image(look.scene, look.caster, fov_deg), extent=(-half, half, half, -half))
-    projector, detector = look.instrument.projector, look.instrument.detector
+    projector, detector = look.instrument.imaging.projector, look.instrument.imaging.detector
     wide, high = projector.tan_half_width, projector.tan_half_height
     square = Rectangle((-wide, -high), 2 * wide, 2 * high, fill=False, ec=PROJECTOR, lw=1.8)
     axis.add_patch(square)
@@ -113,7 +113,7 @@ def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
     if radius < half:
         text = f"detector {detector.field_of_view_deg:g}°"
         texts.append(_label(axis, (0, radius), text, DETECTOR, (0, -4), "top"))
-    for k, spot in enumerate(look.instrument.lasers.directions):
+    for k, spot in enumerate(look.instrument.ranging.lasers.directions):
         x, y = spot[:2] / spot[2]
         text = _metres(look.survey.spots[k])
         texts.append(_numbered(axis, x, y, k))
@@ -204,7 +204,7 @@ def _draw_section(
     pose = look.scene.drone_pose
     here = section.place(pose[:3, 3])
     reach = 2 * np.ptp(limits[:2])
-    projector, detector = look.instrument.projector, look.instrument.detector
+    projector, detector = look.instrument.imaging.projector, look.instrument.imaging.detector
     wide, high = projector.tan_half_width, projector.tan_half_height
     corners = np.array([[x, y, 1.0] for x in (-wide, wide) for y in (-high, high)])
     half = np.radians(min(detector.field_of_view_deg, 170)) / 2

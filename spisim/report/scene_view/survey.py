@@ -58,12 +58,12 @@ class Survey:
 def survey(scene: Scene, instrument: Instrument, caster: RayCaster) -> Survey:
     """Look around from the drone; `caster` is of the scene as it is."""
     origin, rotation = scene.drone_pose[:3, 3], scene.drone_pose[:3, :3]
-    projector = instrument.projector
+    projector = instrument.imaging.projector
     rays = perspective_rays(
         scene.drone_pose, (RAYS, RAYS), projector.tan_half_width, projector.tan_half_height
     )
     field = caster.along(*rays)
-    beams = instrument.lasers.directions @ rotation.T
+    beams = instrument.ranging.lasers.directions @ rotation.T
     spots = caster.along(np.broadcast_to(origin, beams.shape), beams)
     names = [thing.name for thing in scene.objects]
 

@@ -1,5 +1,6 @@
 """A study as plots, and as one HTML page that needs no other file."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,6 +23,8 @@ Columns = dict[str, dict[Condition, Estimate]]
 KIND = "study"
 #: Failures that are listed.
 MAX_FAILURES = 20
+#: Warnings of samples that are listed.
+MAX_WARNINGS = 5
 
 
 def study_outputs(folder: Path, planned: PlannedStudy) -> list[Output]:
@@ -126,7 +129,16 @@ def _warnings(results: Results) -> list[str]:
                 f"{metric_label(name)}: more than half of the samples have none in "
                 f"{_some(lacking)}; the means are those of the others."
             )
-    return told
+    return told + _of_samples(results.rows)
+
+
+def _of_samples(rows: Sequence[Row]) -> list[str]:
+    """Warnings of the captures, the most frequent ones first."""
+    counted = Counter(warning for row in rows for warning in row.warnings).most_common()
+    lines = [f"{count} of {len(rows)} samples: {each}" for each, count in counted[:MAX_WARNINGS]]
+    if len(counted) > MAX_WARNINGS:
+        lines.append(f"and {len(counted) - MAX_WARNINGS} other warnings, in results.csv")
+    return lines
 
 
 def _failures(failed: Sequence[Row]) -> list[str]:

@@ -50,7 +50,7 @@ class _Met(NamedTuple):
 
 
 def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange:
-    """Change of the four spots' light, by bins (bins,) of the path length, ascending from 0.
+    """Change of the spots' light, by bins (bins,) of the path length, ascending from 0.
 
     `drops` are one or more entries of one recording.
 
@@ -59,7 +59,7 @@ def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange
     together count as Gaussian there.
     """
     times_s = drops[0].times_s
-    passed = np.zeros((len(times_s), 4, len(path_length_m)))
+    passed = np.zeros((len(times_s), len(drops[0].view.beams.directions), len(path_length_m)))
     echoes = np.zeros_like(passed)
     for frame, times in enumerate(times_s):
         reach_m = drops[0].spot_range_m(frame).tolist()

@@ -49,7 +49,7 @@ def on_buckets(
     if not drops:
         return changes
     instrument, times_s = drops[0].instrument, drops[0].times_s
-    plans, dark = instrument.pattern_plans, instrument.projector.dark_level
+    plans, dark = instrument.pattern_plans, instrument.imaging.projector.dark_level
     for frame in range(len(between.keys)):
         plan = plans[frame % len(plans)]
         fields = [_in_sight(one, frame) for one in drops]

@@ -111,15 +111,19 @@ def _field_corners(instrument: Instrument, far_m: float) -> Floats:
 
     Depths begin at the pinhole: what is behind it meets no light.
     """
-    projector, detectors = instrument.projector, (instrument.detector, instrument.tof.detector)
-    half = np.array([projector.tan_half_width, projector.tan_half_height]) * far_m
     signs = np.array([(x, y) for x in (-1, 1) for y in (-1, 1)])
-    lasers = instrument.lasers.directions
-    footprint = 6 * 1e-3 * (instrument.lasers.waist_mm + instrument.lasers.divergence_mrad * far_m)
-    ends = (lasers / lasers[:, 2:] * far_m)[:, :2]
-    far = np.concatenate([signs * half, *(ends + sign * footprint for sign in signs)])
-    near = [signs * projector.lens_radius_m]
-    for detector in detectors:
+    ends, near = [], []
+    if instrument.images:
+        projector = instrument.imaging.projector
+        ends.append(signs * np.array([projector.tan_half_width, projector.tan_half_height]) * far_m)
+        near.append(signs * projector.lens_radius_m)
+    if instrument.ranges:
+        lasers = instrument.ranging.lasers
+        footprint = 6 * 1e-3 * (lasers.waist_mm + lasers.divergence_mrad * far_m)
+        middles = (lasers.directions / lasers.directions[:, 2:] * far_m)[:, :2]
+        ends += [middles + sign * footprint for sign in signs]
+    far = np.concatenate(ends)
+    for detector in instrument.detectors.values():
         radius = np.sqrt(detector.aperture_area_m2 / np.pi)
         near += [np.asarray(place)[:2] + signs * radius for place in detector.positions_m]
     return np.concatenate(

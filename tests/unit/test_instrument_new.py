@@ -1,0 +1,120 @@
+"""Instrument files written from data sheets."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from reconstruction.errors import InputError
+from spisim.budget import Target, budget_warnings
+from spisim.budget.full_scale import new_instrument_text
+from spisim.cli import app
+from spisim.cli.instrument import new
+from spisim.config import parse_model
+from spisim.instrument import Instrument, load_instrument
+from spisim.instrument.data_sheet import QUESTIONS, completed
+
+ALL = [
+    {},
+    {"makes": "image"},
+    {"makes": "ranges", "frame_time_s": 0.02},
+    {"modulation": "pulsed", "range_part": "g14858-0020aa"},
+    {"modulation": "dtof", "spots": 1},
+    {"makes": "ranges", "spots": 64, "frequency_hz": 30e6},
+    {"image_part": "ingaas-spad", "wavelength_nm": 1460, "pixels": 32},
+]
+
+
+def invoke(*words: str | Path) -> Any:
+    return CliRunner().invoke(app, ["instrument", "new", *map(str, words)])
+
+
+@pytest.mark.parametrize("answers", ALL)
+def test_answers_become_an_instrument(answers: dict[str, Any]) -> None:
+    known = completed(answers)
+    instrument = parse_model(new_instrument_text(known), Instrument, "mine.yaml")
+    assert instrument.images == (known["makes"] != "ranges")
+    assert instrument.ranges == (known["makes"] != "image")
+    if instrument.images:
+        projector = instrument.imaging.projector
+        assert projector.shape == (known["pixels"],) * 2
+        assert projector.power_w == known["array_power_w"]
+    if instrument.ranges:
+        ranging = instrument.ranging
+        assert ranging.spots == known["spots"]
+        assert ranging.tof.method == known["modulation"]
+        assert ranging.lasers.power_w == known["laser_power_w"]
+        assert ranging.tof.frame_time_s == pytest.approx(instrument.frame_time_s, rel=1e-2)
+    if not instrument.images:
+        assert instrument.frame_time_s == pytest.approx(
+            known["frame_time_s"] * (1 if not instrument.ranging.shared else known["spots"])
+        )
+
+
+def test_converters_hold_a_white_wall_near_by() -> None:
+    instrument = parse_model(new_instrument_text(completed({})), Instrument, "mine.yaml")
+    bright = budget_warnings(instrument, Target(1.0, 1.0, 100.0))
+    assert not [warning for warning in bright if "saturate" in warning]
+    brighter = budget_warnings(instrument, Target(0.3, 1.0, 100.0))
+    assert [warning for warning in brighter if warning.startswith("detector.adc")]
+
+
+@pytest.mark.parametrize(
+    ("answers", "message"),
+    [
+        ({"makes": "imag"}, "makes 'imag': did you mean 'image'"),
+        ({"image_part": "fga01"}, "image_part 'fga01': did you mean 'fga015'"),
+        ({"frequency_hz": "20"}, "frequency_hz 20: .* if it is in MHz, write 20e6"),
+        ({"makes": "image", "spots": 3}, "spots 3: not one of an instrument that makes an image"),
+        ({"pulse_s": 1e-8}, "pulse_s 1e-08: not one of .* with cw"),
+        ({"patterns": "many"}, "patterns many: a whole number from 1"),
+        ({"array_power_w": "nan"}, "array_power_w nan: a number from"),
+        ({"wavelength_nm": 905}, "image_part fga015: .* 1400 to 1600 nm"),
+        ({"range_part": "ingaas-spad"}, "tof: cw integrates charge.*choose method dtof"),
+    ],
+)
+def test_wrong_answers_are_named(answers: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        new_instrument_text(completed(answers))
+
+
+def test_file_and_budget_are_written_together(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    done = invoke("-o", file, "--makes", "image", "--field-deg", 30, "--json")
+    assert done.exit_code == 0, done.output
+    report = json.loads(done.stdout)
+    assert report["spots"] is None
+    assert report["image"]["emitted_w"] > 0
+    assert load_instrument(file).imaging.projector.fov_deg == 30
+    assert file.read_text(encoding="utf-8").count("#") > 10
+    assert Path(report["written"]) == file.with_suffix(".png")
+    assert "exists; --overwrite" in invoke("-o", file, "--defaults").output
+    assert invoke("-o", file, "--defaults", "--overwrite").exit_code == 0
+
+
+def test_nothing_is_written_of_wrong_answers(tmp_path: Path) -> None:
+    done = invoke("-o", tmp_path / "mine.yaml", "--pixels", 60, "--defaults")
+    assert done.exit_code == 2
+    assert "powers of two" in done.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_questions_are_asked_until_they_are_answered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replies = iter(["ranges", "", "-3", "5", *[""] * len(QUESTIONS)])
+    asked: list[str] = []
+
+    def prompt(text: str, *, default: Any, **_: Any) -> str:
+        asked.append(text.rpartition("(")[2].rstrip(")"))
+        return next(replies) or str(default)
+
+    monkeypatch.setattr(new.typer, "prompt", prompt)
+    given = dict.fromkeys(QUESTIONS) | {"spots": "4"}
+    answers = new._asked(given)
+    assert asked[:4] == ["makes", "wavelength_nm", "filter_width_nm", "filter_width_nm"]
+    assert not {"pixels", "spots", "pulse_s"} & set(asked)
+    assert answers["filter_width_nm"] == 5
+    assert completed(answers)["frequency_hz"] == 15e6
