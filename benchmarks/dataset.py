@@ -24,11 +24,11 @@ from options import benchmark_options, finish
 from same_light import same_light
 from yardstick import Yardstick
 
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
-from spisim.paper.checks import Check, Table, surroundings
 
 # isort: split
 import drjit as dr
@@ -50,10 +50,10 @@ STAGES: dict[str, tuple[str, str]] = {
     "draw of the plan": ("spisim.dataset.planned", "PlannedSet.sample"),
     "scene and instrument": ("spisim.dataset.sample", "load"),
     "truth": ("spisim.simulation", "ground_truth"),
-    "media": ("spisim.transport.solve", "build_world"),
-    "steady light": ("spisim.transport.solve", "steady_light"),
-    "light of the image": ("spisim.transport.solve", "transport_image"),
-    "light of the spots": ("spisim.transport.solve", "spot_histogram"),
+    "media": ("spisim.simulation.light.solve", "build_world"),
+    "steady light": ("spisim.simulation.light.solve", "steady_light"),
+    "light of the image": ("spisim.simulation.light.solve", "transport_image"),
+    "light of the spots": ("spisim.simulation.light.solve", "spot_histogram"),
     "counts": ("spisim.simulation", "record"),
     "capture file": ("spisim.dataset.sample", "write_capture"),
 }

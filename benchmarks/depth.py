@@ -32,9 +32,9 @@ from intervals import Indices, of_figure
 from options import benchmark_options, finish
 from yardstick import processor
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.chosen_methods import USUAL_DEPTHS
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "depth.md"
 FOLDER = Path(__file__).parents[1] / "out" / "depth"

@@ -6,9 +6,9 @@ import numpy as np
 from depth_judging import Judged, Way
 from intervals import of_figure
 
-from reconstruction.arrays import Floats, Mask
+from reconstruction.base.arrays import Floats, Mask
 from reconstruction.depth import DISTANCES_M, MIN_FREE, nearest_obstacle_m
-from spisim.paper.checks import Check, Table
+from spisim.budget.paper.checks import Check, Table
 
 Groups = Mapping[tuple[str, str], Sequence[Judged]]
 """By group of scenes, and clear or fog."""

@@ -8,7 +8,7 @@ import numpy as np
 from depth_sets import Case
 
 from reconstruction import Capture, Reconstructor, Setup, read_capture
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.chosen_methods import USUAL_IMAGES
 from reconstruction.depth import (
     DEPTH_METHODS,

@@ -12,7 +12,7 @@ from typing import Any
 from depth_worlds import imported
 
 import spisim.dataset
-from spisim.config import dump_yaml
+from spisim.base.config import dump_yaml
 from spisim.scene import list_scenes
 from spisim.scene.families import FAMILIES
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 
 #: Mean or median.
 Average = Callable[[Floats], Any]

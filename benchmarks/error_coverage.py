@@ -9,10 +9,10 @@ from scipy.constants import c
 from scipy.stats import t
 
 import spisim
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.atmosphere import CLEAR, fog
+from spisim.budget.paper.checks import Check, Table
 from spisim.instrument import Instrument
-from spisim.paper.checks import Check, Table
 from spisim.scene import Scene
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.sampling import MIN_LAUNCHES, Gauge, Paths

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import trimesh
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.atmosphere import CLEAR, Atmosphere, GammaSizes, LogNormalSizes, Particles, fog
 from spisim.atmosphere.structure import Structure
 from spisim.instrument import Instrument, SpotLight

@@ -28,8 +28,8 @@ import numpy as np
 import trimesh
 from options import benchmark_options, finish
 
-from reconstruction.errors import InputError
-from spisim.paper.checks import Check, Table, surroundings
+from reconstruction.base.errors import InputError
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import load_scene
 from spisim.scene.pose import pose_matrix
 from spisim_formats.format import readers

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import beta, binom, t
 
-from reconstruction.arrays import Floats
-from spisim.paper.checks import Interval
+from reconstruction.base.arrays import Floats
+from spisim.budget.paper.checks import Interval
 
 RESAMPLED = 1000
 MIN_FINITE = 0.95

@@ -30,7 +30,7 @@ import spisim
 from reconstruction import Capture, Reconstructor, Result
 from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
 from reconstruction.live.links.sockets import TcpListen
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "live.md"
 SECONDS, QUICK_S = 60, 10

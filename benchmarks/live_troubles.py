@@ -36,7 +36,7 @@ from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_
 from reconstruction.live.framing import MAX_PAYLOAD_BYTES, Kind, Message, header
 from reconstruction.live.links.sockets import TcpListen
 from reconstruction.live.sinks import Detached, Sink
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "live.md"
 SECONDS, QUICK_S = 60, 10

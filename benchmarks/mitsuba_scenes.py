@@ -23,8 +23,8 @@ from options import benchmark_options, finish
 from scipy import stats
 
 from spisim.atmosphere import Atmosphere, HenyeyGreenstein, Isotropic, explicit
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
-from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume, look_at
 from spisim.scene.bsdf import (
     Bsdf,

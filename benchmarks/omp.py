@@ -35,8 +35,8 @@ from sklearn.linear_model import orthogonal_mp, orthogonal_mp_gram
 from yardstick import REFERENCE_S
 from yardstick import work as yardstick_work
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.image import (
     DICTIONARIES,
     IMAGE_METHODS,
@@ -46,8 +46,8 @@ from reconstruction.image import (
     UsableReadings,
     batch_omp,
 )
-from spisim.paper.checks import Check, Table, surroundings
-from spisim.paper.table2 import PAPER, Row, readings
+from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.table2 import PAPER, Row, readings
 
 DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
 ATOMS = 1024

@@ -18,8 +18,8 @@ from options import benchmark_options, finish
 from reconstruction.capture.schema import between
 from reconstruction.ranging.calibration import path_check
 from reconstruction.ranging.fog.offsets import OffsetEvidence, PathOffsets, path_offsets
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
-from spisim.paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "ranging-in-fog.md"
 CELLS = (

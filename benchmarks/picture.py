@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from options import benchmark_options, finish
 
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
-from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import Scene, load_scene
 from spisim.transport import camera_view
 from spisim.transport.backend import activate

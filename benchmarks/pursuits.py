@@ -28,7 +28,7 @@ from options import benchmark_options, finish
 
 from reconstruction import Reconstructor
 from reconstruction.capture import first_patterns
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.checks import Check, Table, surroundings
 
 SHARES = (0.03125, 0.125)
 REFERENCE, EDGES = "least-squares", "edge-preserving"

@@ -25,14 +25,14 @@ from options import benchmark_options, finish
 from scipy.stats import binomtest
 from yardstick import Yardstick, processor
 
-from reconstruction.arrays import Floats, Mask
+from reconstruction.base.arrays import Floats, Mask
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import between
 from reconstruction.ranging import RANGING_METHODS
 from reconstruction.ranging.bound import Bound, Targets, make_bound
-from spisim.config import parse_model
+from spisim.base.config import parse_model
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
-from spisim.paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "ranging-in-fog.md"
 CELLS = (

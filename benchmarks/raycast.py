@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport import ground_truth

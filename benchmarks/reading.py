@@ -14,9 +14,9 @@ from options import benchmark_options, finish
 
 import spisim
 from reconstruction import InputError
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.dataset import DataSet, pack_dataset
-from spisim.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "datasets.md"
 NAMES = ("buckets", "true_depth_m")

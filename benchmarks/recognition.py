@@ -20,10 +20,10 @@ import numpy as np
 from image_quality import PACKAGES, Image, drawn
 from options import benchmark_options, finish
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from reconstruction.image import known_layouts, recognise
 from reconstruction.operators import POLARITIES, expose, make_plan
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "recordings.md"
 SHARES = (0.03125, 0.125, 0.25, 1.0)

@@ -27,10 +27,10 @@ from yardstick import processor
 
 import spisim
 from reconstruction import Reconstructor, open_capture, reconstruct, write_capture
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture, CaptureFile, Frames, Truth
 from reconstruction.capture.readings.cw import CwSpots
-from spisim.paper.checks import Check, Interval, Table, surroundings
+from spisim.budget.paper.checks import Check, Interval, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
 FRAMES = (1, 1_000, 10_000)

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.atmosphere import CLEAR, Atmosphere, fog
 from spisim.scene import Ambient, Material, Scene, SceneObject
 

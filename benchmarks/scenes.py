@@ -17,7 +17,7 @@ from options import benchmark_options, finish
 from raycast import compare
 
 import spisim
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import list_scenes
 
 DOCS = Path(__file__).parents[1] / "docs" / "scenes.md"

@@ -25,12 +25,12 @@ from room import FOG_KIND, air, box_pose, room
 from scipy.constants import c
 
 import spisim
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.operators import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import Scene, Volume
-from spisim.transport import solve
+from spisim.simulation.light import solve
 from spisim.transport.daylight import projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs

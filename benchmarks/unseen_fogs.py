@@ -19,9 +19,9 @@ from scipy.stats import binomtest
 
 import spisim
 from reconstruction import Capture, Reconstructor, read_capture, write_capture
-from reconstruction.arrays import Floats, Mask
+from reconstruction.base.arrays import Floats, Mask
 from reconstruction.ranging import measure_ranges
-from spisim.paper.checks import Check, Table
+from spisim.budget.paper.checks import Check, Table
 from spisim.scene import draw_scene
 
 KEPT = Path(__file__).parents[1] / "out" / "ranging" / "unseen"

@@ -23,16 +23,16 @@ from options import benchmark_options, finish
 
 import spisim
 from reconstruction import Capture, Reconstructor
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.capture import Provenance
-from spisim.config import parse_model
+from spisim.base.config import parse_model
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument
-from spisim.measurement.buckets import record_buckets
-from spisim.measurement.light import bucket_light
-from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import Scene, at_moment, load_trajectory
-from spisim.transport import LightSequence
-from spisim.transport.sequence import trace
+from spisim.simulation.light import LightSequence
+from spisim.simulation.light.sequence import trace
+from spisim.simulation.measurement.buckets import record_buckets
+from spisim.simulation.measurement.light import bucket_light
 
 PAGE = Path(__file__).parents[1] / "docs" / "video.md"
 STILLS = ("rubble", "person", "tunnel", "warehouse")

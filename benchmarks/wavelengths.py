@@ -18,17 +18,18 @@ import trimesh
 from options import benchmark_options, finish
 
 from reconstruction import evaluate, reconstruct
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import CLEAR, fog
 from spisim.budget import Target, class_1_power_w, range_sigma_m
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import record, spot_light
-from spisim.measurement.light import background_electrons
-from spisim.paper.checks import Check, Table, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject, in_band_irradiance, load_scene
-from spisim.transport import LightSequence, Outputs, Transport, ground_truth, solve, trace
+from spisim.simulation.light import LightSequence, Transport, solve, trace
+from spisim.simulation.measurement import record, spot_light
+from spisim.simulation.measurement.light import background_electrons
+from spisim.transport import Outputs, ground_truth
 
 DOCS = Path(__file__).parents[1] / "docs"
 #: Sections of the warehouse that are changed, by what they stand for.

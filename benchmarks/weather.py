@@ -21,7 +21,7 @@ from options import benchmark_options, finish
 from scipy.constants import c
 
 from spisim.atmosphere import Atmosphere, Tabulated, fog
-from spisim.paper.checks import Check, Table, surroundings
+from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.engine.estimator import spot_histogram
 from spisim.transport.engine.sampling import Paths

@@ -23,7 +23,7 @@ from sklearn.model_selection import GridSearchCV
 
 import spisim.dataset
 from reconstruction import reconstruct
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.evaluation import depth_metrics
 from spisim.dataset import DataSet
 

@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .base.errors import InputError
     from .capture import (
         Capture,
         Frames,
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
         write_capture,
     )
     from .diagnostics import capture_warnings
-    from .errors import InputError
     from .evaluation import evaluate
     from .operators import PatternPlan, make_plan
     from .outputs import read_result, write_outputs
@@ -37,7 +37,7 @@ logging.getLogger(__name__).addHandler(logging.NullHandler())
 _HOMES = {
     "Capture": "capture",
     "Frames": "capture",
-    "InputError": "errors",
+    "InputError": "base.errors",
     "PatternPlan": "operators",
     "Reconstructor": "reconstructor",
     "Result": "result",

@@ -5,9 +5,9 @@ from typing import Any, get_args
 
 import numpy as np
 
-from .arrays import Floats
+from .base.arrays import Floats
+from .base.errors import InputError
 from .depth import DepthEstimate
-from .errors import InputError
 from .ranging import Ranges, Status
 
 

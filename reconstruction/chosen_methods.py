@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
 
+from .base.errors import InputError
 from .capture import Setup
 from .capture.spots import check_four
 from .depth import DEPTH_METHODS, suits, unlike
-from .errors import InputError
 from .image import IMAGE_METHODS, CarryingMethod, UsableReadings, image_method
 from .ranging import RANGING_METHODS, RangingSolver, ranging_method, reads, usual_rangings
 from .result import BASELINE

@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from .base.errors import InputError
 from .capture import Recording, Setup, datasets
 from .chosen_methods import USUAL_IMAGES
-from .errors import InputError
 from .ranging import Ranges
 from .reconstructor import Reconstructor
 

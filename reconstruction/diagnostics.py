@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .base.errors import InputError
 from .capture import Capture, Frames, FrameTruth
 from .default_ranging import default_ranges
-from .errors import InputError
 from .image import Imaging, doubt
 from .operators import decoder_for
 from .ranging import RANGED, RANGING_METHODS, Ranges, unambiguous_path_m

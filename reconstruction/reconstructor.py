@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Floats
+from .base.arrays import Floats
+from .base.errors import InputError
+from .base.timing import timed
 from .capture import Frames, Recording, Setup
 from .checks import checked, checked_depths, checked_ranges
 from .chosen_methods import Names, depth_names, image_names, lead, ranging_solvers
@@ -24,7 +26,6 @@ from .depth import (
     pixel_of,
     pixel_rays,
 )
-from .errors import InputError
 from .image import (
     Coefficients,
     Estimate,
@@ -41,7 +42,6 @@ from .ranging import (
     with_weather,
 )
 from .result import Image, Result
-from .timing import timed
 
 logger = logging.getLogger(__name__)
 

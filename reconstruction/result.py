@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Floats
+from .base.arrays import Floats
+from .base.notebook import picture, shown, told
+from .base.plotting import draw_map, panels
 from .capture import Unit
 from .depth import MIN_FREE, nearest_obstacle_m
-from .notebook import picture, shown, told
-from .plotting import draw_map, panels
 from .ranging import RANGED, Ranges
 
 Image = NDArray[np.float32]

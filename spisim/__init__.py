@@ -11,14 +11,14 @@ import logging
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from spisim.llvm import prefer_working_llvm
+from spisim.base.llvm import prefer_working_llvm
 from spisim.version import __version__
 
 if TYPE_CHECKING:
+    from spisim.base.progress import progress_bar
     from spisim.dataset.making import make_dataset
     from spisim.dataset.reader import open_dataset
     from spisim.instrument import Instrument, load_instrument
-    from spisim.progress import progress_bar
     from spisim.report.capture import write_report
     from spisim.scene import Scene, load_scene
     from spisim.simulation import Simulation, simulate
@@ -48,7 +48,7 @@ _HOMES = {
     "load_scene": "scene",
     "make_dataset": "dataset.making",
     "open_dataset": "dataset.reader",
-    "progress_bar": "progress",
+    "progress_bar": "base.progress",
     "simulate": "simulation",
     "write_report": "report.capture",
 }

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from captures import full_capture, make_spots
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from reconstruction.live import Counts, Kind, Loop, Message, Reception, pack, packed, unpacked
 from reconstruction.live import reception as receiving
 from reconstruction.live.links import NewFile

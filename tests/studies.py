@@ -5,8 +5,8 @@ from typing import Any
 
 import yaml
 
-from spisim.study import load_study
-from spisim.study.plan import PlannedStudy
+from spisim.dataset.study import load_study
+from spisim.dataset.study.plan import PlannedStudy
 
 PLAN: dict[str, Any] = {
     "name": "Walls <in> fog",

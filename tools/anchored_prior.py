@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.capture import Optics
 from reconstruction.depth import DepthEstimate, pixel_of
 from reconstruction.depth.anchored_prior import FITTED as FILE

@@ -22,7 +22,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from depth_frames import from_arrays
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.depth import DISTANCES_M, Corridor, DepthEstimate, pixel_of, pixel_rays
 from reconstruction.depth.anchored_prior import fitted_prior
 from reconstruction.depth.kriging import anchored_depth

@@ -8,7 +8,7 @@ them holds for photographs (R. Achddou, Y. Gousseau, S. Ladjal, SSVM 2021, LNCS 
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 
 FINER = 2
 """Pixels drawn for one of the image, along either axis."""

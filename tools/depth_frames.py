@@ -20,15 +20,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from reconstruction import Reconstructor
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Capture, Optics
 from reconstruction.depth.method import REACH_M, View
 from reconstruction.depth.observer import Observer
 from reconstruction.depth.shown import Anchors, Shown
-from reconstruction.errors import InputError
 from spisim.atmosphere import fog as made_fog
-from spisim.config import dump_yaml, load_yaml
-from spisim.config.distributions import stream
+from spisim.base.config import dump_yaml, load_yaml
+from spisim.base.config.distributions import stream
 from spisim.dataset.values import drawn_value
 from spisim.instrument import Instrument
 from spisim.instrument.load import PRESETS

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.instrument import load_instrument
 from spisim.scene import draw_scene
 from spisim.scene.families import FAMILIES
-from spisim.transport import solve
+from spisim.simulation.light import solve
 
 FITTED = (
     "forest-trail",

@@ -19,9 +19,9 @@ import trimesh
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from reconstruction.arrays import Floats
-from reconstruction.files import write_atomically
-from spisim.paper.checks import Table, around_marks
+from reconstruction.base.arrays import Floats
+from reconstruction.base.files import write_atomically
+from spisim.budget.paper.checks import Table, around_marks
 from spisim.report.style import file_of, plot_style
 from spisim.scene import Scene, draw_scene
 from spisim.scene.bsdf import ThinPane

@@ -20,14 +20,14 @@ from spisim.atmosphere.droplets import FOGS, SMOKES
 from spisim.atmosphere.mie_phase import PHASES
 from spisim.atmosphere.rain import RAINS
 from spisim.atmosphere.visibility import CONTRAST_THRESHOLDS
-from spisim.config.distributions import KINDS
+from spisim.base.config.distributions import KINDS
 from spisim.dataset.plan import Plan
+from spisim.dataset.study.metrics import QUANTITIES
+from spisim.dataset.study.plan import StudyPlan
 from spisim.dataset.values import Grid
 from spisim.instrument import Instrument
 from spisim.scene.bsdf import BSDFS
 from spisim.scene.description import DrawnDescription, SceneDescription
-from spisim.study.metrics import QUANTITIES
-from spisim.study.plan import StudyPlan
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "docs" / "reference"

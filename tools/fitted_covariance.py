@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from dead_leaves import dead_leaves
 from drawn_images import FITTED
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.image.dictionaries.dct import DICTIONARY
 from reconstruction.image.fitted_spectrum import FITTED as FILE
 from reconstruction.image.fitted_spectrum import axial_deviation

@@ -17,7 +17,7 @@ from scipy.ndimage import zoom
 
 from dead_leaves import dead_leaves, lamp_light
 from drawn_images import FITTED
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.image.coefficients import Coefficients
 from reconstruction.image.methods.edge_preserving import METHOD, EdgePreservingSolver
 from reconstruction.image.network import Shown

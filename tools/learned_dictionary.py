@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from drawn_images import FITTED
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.image import batch_omp
 from reconstruction.image.dictionaries import learned
 from reconstruction.image.dictionaries.learned import SIDE, WINDOW

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.sparse.linalg import eigsh
 
 from drawn_images import FITTED
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.operators import make_plan
 from reconstruction.operators.orders.variance_ranked import ALONG, DOWN
 

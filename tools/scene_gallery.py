@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from reconstruction.files import write_atomically
+from reconstruction.base.files import write_atomically
+from spisim.budget.paper.checks import Table, around_marks
 from spisim.instrument import Instrument, load_instrument
-from spisim.paper.checks import Table, around_marks
 from spisim.report.scene_view import Look, Survey, survey
 from spisim.report.scene_view.picture import PROJECTOR, look_figure, view_image
 from spisim.scene import Scene, catalogue, draw_scene, load_scene

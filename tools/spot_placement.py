@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anchored_prior import Sight, seen
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.depth.anchored_prior import fitted_prior
 from reconstruction.depth.kriging import anchored_depth
 from reconstruction.depth.neighbours import around, between

@@ -3,8 +3,8 @@
     python tools/surrogate_fit.py [--seeds 7000 7003] [--families FAMILY ...]
 
 Traces drawn scenes, clear and in fog of 30 to 600 m, and prints the shares of
-`spisim.transport.surrogate` that fit the families to learn from, by least squares of mean light
-over that traced, and for each weather the distance on all other families: correlation
+`spisim.simulation.light.surrogate` that fit the families to learn from, by least squares of mean
+light over that traced, and for each weather the distance on all other families: correlation
 and relative bias of the image, and bias of the spots' ranges by the phase at 15 MHz.
 """
 
@@ -19,14 +19,14 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import nnls
 
 from drawn_images import FITTED
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import fog
 from spisim.instrument import Instrument, load_instrument
 from spisim.scene import Scene, draw_scene
 from spisim.scene.families import FAMILIES
-from spisim.transport import Transport, solve
-from spisim.transport.surrogate import (
+from spisim.simulation.light import Transport, solve
+from spisim.simulation.light.surrogate import (
     AROUND,
     BESIDE,
     ECHO,

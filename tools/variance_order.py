@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from drawn_images import FITTED
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.operators import ORDERS, fwht, ordered_rows
 from reconstruction.operators.bases.hadamard import Hadamard
 from reconstruction.operators.orders.variance_ranked import ranked

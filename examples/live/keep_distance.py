@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from reconstruction.live import Kind, Loop, Message, Outcome, Pose, Reception, command, pack
 from reconstruction.live.links import Outlet, Source, source_at
 

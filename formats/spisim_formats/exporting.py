@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from reconstruction.errors import InputError, nearest
-from reconstruction.files import write_atomically
-from reconstruction.folders import locked_name
+from reconstruction.base.errors import InputError, nearest
+from reconstruction.base.files import write_atomically
+from reconstruction.base.folders import locked_name
 from spisim.scene.model import Scene
 from spisim.scene.write import check_meshes, mesh_folder
 from spisim_formats.format import writers

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 from xml.etree.ElementTree import Element
 
-from reconstruction.errors import InputError
-from reconstruction.registry import Registry
+from reconstruction.base.errors import InputError
+from reconstruction.base.registry import Registry
 
 if TYPE_CHECKING:
     from spisim.scene import Scene

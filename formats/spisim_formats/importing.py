@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 import trimesh
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, naming, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, naming, nearest
 from spisim.scene.model import Vector3
 from spisim.scene.placing import MAX_COORDINATE_M
 from spisim.scene.shapes import check_triangles

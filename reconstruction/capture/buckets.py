@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from .schema import Stored
 
 Unit = Literal["electron", "count"]

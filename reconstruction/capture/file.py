@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import h5py
 import numpy as np
 
-from ..errors import InputError
-from ..files import write_atomically
+from ..base.errors import InputError
+from ..base.files import write_atomically
 from ..operators import BASES, PatternPlan
 from . import hdf5
 from .buckets import Buckets

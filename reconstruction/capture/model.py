@@ -14,11 +14,11 @@ from typing import Annotated, Any, Literal, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..errors import InputError
-from ..notebook import drawing, figure, picture, shown, told
+from ..base.arrays import Floats
+from ..base.errors import InputError
+from ..base.notebook import drawing, figure, picture, shown, told
+from ..base.plotting import draw_map, panels
 from ..operators import PatternPlan
-from ..plotting import draw_map, panels
 from .buckets import Buckets
 from .pattern_taps import PatternTaps
 from .schema import FRAMES, Stored, between, check_shape, stored_fields

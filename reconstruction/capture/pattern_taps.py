@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Mask
+from ..base.arrays import Floats, Mask
 from .charge import Charge, check_taps, spare_combinations, taps_summary
 from .schema import Stored
 

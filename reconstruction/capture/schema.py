@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..base.errors import InputError
 
 FRAMES, TRUTHS = "frames", "truths"
 """Names of the axes along which readings, and what is true of them, follow each other."""

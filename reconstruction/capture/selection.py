@@ -6,8 +6,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Mask
-from ..errors import InputError
+from ..base.arrays import Mask
+from ..base.errors import InputError
 from ..operators import PatternPlan, ordered_rows
 from .buckets import Buckets
 from .model import Capture

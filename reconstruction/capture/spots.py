@@ -10,8 +10,8 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..errors import InputError
+from ..base.arrays import Floats
+from ..base.errors import InputError
 from .schema import Stored
 
 

@@ -10,8 +10,8 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from .. import __version__
-from ..errors import InputError, explain
-from ..text import flush_output, json_line, printable, shortened, write_anything
+from ..base.errors import InputError, explain
+from ..base.text import flush_output, json_line, printable, shortened, write_anything
 from . import completion
 
 COMMANDS = {

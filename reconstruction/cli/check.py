@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import InputError, naming
+from ..base.text import json_line, printable
 from ..capture import Spots, open_capture
-from ..errors import InputError, naming
 from ..ranging.calibration import path_check
 from ..ranging.fog.offsets import TOLD, OffsetEvidence, PathOffsets, path_offsets
-from ..text import json_line, printable
 
 EXAMPLE = "python -m reconstruction check flight/*.h5"
 USEFUL_M = 0.5

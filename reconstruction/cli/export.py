@@ -6,8 +6,9 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from ..base.errors import InputError
+from ..base.text import json_line, printable
 from ..capture import CaptureFile
-from ..errors import InputError
 from ..exports import (
     EXPORTS,
     USUAL,
@@ -21,7 +22,6 @@ from ..exports import (
     shots_of,
     write_export,
 )
-from ..text import json_line, printable
 from .reconstruct import OVERWRITE, STATIONS, WEATHER, names
 
 EXAMPLE = "python -m reconstruction export flight.h5 -o flight.mcap"

@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError, naming
+from ..base.files import Output, require_outputs
+from ..base.text import json_line, printable
 from ..capture import Capture, Spots, write_capture
 from ..capture.importers import (
     ABOUT,
@@ -32,11 +35,8 @@ from ..capture.importers import (
     readings_of,
 )
 from ..diagnostics import capture_warnings
-from ..errors import InputError, naming
-from ..files import Output, require_outputs
 from ..image import UNLIT, Candidate, dark_estimate, recognise
 from ..operators import ORDERS, POLARITIES, PatternPlan, decoder_for, make_plan, transposed
-from ..text import json_line, printable
 from . import taps
 from .numbers import band, number, shape
 

@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..errors import InputError
+from ..base.errors import InputError
+from ..base.text import json_line, printable
 from ..image import load_pursuit
 from ..live import CaptureSource, Counts, Loop, Outcome, Reception, State
 from ..live.links import Source, is_link, source_at
 from ..live.sinks import Detached, Sink, sink_to
 from ..live.sinks.lines import state_report
 from ..ranging import RANGED
-from ..text import json_line, printable
 from .numbers import whole_number
 from .reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, WEATHER, names
 

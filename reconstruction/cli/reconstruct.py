@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import InputError, naming
+from ..base.folders import output_folder
+from ..base.text import json_line, printable, shortened
 from ..capture import Capture, check_frames, first_patterns, open_capture
 from ..chosen_methods import lead, left_out
 from ..depth import DEPTH_METHODS, DISTANCES_M, MIN_FREE, REACH_M, check_min_free
 from ..diagnostics import capture_warnings
-from ..errors import InputError, naming
 from ..evaluation import method_title, no_range
-from ..folders import output_folder
 from ..image import DICTIONARIES, IMAGE_METHODS
 from ..operators import ORDERS
 from ..outputs import outputs_in, write_outputs
 from ..ranging import RANGED, RANGING_METHODS, Ranges
 from ..reconstructor import reconstruct
 from ..result import Result
-from ..text import json_line, printable, shortened
 
 ANY_WIDTH = 10_000
 """Characters in a line of what is no terminal."""

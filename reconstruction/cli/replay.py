@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ..base.errors import InputError
+from ..base.files import Output, require_outputs
+from ..base.text import json_line, printable
 from ..capture import CaptureFile, open_capture
-from ..errors import InputError
-from ..files import Output, require_outputs
 from ..live import Sender, frame_period_s
 from ..live.framing import MAGIC
 from ..live.links import NewFile, Outlet, outlet_to
 from ..live.sending import SETUP_EVERY_S
-from ..text import json_line, printable
 from .numbers import whole_number
 from .reconstruct import OVERWRITE
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError, naming
 from ..capture import Optics, Spots
 from ..capture.importers import (
     TAPS_ABOUT,
@@ -17,7 +18,6 @@ from ..capture.importers import (
     spots_from_taps,
     spots_from_windows,
 )
-from ..errors import InputError, naming
 from .numbers import angles, number, whole_number
 
 Source = Callable[[str], NDArray[Any]]

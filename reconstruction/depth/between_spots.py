@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from .method import Context, DepthEstimate, DepthSolver, Need, View
 from .rays import pixel_of, range_over_depth, squared_distances
 

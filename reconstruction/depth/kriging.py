@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats, Mask
+from ..base.arrays import Floats, Mask
 from .anchored_prior import AnchoredPrior
 from .method import DepthEstimate
 from .neighbours import around, between

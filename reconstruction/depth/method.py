@@ -6,7 +6,7 @@ from typing import Any, Literal, Protocol
 
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..capture import Frames, Setup
 from ..image import Imaging
 from ..ranging import Ranges

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..capture import Optics
-from ..layers import (
+from ..base.arrays import Floats
+from ..base.layers import (
     Channels,
     Layers,
     axes_of,
@@ -25,6 +24,7 @@ from ..layers import (
     positive,
     squares_as_channels,
 )
+from ..capture import Optics
 from .rays import pixel_of
 from .shown import NUMBERS, Inputs, Shown, plainly
 

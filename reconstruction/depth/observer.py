@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.errors import InputError
 from ..capture import Optics, Setup, Spots
 from ..capture.readings.cw import CwSpots
-from ..errors import InputError
 from ..ranging import RANGING_METHODS, FogOptics, Ranges, RangingSolver
 from .method import View
 from .shown import Anchors, Shown

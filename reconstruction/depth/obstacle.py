@@ -17,8 +17,8 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..errors import InputError
+from ..base.arrays import Floats
+from ..base.errors import InputError
 from .method import REACH_M, DepthEstimate
 
 CORRIDOR_M = 0.6

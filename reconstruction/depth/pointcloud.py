@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..arrays import Floats
-from ..files import mark
+from ..base.arrays import Floats
+from ..base.files import mark
 
 
 def point_cloud_ply(points_m: Floats, image: Floats) -> bytes:

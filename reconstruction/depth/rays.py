@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..capture import Optics
 
 

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats, Mask
+from ..base.arrays import Floats, Mask
+from ..base.layers import Channels
 from ..capture import Optics
-from ..layers import Channels
 from .anchored_prior import AnchoredPrior
 from .kriging import BRIGHT, AnchoredImage, LogDepth
 from .neighbours import wide_hats

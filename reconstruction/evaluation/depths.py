@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Floats, Mask
+from ..base.arrays import Floats, Mask
 from ..depth import DISTANCES_M, MIN_FREE, REACH_M, Corridor, nearest_obstacle_m
 from .numbers import number
 

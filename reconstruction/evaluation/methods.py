@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping
 
+from ..base.errors import InputError
 from ..depth import DEPTH_METHODS, DepthMethod
-from ..errors import InputError
 from ..image import ImageMethod, image_method
 from ..ranging import RANGING_METHODS, RangingMethod
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..base.errors import InputError
 from ..capture import Capture, FrameTruth
 from ..depth import pixel_rays
-from ..errors import InputError
 from ..ranging import Ranges
 from ..result import BASELINE, Result
 from .depths import depth_metrics

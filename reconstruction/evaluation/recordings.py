@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.errors import InputError
 from ..capture import Buckets, CwSpots, HistogramSpots, PulsedSpots, Recording, Spots
 from ..chosen_methods import Names
-from ..errors import InputError
 from ..ranging import RANGED, Ranges
 from ..reconstructor import Reconstructor
 from ..result import BASELINE, Result

@@ -7,10 +7,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import InputError, nearest
-from ..files import Output, is_marked, require_folder, require_outputs
-from ..folders import locked_name
-from ..registry import Registry
+from ..base.errors import InputError, nearest
+from ..base.files import Output, is_marked, require_folder, require_outputs
+from ..base.folders import locked_name
+from ..base.registry import Registry
 from .shot import Shot
 
 USUAL = "rgbd"

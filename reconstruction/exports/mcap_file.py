@@ -6,8 +6,8 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
-from ..files import mark
+from ..base.errors import InputError
+from ..base.files import mark
 from .export import KIND
 from .ros import Message, frame_messages, map_messages, static_messages
 from .shot import Shot

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..files import mark
-from ..png import png
+from ..base.errors import InputError
+from ..base.files import mark
+from ..base.png import png
 from .export import KIND
 
 MOST_MM = 2**16 - 1

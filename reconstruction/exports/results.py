@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import InputError, nearest
 from ..capture import Optics, hdf5
 from ..chosen_methods import Names
-from ..errors import InputError, nearest
 from ..outputs.result_file import FORMAT, read_result
 from ..result import Result
 from .shot import Shot

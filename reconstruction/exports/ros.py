@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..ranging import RANGED
 from .clouds import POINT, organised
 from .poses import OPTICAL_IN_BODY, quaternion_of

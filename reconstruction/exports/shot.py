@@ -7,10 +7,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.errors import InputError
 from ..capture import Optics, Setup, Spots
 from ..depth import pixel_rays
-from ..errors import InputError
 from ..ranging import Ranges
 from ..result import Result
 

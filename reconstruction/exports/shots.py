@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..base.errors import InputError, naming
 from ..capture import CaptureFile, open_capture
 from ..chosen_methods import Names
-from ..errors import InputError, naming
 from ..reconstructor import Reconstructor
 from .poses import Placed
 from .results import is_result, shot_of_result

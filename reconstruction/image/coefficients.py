@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Mask
+from ..base.arrays import Floats, Mask
 from ..operators import Decoder, Drift, RowOperator, SparseRows, Throughput
 from .noise import CERTAIN, NoiseLevels, levels_by_spectrum, variance_by_repetition
 from .prior import Prior, usual_contrast

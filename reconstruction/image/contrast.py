@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..operators import MeasurementOperator
 from .coefficients import Coefficients
 from .noise import CERTAIN, NoiseLevels

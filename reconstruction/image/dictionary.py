@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from .contrast import contrasts
 from .posterior import Field, Posterior
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 
 FITTED = Path(__file__).with_suffix(".json")
 

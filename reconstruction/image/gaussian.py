@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from .noise import CERTAIN, NoiseLevels
 from .posterior import Combined, Components, Field, OwnPosterior, Posterior
 

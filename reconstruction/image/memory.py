@@ -26,7 +26,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..operators import MeasurementOperator
 from .coefficients import Coefficients
 from .dictionaries.dct import DICTIONARY

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..layers import (
+from ..base.arrays import Floats
+from ..base.layers import (
     Channels,
     Layers,
     axes_of,

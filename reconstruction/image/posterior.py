@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Mask
+from ..base.arrays import Floats, Mask
 from .contrast import Contrasts, contrasts, contrasts_of_frames, shrunk
 from .noise import CERTAIN, NoiseLevels
 

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..errors import InputError, nearest
+from ..base.arrays import Floats
+from ..base.errors import InputError, nearest
 from ..operators import ORDERS, POLARITIES, PatternPlan, RowOperator, ordered_rows, transposed
 from ..operators.bases.hadamard import Hadamard
 from .spectra import USUAL_MODEL, Fit, fit, gaussian, heavy_tails, spectra

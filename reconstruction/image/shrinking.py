@@ -8,7 +8,7 @@ Stationary Time Series, MIT Press 1949). Where most are measured little is lost.
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..operators import MeasurementOperator
 from .coefficients import Coefficients
 from .contrast import ContrastByLevel, contrasts, shrunk

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..operators import MeasurementOperator
 from .dictionaries.dct import DICTIONARY
 

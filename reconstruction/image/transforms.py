@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from .dictionaries.dct import DICTIONARY
 from .spectra import powers
 

@@ -5,9 +5,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..base.errors import InputError, in_words
 from ..chosen_methods import Names, check_names
 from ..depth import MIN_FREE, check_min_free
-from ..errors import InputError, in_words
 from ..reconstructor import Reconstructor
 from .counts import Latencies
 from .reception import POLL_S, Arrival, Reception

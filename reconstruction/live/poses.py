@@ -5,7 +5,7 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..errors import InputError
+from ..base.errors import InputError
 from .framing import Kind, Message, pack
 
 POSE = struct.Struct("<7d")

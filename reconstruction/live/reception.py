@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from ..base.errors import InputError, in_words
 from ..capture import Frames
-from ..errors import InputError, in_words
 from .allowance import Allowance
 from .counts import Counts
 from .framing import VERSION, Kind, Message

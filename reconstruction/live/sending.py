@@ -4,8 +4,8 @@ import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from ..base.errors import InputError
 from ..capture import Frames, Provenance, Setup, open_capture
-from ..errors import InputError
 from .framing import Kind, Message, pack
 from .links import Ended, Source
 from .setups import frame_payload, frame_period_s, setup_payload

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup, stored_fields
-from ..errors import InputError
 from .framing import MAX_PAYLOAD_BYTES, Kind, Message
 from .tables import Arrays, Value, packed, unpacked
 

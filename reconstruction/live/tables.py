@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..capture import hdf5
-from ..errors import InputError
 from .framing import MAX_PAYLOAD_BYTES
 
 Value = NDArray[Any]

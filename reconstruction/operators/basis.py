@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..errors import InputError
+from ..base.arrays import Floats
+from ..base.errors import InputError
 
 MAX_PIXELS = 2**24
 """Beyond so many a shape is a mistake, and its arrays fill any memory."""

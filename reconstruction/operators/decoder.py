@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Mask
-from ..errors import InputError
+from ..base.arrays import Floats, Mask
+from ..base.errors import InputError
 from .operator import MatrixOperator, MeasurementOperator, RowOperator
 from .plan import PatternPlan
 from .sparse import SparseRows

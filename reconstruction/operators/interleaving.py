@@ -8,7 +8,7 @@ the scene holds still.
 
 import numpy as np
 
-from ..errors import InputError
+from ..base.errors import InputError
 from .plan import PatternPlan
 
 

@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Floats
-from ..errors import InputError, nearest
+from ..base.arrays import Floats
+from ..base.errors import InputError, nearest
 from .bases import basis_of
 from .bases.hadamard import Hadamard
 from .basis import Basis

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Mask
+from ..base.arrays import Mask
 from .plan import PatternPlan, illumination
 from .sparse import SparseRows
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..errors import InputError
+from ..base.errors import InputError
 
 
 def generator_of(kind: str, name: str, *, seeded: bool) -> np.random.Generator | None:

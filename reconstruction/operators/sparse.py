@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Mask
+from ..base.arrays import Floats, Mask
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ it is cannot be told. Where sums differ by pattern (see `throughput`) they tell 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Mask
+from ..base.arrays import Mask
 from .plan import PatternPlan
 from .redundancy import FEWEST, Weights, equal_sums, matrix_of
 from .throughput import BEYOND_DOUBT, Throughput

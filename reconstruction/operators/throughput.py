@@ -10,7 +10,7 @@ keep most of their light. Noise of sums and differences is independent.
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Mask
+from ..base.arrays import Mask
 from .plan import PatternPlan
 from .redundancy import complements, matrix_of
 

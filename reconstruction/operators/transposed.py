@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..errors import InputError
+from ..base.errors import InputError
 from .bases.dense import Dense
 from .bases.hadamard import Hadamard
 from .plan import PatternPlan

@@ -7,10 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
+from ..base.files import Output, write_atomically
 from ..capture import Setup
 from ..depth import DEPTH_METHODS, REACH_M, pixel_rays, point_cloud_ply
 from ..evaluation.methods import method_title
-from ..files import Output, write_atomically
 from ..image import DICTIONARIES, IMAGE_METHODS
 from ..result import Result
 from .pictures import depth_picture, deviation_picture, image_picture, nothing_picture

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from .letters import HEIGHT, LETTERS, PACKED, WIDTHS
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.files import mark
+from ..base.png import png
 from ..capture import Setup
 from ..depth import pixel_of
-from ..files import mark
-from ..png import png
 from ..ranging import RANGED, Ranges
 from .glyphs import HEIGHT, written
 from .scale import GREY, VIRIDIS, Scale

@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.errors import InputError
 from ..capture import Unit, hdf5
 from ..depth import DISTANCES_M
-from ..errors import InputError
 from ..ranging import Alternative, Ranges, Status
 from ..result import Result
 

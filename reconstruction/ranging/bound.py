@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.errors import InputError
 from ..capture import Spots
 from ..capture.readings.cw import CwSpots
 from ..capture.readings.dtof import HistogramSpots
 from ..capture.readings.pulsed import PulsedSpots
 from ..capture.spots import SpotOptics
-from ..errors import InputError
 from .fog.algebra import inverse
 from .fog.modes import LOG_DEVIATION
 from .fog.overlap import check_known, overlap

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 from ..capture import Optics, Spots
 from ..capture.spots import SpotOptics
 

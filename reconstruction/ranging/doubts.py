@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
+from ..base.constants import c
 from ..capture import Spots
 from ..capture.readings.cw import CwSpots
-from ..constants import c
 from .methods.cw import demodulate, quadrature_weights
 from .ranges import MIN_SIGNAL, Ranges
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 
 
 def range_from_path(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from ..arrays import Floats
+from ..base.arrays import Floats
 
 BLOCKS = 16
 """Parts of a histogram whose median is the first guess of its background."""

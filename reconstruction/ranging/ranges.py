@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats, Mask
+from ..base.arrays import Floats, Mask
 from ..capture import Spots
 from .geometry import range_from_path
 

@@ -12,8 +12,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Floats
-from ..constants import c
+from ..base.arrays import Floats
+from ..base.constants import c
 from .ranges import MIN_SIGNAL
 
 PHASE_ERROR_RAD = 0.05

@@ -5,9 +5,9 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
+from ..base.errors import InputError
 from ..capture import Setup
 from ..capture.spots import SpotOptics
-from ..errors import InputError
 
 WORDS = {"unknown": math.nan, "clear": 1.0, "fog": 0.0}
 """Probabilities that the air is clear."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Point, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.boats import add_boat
 from spisim_worlds.parts.daylight import outdoors

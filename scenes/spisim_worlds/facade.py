@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.facade import ROOM_M, STOREY_M, WALL_M, Front, add_front

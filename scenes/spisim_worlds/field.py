@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from trimesh.creation import icosphere
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.animals import COATS, SIZES, animal
 from spisim_worlds.parts.daylight import outdoors

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import props
 from spisim_worlds.parts.daylight import outdoors

@@ -3,7 +3,7 @@
 import numpy as np
 from trimesh.geometry import align_vectors
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import figure, props
 from spisim_worlds.parts.backdrops import BACKDROPS, add_backdrop

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import (
     Family,
     Parameters,

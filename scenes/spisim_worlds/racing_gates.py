@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from trimesh.creation import torus
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.placing import aside, rolling

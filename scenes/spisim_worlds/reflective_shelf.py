@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from trimesh.transformations import rotation_matrix
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.shapes import Mesh, alike, block, lathe, rod, union
 

@@ -6,7 +6,7 @@ import numpy as np
 from trimesh.creation import box
 from trimesh.transformations import euler_matrix
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import figure
 from spisim_worlds.parts.daylight import outdoors

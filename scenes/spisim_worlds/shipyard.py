@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.boats import add_boat, hull
 from spisim_worlds.parts.cranes import CRANES

@@ -3,7 +3,7 @@
 import numpy as np
 from trimesh.creation import torus
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, one_of
 from spisim_worlds.parts.props import add_worker, bucket, ladder, open_carton
 from spisim_worlds.parts.shapes import (

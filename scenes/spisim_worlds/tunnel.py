@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from trimesh.creation import icosphere, torus
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.natural import blob
 from spisim_worlds.parts.props import add_worker, cone, drum, gas_cylinder, pallet, tyre

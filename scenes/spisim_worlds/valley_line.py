@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from trimesh.creation import icosphere
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.lattice import boom

@@ -13,9 +13,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
-from reconstruction.files import write_atomically
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import write_atomically
 
 Arrays: TypeAlias = Mapping[str, Floats]
 

@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.atmosphere.phase import Phase, henyey_greenstein
 from spisim.atmosphere.rain_table import EDGES_MM, rain_table, solid_angle_weights
 

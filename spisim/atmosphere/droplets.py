@@ -16,8 +16,8 @@ from typing import TypeAlias
 import numpy as np
 from scipy.special import gammaincinv, ndtri
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.atmosphere.indices import refractive_index
 
 #: Shares of the geometric cross section that are left out below and above the radii integrated.

@@ -11,7 +11,7 @@ from contextlib import suppress
 from types import MappingProxyType
 from typing import NamedTuple
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.visibility import extinction_at_550nm, visibility
 
 

@@ -10,7 +10,7 @@ With droplets as large as those of fog 1550 nm sees no further than the eye: the
 
 import math
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.droplets import FOGS, KINDS, WATER_G_PER_CM3, Particles
 from spisim.atmosphere.lookup import look_up
 from spisim.atmosphere.medium import Atmosphere

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
 
 COLUMNS = {"water": 1, "ice": 3}  # where n stands; k is next to it
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.atmosphere.cache import kept
 from spisim.atmosphere.droplets import KINDS, Particles
 from spisim.atmosphere.indices import check_wavelength

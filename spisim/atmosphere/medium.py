@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere.phase import Blend, Isotropic, Phase
 from spisim.atmosphere.visibility import extinction_at_550nm, visibility
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Complex, Floats
+from reconstruction.base.arrays import Complex, Floats
 from spisim.atmosphere.droplets import Particles
 
 #: Radii that a distribution is integrated over. Twice as many change extinction and asymmetry by

@@ -5,8 +5,8 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from scipy.optimize import brentq
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.mie import Optics
 from spisim.atmosphere.phase import Blend, HenyeyGreenstein, Phase, henyey_greenstein
 from spisim.atmosphere.table import tabulate

@@ -13,8 +13,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy.special import gammainc
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.phase import Tabulated

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.atmosphere.indices import refractive_index
 from spisim.atmosphere.mie import scatter
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 #: mm/h of water. Heavier rain is not known to last for minutes.
 HEAVIEST_MM_PER_H: Mapping[str, float] = MappingProxyType({"rain": 300.0, "snow": 20.0})

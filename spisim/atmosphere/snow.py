@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.indices import check_wavelength, refractive_index
 from spisim.atmosphere.medium import DB_PER_NEPER, Atmosphere
 from spisim.atmosphere.phase import henyey_greenstein

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
-from spisim.config import NonNegative, Number, Positive, Section, Vector
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from spisim.base.config import NonNegative, Number, Positive, Section, Vector
 
 #: Waves in a field: as many make it Gaussian.
 WAVES = 1024

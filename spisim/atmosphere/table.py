@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.atmosphere.phase import G_TOLERANCE, Tabulated
 
 #: Nodes of the resampled table. The forward lobe of large droplets needs them: with 1001, heavy

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 
 VISUAL_NM = 550.0
 #: No air, however thick with smoke, has less; light would not come out of its own volume.

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
-from spisim.config import Positive, Section, Vector
+from spisim.base.config import Positive, Section, Vector
 
 
 class Weather(Section, ABC):

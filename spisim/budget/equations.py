@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.constants import c, elementary_charge
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument, Photodiode
 
 

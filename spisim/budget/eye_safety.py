@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.budget.laser_limits import (
     POWER_3B_W,
     RETINA_UP_TO_NM,

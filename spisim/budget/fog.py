@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.capture import Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.schema import between

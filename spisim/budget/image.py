@@ -18,8 +18,8 @@ from math import ceil
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import naming
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import naming
 from reconstruction.image import Prior
 from reconstruction.operators import Decoder, MeasurementOperator, decoder_for, expose
 from spisim.budget.link import Target, bucket_link

@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.budget.equations import Flood, eq2
 
 #: What equals the noise floor where the measurement ends: the signal, which is physical, or all of

@@ -7,7 +7,7 @@ to 10 s and 1000 W/m² for longer, through an aperture of 1 mm up to 0.35 s, 1.5
 10 s and 3.5 mm for longer.
 """
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 #: The wavelengths that the limits here are for.
 FIRST_NM, LAST_NM = 700.0, 1800.0

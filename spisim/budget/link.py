@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.capture import Optics
 from reconstruction.depth import pixel_rays
 from spisim.instrument import Detector, Instrument

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.budget.link import BucketLink, SpotLink
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.demodulation import TAPS

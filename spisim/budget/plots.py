@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.budget.image import ImageBudget, image_budget
 from spisim.budget.link import Target, bucket_link, spot_link
 from spisim.budget.noise import SOURCES, NoiseBudget, bucket_noise, spot_noise

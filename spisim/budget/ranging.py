@@ -6,7 +6,7 @@ of wave forms which are not what the method assumes.
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.budget.link import Target, spot_link
 from spisim.instrument import Instrument
 

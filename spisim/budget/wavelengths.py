@@ -1,6 +1,6 @@
 """What a wavelength means for an instrument beside the weather: sunlight, eyes, water and ice."""
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere import refractive_index
 from spisim.budget.laser_limits import accessible_energy_j
 from spisim.scene.sun import in_band_irradiance

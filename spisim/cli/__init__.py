@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from reconstruction.errors import InputError, explain
-from reconstruction.text import flush_output, write_anything
+from reconstruction.base.errors import InputError, explain
+from reconstruction.base.text import flush_output, write_anything
 from spisim.version import __version__
 
 from . import (

@@ -63,7 +63,7 @@ def command(
     json: Json = False,
 ) -> None:
     """Light, noise, range and eye safety of an instrument that faces a flat wall."""
-    from reconstruction.files import require_outputs, write_atomically
+    from reconstruction.base.files import require_outputs, write_atomically
     from spisim.atmosphere import CLEAR, fog
     from spisim.budget import Target, budget_warnings
 

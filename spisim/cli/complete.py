@@ -5,14 +5,14 @@ from pathlib import Path
 
 def scenes(incomplete: str) -> list[str]:
     """Shipped scenes, and scene files."""
-    from spisim.config import shipped
+    from spisim.base.config import shipped
 
     return _of(shipped("scenes"), incomplete)
 
 
 def studies(incomplete: str) -> list[str]:
     """Shipped studies, and files of studies."""
-    from spisim.config import shipped
+    from spisim.base.config import shipped
 
     return _of(shipped("studies"), incomplete)
 

@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from reconstruction.text import flush_output, json_line, printable, shortened
-from spisim.progress import Advance, terminal_bar
+from reconstruction.base.text import flush_output, json_line, printable, shortened
+from spisim.base.progress import Advance, terminal_bar
 
 
 class _Terminal(Console):

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from reconstruction.timing import timed
+from reconstruction.base.timing import timed
 
 from .console import print_json, progress_bar, say, warn
 from .options import Bar, Json, Overwrite, Seed, Spp
@@ -40,17 +40,17 @@ def command(
     ranges rest on a prior over the weather and say so.
     """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture, write_outputs
-    from reconstruction.files import Output
-    from reconstruction.folders import output_folder
+    from reconstruction.base.files import Output
+    from reconstruction.base.folders import output_folder
     from reconstruction.outputs import outputs_in
     from spisim.instrument import load_instrument
-    from spisim.measurement import simulation_warnings
     from spisim.report.capture import write_report
     from spisim.report.overview import write_overview
     from spisim.scene import load_scene
     from spisim.simulation import simulate
+    from spisim.simulation.light.files import write_truth
+    from spisim.simulation.measurement import simulation_warnings
     from spisim.transport import fine_view
-    from spisim.transport.light_files import write_truth
 
     own = {name: Output(output / name, kind) for name, kind in FILES.items()}
     files = [*own.values(), *outputs_in(output)]

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from reconstruction.registry import Registry
-from spisim.config import shipped
+from reconstruction.base.registry import Registry
+from spisim.base.config import shipped
 
 from .console import messages, print_json, results, say
 from .options import Json
@@ -64,7 +64,7 @@ def examine() -> dict[str, Any]:
 
 def _llvm() -> tuple[dict[str, Any], str | None]:
     """The LLVM library that Dr.Jit will use, and what is wrong with it."""
-    from spisim.llvm import LLVMNotFound, advice, find_llvm, probe, version_of
+    from spisim.base.llvm import LLVMNotFound, advice, find_llvm, probe, version_of
 
     try:
         path = find_llvm()
@@ -107,7 +107,7 @@ def _plug_ins() -> list[str]:
 
 def _kernel_cache() -> dict[str, Any]:
     """Where Dr.Jit keeps compiled kernels; without it every run compiles anew."""
-    from spisim.llvm import KERNELS
+    from spisim.base.llvm import KERNELS
 
     nearest = KERNELS if KERNELS.exists() else KERNELS.parent
     return {"path": str(KERNELS), "writable": os.access(nearest, os.W_OK)}

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from reconstruction.errors import naming
+from reconstruction.base.errors import naming
 
 from .console import print_json, warn
 from .options import CaptureArgument, FrameOption, Json, Methods, MinFree, StatedWeather

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from reconstruction.errors import naming
+from reconstruction.base.errors import naming
 
 from . import options as opt
 from .console import print_json, progress_bar, say, warn
@@ -19,7 +19,7 @@ from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from spisim.config import LightSource
+    from spisim.base.config import LightSource
     from spisim.dataset.flight import Instant
     from spisim.instrument import Instrument
     from spisim.report.flight import Sighting
@@ -61,8 +61,8 @@ def command(
     Writes capture-0000.h5 and so on, a page, an animation and a table. Captures that the
     folder has of the same flight are kept, so that an interrupted flight goes on where it was.
     """
-    from reconstruction.files import remove_unfinished
-    from reconstruction.folders import output_folder
+    from reconstruction.base.files import remove_unfinished
+    from reconstruction.base.folders import output_folder
     from spisim.dataset.flight import instants, kept_captures
     from spisim.report.flight import flight_outputs, write_animation, write_table
     from spisim.report.flight_page import write_flight

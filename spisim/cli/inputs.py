@@ -9,7 +9,7 @@ from warnings import catch_warnings, simplefilter
 
 import yaml
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from .console import warn
 from .weather_options import OWN_WEATHER, Weather
@@ -27,7 +27,7 @@ def scene_with(
     The scene's text is changed along, so that a capture tells how to make it again. Its warnings
     are printed, and returned too.
     """
-    from spisim.config import load_yaml
+    from spisim.base.config import load_yaml
     from spisim.scene import SceneWarning, load_scene
 
     with catch_warnings(record=True) as odd:
@@ -72,7 +72,7 @@ def instrument_with(
     stated: str | None = None,
 ) -> Instrument:
     """Load an instrument; move it, change its plan and weather where the command line says so."""
-    from spisim.config import dump_yaml, parse_model
+    from spisim.base.config import dump_yaml, parse_model
     from spisim.instrument import Instrument, load_instrument
 
     instrument = load_instrument(name)

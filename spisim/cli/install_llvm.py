@@ -9,8 +9,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from reconstruction.errors import InputError
-from spisim.llvm import MIN_VERSION, PRIVATE_FOLDER
+from reconstruction.base.errors import InputError
+from spisim.base.llvm import MIN_VERSION, PRIVATE_FOLDER
 
 
 def install_llvm() -> Path:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from . import complete
 

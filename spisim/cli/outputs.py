@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from reconstruction.files import Output
+from reconstruction.base.files import Output
 
 INTERRUPTED = "interrupted; no file is left half-written"
 

@@ -40,10 +40,17 @@ def command(
 
     Draws each figure as PNG.
     """
-    from reconstruction.files import Output, write_atomically
-    from reconstruction.folders import output_folder
-    from spisim.paper import RESULTS
-    from spisim.paper.checks import around_marks, checks_table, paste, report, summary, surroundings
+    from reconstruction.base.files import Output, write_atomically
+    from reconstruction.base.folders import output_folder
+    from spisim.budget.paper import RESULTS
+    from spisim.budget.paper.checks import (
+        around_marks,
+        checks_table,
+        paste,
+        report,
+        summary,
+        surroundings,
+    )
     from spisim.report.style import file_of, plot_style
 
     names = list(RESULTS) if which is Which.all else [which.value]

@@ -53,7 +53,7 @@ def command(
     Writes an OpenEXR file, and a tone-mapped PNG beside it.
     """
     from reconstruction import InputError
-    from reconstruction.files import require_outputs
+    from reconstruction.base.files import require_outputs
     from reconstruction.operators import illumination
     from spisim.report.pictures import view_scale, write_png
     from spisim.transport import CAMERA_OFFSET_M, camera_view

@@ -41,9 +41,9 @@ def command(
     with commas between, the default one first, or all.
     """
     from reconstruction import evaluate, first_patterns, read_capture, read_result
+    from reconstruction.base.folders import output_folder
     from reconstruction.cli.reconstruct import reconstruct_into_folder
     from reconstruction.depth import MIN_FREE
-    from reconstruction.folders import output_folder
     from reconstruction.outputs import outputs_in
     from spisim.report.capture import write_report
 

@@ -42,6 +42,6 @@ def _model(kind: Kind) -> Any:
 
             return Plan
         case Kind.study:
-            from spisim.study.plan import StudyPlan
+            from spisim.dataset.study.plan import StudyPlan
 
             return StudyPlan

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from reconstruction.errors import naming
-from reconstruction.timing import timed
+from reconstruction.base.errors import naming
+from reconstruction.base.timing import timed
 
 from . import options as opt
 from .console import print_json, progress_bar, say, warn
@@ -57,9 +57,9 @@ def command(
     The image of a scene is traced once for all patterns; noise and converter follow.
     """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture
-    from reconstruction.files import require_outputs
-    from spisim.measurement import simulation_warnings
+    from reconstruction.base.files import require_outputs
     from spisim.simulation import simulate
+    from spisim.simulation.measurement import simulation_warnings
     from spisim.transport import fine_view
 
     budget = opt.light_budget(spp, transport_noise_share)

@@ -16,7 +16,7 @@ from .options import Bar, Json, Overwrite
 from .outputs import files_read
 
 if TYPE_CHECKING:
-    from spisim.study.run import Finished
+    from spisim.dataset.study.run import Finished
 
 EXAMPLE = "spisim study fog-and-rain -o out/fog --quick"
 
@@ -50,9 +50,9 @@ def command(
     Run again, it makes what is missing. Exit status: 0 all done, 1 some samples failed, 2 input
     that cannot be used, 3 no space left, 130 interrupted.
     """
-    from reconstruction.folders import output_folder
+    from reconstruction.base.folders import output_folder
+    from spisim.dataset.study import load_study, run_study, study_files
     from spisim.report.study import study_outputs, write_study
-    from spisim.study import load_study, run_study, study_files
 
     planned = load_study(plan)
     if quick:

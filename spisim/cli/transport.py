@@ -57,9 +57,10 @@ def command(
     (rows, columns, bins), whose last bin has all that is longer than 80 m; `units.*` in either file
     tells the units.
     """
-    from reconstruction.files import require_outputs
-    from spisim.transport import NEAR_PATH_M, Outputs, PathLengthBins, ground_truth, solve
-    from spisim.transport.light_files import light_channels, write_histograms, write_truth
+    from reconstruction.base.files import require_outputs
+    from spisim.simulation.light import solve
+    from spisim.simulation.light.files import light_channels, write_histograms, write_truth
+    from spisim.transport import NEAR_PATH_M, Outputs, PathLengthBins, ground_truth
 
     budget = opt.light_budget(spp, transport_noise_share)
     files = [named(output, "transport image"), beside(output, "histograms")]

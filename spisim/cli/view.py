@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from .console import print_json, say, warn
 from .inputs import captures_in
 from .options import Json, Methods, Overwrite, number_option
 
 if TYPE_CHECKING:
-    from spisim.viewer import Recording, Sight
+    from spisim.report.viewer import Recording, Sight
 
 EXAMPLE = "spisim view foggy.h5"
 MANIFEST = "manifest.sqlite"
@@ -66,8 +66,8 @@ def command(
 
 
 def _check(source: str, save: Path | None, overwrite: bool) -> None:
-    from reconstruction.files import require_outputs
-    from spisim.viewer.recording import check_viewer, library, recording_output
+    from reconstruction.base.files import require_outputs
+    from spisim.report.viewer.recording import check_viewer, library, recording_output
 
     try:
         library()
@@ -93,7 +93,7 @@ def _report_of(source: Path) -> str:
 @contextmanager
 def _recording(save: Path | None) -> Iterator[Recording]:
     """One that is shown, or that takes its name when it is whole."""
-    from spisim.viewer import Recording
+    from spisim.report.viewer import Recording
 
     if save is None:
         recording = Recording()
@@ -117,7 +117,7 @@ def _recording(save: Path | None) -> Iterator[Recording]:
 
 def _sights(source: Path, methods: dict[str, Any]) -> Iterator[Sight]:
     from spisim.dataset import open as open_data_set
-    from spisim.viewer import sights_of_captures, sights_of_samples
+    from spisim.report.viewer import sights_of_captures, sights_of_samples
 
     if (source / MANIFEST).is_file():
         return sights_of_samples(open_data_set(source), methods)
@@ -140,7 +140,7 @@ def _follow(source: str, recording: Recording, frames: int | None, choice: dict[
 
     from reconstruction.live import Loop, Reception, State
     from reconstruction.live.links import source_at
-    from spisim.viewer import StreamViewer
+    from spisim.report.viewer import StreamViewer
 
     viewer = StreamViewer(recording, source)
     reception = Reception(source_at(source), recorders=[viewer.frame])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from .console import print_json, results, warn
 from .options import Json, real_option

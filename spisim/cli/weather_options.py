@@ -8,7 +8,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from .options import real_option
 

@@ -10,7 +10,7 @@ from itertools import count, islice
 from typing import Any, Self
 from uuid import uuid4
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.dataset.records import DIED, Outcome, failure
 from spisim.dataset.workers import Make
 

@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import Any
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 
 def needed(module: str, extra: str) -> Any:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Reconstructor
+from reconstruction.base.errors import naming
 from reconstruction.chosen_methods import lead
 from reconstruction.default_ranging import SetupKey, default_ranges
 from reconstruction.depth import DEPTH_METHODS
-from reconstruction.errors import naming
 from reconstruction.exports.shot import Intrinsics
 from reconstruction.image import image_method
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from reconstruction import Capture, InputError, read_capture
-from spisim.config import LightSource, load_yaml
+from spisim.base.config import LightSource, load_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, at_moment
 

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from reconstruction import Capture
-from reconstruction.errors import InputError
-from reconstruction.files import whole_name
-from reconstruction.folders import LOCK
-from spisim.config import load_yaml
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import whole_name
+from reconstruction.base.folders import LOCK
+from spisim.base.config import load_yaml
 from spisim.dataset.database import COMPANIONS
 from spisim.dataset.records import Outcome
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.dataset.planned import load_plan, stated_plan
 from spisim.dataset.preview import check
 from spisim.dataset.reader import DataSet, open_dataset

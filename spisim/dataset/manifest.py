@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.dataset.database import check_file, check_tables
 from spisim.dataset.folder import SIDECARS, Layout
 from spisim.dataset.records import (

@@ -12,9 +12,9 @@ from typing import Any
 import yaml
 
 from reconstruction import read_capture
-from reconstruction.errors import InputError
-from reconstruction.files import write_atomically
-from spisim.config import load_yaml, read_text
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import write_atomically
+from spisim.base.config import load_yaml, read_text
 from spisim.dataset.database import COMPANIONS
 from spisim.dataset.folder import (
     SIDECARS,

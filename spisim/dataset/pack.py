@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 from spisim.dataset.folder import Layout, has_its_content, has_its_size
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.records import Record

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.format import open_memmap
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import is_marked, mark, require_folder
 from reconstruction.exports.export import with_stage
-from reconstruction.files import is_marked, mark, require_folder
 from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout, fingerprint, has_its_content
 from spisim.dataset.manifest import Manifest, read_manifest

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from reconstruction.errors import InputError, nearest
-from spisim.config import (
+from reconstruction.base.errors import InputError, nearest
+from spisim.base.config import (
     Count,
     LightSource,
     Name,
@@ -21,8 +21,8 @@ from spisim.config import (
     Section,
     not_a_truth_value,
 )
-from spisim.config.distributions import is_distribution
-from spisim.config.messages import show
+from spisim.base.config.distributions import is_distribution
+from spisim.base.config.messages import show
 from spisim.dataset.poses import AnyPoses, Poses
 from spisim.dataset.values import (
     Grid,

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from reconstruction.errors import naming
-from spisim.config import (
+from reconstruction.base.errors import naming
+from spisim.base.config import (
     dump_yaml,
     find_named,
     is_file,
@@ -23,7 +23,7 @@ from spisim.config import (
     read_mapping,
     read_text,
 )
-from spisim.config.distributions import stream
+from spisim.base.config.distributions import stream
 from spisim.dataset.plan import Plan, SceneSource, is_field
 from spisim.dataset.poses import View
 from spisim.dataset.values import (

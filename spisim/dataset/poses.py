@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from reconstruction.errors import InputError
-from spisim.config import Count, NonNegative, Positive, Section, dump_yaml, load_yaml
+from reconstruction.base.errors import InputError
+from spisim.base.config import Count, NonNegative, Positive, Section, dump_yaml, load_yaml
 from spisim.scene import Scene, Trajectory, at_moment
 from spisim.scene.assemble import OPTICAL_FROM_BODY
 from spisim.scene.layout import OFFERED, Needs, layout_problem

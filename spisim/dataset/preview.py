@@ -9,8 +9,8 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from reconstruction.errors import InputError, naming, nearest
-from spisim.config import dump_yaml, load_yaml
+from reconstruction.base.errors import InputError, naming, nearest
+from spisim.base.config import dump_yaml, load_yaml
 from spisim.dataset.planned import PlannedSet, Sample
 from spisim.dataset.sample import Maker, load
 from spisim.scene.materials import shipped_materials

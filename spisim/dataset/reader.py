@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture, read_capture
-from reconstruction.errors import InputError, naming, nearest
-from reconstruction.notebook import picture, shown, told
+from reconstruction.base.errors import InputError, naming, nearest
+from reconstruction.base.notebook import picture, shown, told
 from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout

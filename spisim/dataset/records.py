@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from spisim.config.messages import show
-from spisim.config.yaml import MAX_DIGITS
+from spisim.base.config.messages import show
+from spisim.base.config.yaml import MAX_DIGITS
 
 SCHEMA_VERSION = 1
 #: How the reason begins where a sample took its worker with it.

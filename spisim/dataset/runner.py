@@ -9,8 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from reconstruction.errors import InputError
-from reconstruction.folders import locked_folder
+from reconstruction.base.errors import InputError
+from reconstruction.base.folders import locked_folder
 from spisim.dataset.folder import Layout, Sound, has_its_size
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import Say, opened

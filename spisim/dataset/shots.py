@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from reconstruction import Capture, Reconstructor
+from reconstruction.base.errors import InputError, naming
 from reconstruction.capture import CaptureFile
-from reconstruction.errors import InputError, naming
 from reconstruction.exports import Placed, Shot
 from reconstruction.exports.export import check_folder, with_stage
 from spisim.scene import Drone

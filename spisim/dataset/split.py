@@ -4,7 +4,7 @@ import hashlib
 import math
 from typing import Generic, NamedTuple, TypeVar
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 Part = TypeVar("Part")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from reconstruction.folders import holder
+from reconstruction.base.folders import holder
 from spisim.dataset.folder import Layout, everything
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.records import Record

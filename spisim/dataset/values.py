@@ -7,10 +7,10 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
-from reconstruction.errors import InputError
-from spisim.config import Section, reason
-from spisim.config.distributions import Distribution, is_distribution, stream
-from spisim.config.messages import show
+from reconstruction.base.errors import InputError
+from spisim.base.config import Section, reason
+from spisim.base.config.distributions import Distribution, is_distribution, stream
+from spisim.base.config.messages import show
 
 _DISTRIBUTION: TypeAdapter[Any] = TypeAdapter(Distribution)
 

@@ -8,9 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from reconstruction.base.errors import InputError, nearest
 from reconstruction.capture.spots import MAX_SPOTS
-from reconstruction.errors import InputError, nearest
-from spisim.config import load_yaml, read_text
+from spisim.base.config import load_yaml, read_text
 
 PARTS = Path(__file__).with_name("detector_parts.yaml")
 #: Which parts of an instrument there are.

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, model_validator
 
-from reconstruction.arrays import Complex, Floats
+from reconstruction.base.arrays import Complex, Floats
+from reconstruction.base.errors import InputError
 from reconstruction.capture.charge import LEAST_MODULATION_HZ
-from reconstruction.errors import InputError
-from spisim.config import Number, Section
+from spisim.base.config import Number, Section
 from spisim.instrument.sensor import PositiveFraction
 
 #: Harmonics of a square wave that are followed; what is left off is 1/n² of the first.

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, field_validator, model_validator
 from scipy.constants import elementary_charge
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.capture.spots import MAX_SPOTS
-from reconstruction.errors import InputError
-from spisim.config import NonNegative, Number, Positive, Section, Vector
+from spisim.base.config import NonNegative, Number, Positive, Section, Vector
 from spisim.instrument.sensor import Each, PositiveFraction, Random, Readings
 from spisim.instrument.sensors import AnySensor
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.instrument.sensor import quantum_efficiency
 
 if TYPE_CHECKING:

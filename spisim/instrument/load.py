@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from spisim.config import find_named, parse_model, read_text
+from spisim.base.config import find_named, parse_model, read_text
 from spisim.instrument.model import Instrument
 
 PRESETS = Path(__file__).with_name("presets")

@@ -10,13 +10,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from reconstruction.base.notebook import drawing, figure, shown, told
 from reconstruction.capture.spots import SpotOptics
-from reconstruction.errors import InputError
-from reconstruction.notebook import drawing, figure, shown, told
 from reconstruction.operators import NOTHING_SHOWN, PatternPlan, mean_illumination
 from reconstruction.ranging.weather import VISIBILITIES_M, Weather
-from spisim.config import Number, Positive, Section, dump_yaml, parse_model
+from spisim.base.config import Number, Positive, Section, dump_yaml, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.fitting import BAND_POINTS, errors_of

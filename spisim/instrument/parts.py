@@ -24,10 +24,10 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 from scipy.special import erf
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.capture import read_capture
 from reconstruction.capture.spots import MAX_SPOTS
-from reconstruction.errors import InputError
 from reconstruction.operators import (
     BASES,
     Basis,
@@ -37,8 +37,8 @@ from reconstruction.operators import (
     make_plan,
     plan_of_rows,
 )
-from spisim.config import Count, NonNegative, Number, Positive, Section, not_a_truth_value
-from spisim.config.files import check_is_there, read_npy
+from spisim.base.config import Count, NonNegative, Number, Positive, Section, not_a_truth_value
+from spisim.base.config.files import check_is_there, read_npy
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.sensor import FWHM_PER_SIGMA, PositiveFraction
 

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 from scipy.constants import c, h
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
-from spisim.config import Number, Positive, Section
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from spisim.base.config import Number, Positive, Section
 
 if TYPE_CHECKING:
     from spisim.instrument.detector import Detector

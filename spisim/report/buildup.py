@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.evaluation import method_title
 from reconstruction.image import CarryingMethod, Imaging, image_method
 from reconstruction.result import BASELINE

@@ -8,7 +8,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.capture import FrameTruth, Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.depth import REACH_M, Corridor, pixel_rays

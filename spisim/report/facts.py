@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from reconstruction import Capture, Result
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Setup
-from reconstruction.errors import InputError
 from reconstruction.evaluation import method_title
-from spisim.config import load_yaml
+from spisim.base.config import load_yaml
 
 from .page import duration, length, number
 from .units import engineering

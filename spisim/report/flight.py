@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from reconstruction import Capture, Result
+from reconstruction.base.files import Output, mark, write_atomically
 from reconstruction.capture import FrameTruth
-from reconstruction.files import Output, mark, write_atomically
-from spisim.config import csv_table
+from spisim.base.config import csv_table
 from spisim.dataset.flight import Instant
 
 from .pictures import Scale, depth_scale, intensity_scale, show

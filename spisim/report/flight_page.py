@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim import __version__
 
 from .contact_sheet import evenly

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction import Capture, Result
+from reconstruction.base.files import write_atomically
 from reconstruction.evaluation import method_title
-from reconstruction.files import write_atomically
 
 from .pictures import Scale, depth_scale, intensity_scale, show, view_scale
 from .style import file_of, plot_style

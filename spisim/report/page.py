@@ -11,8 +11,8 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from reconstruction.files import mark, write_atomically
-from reconstruction.text import printable
+from reconstruction.base.files import mark, write_atomically
+from reconstruction.base.text import printable
 
 from .maps import packed
 from .units import engineering

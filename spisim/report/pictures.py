@@ -14,8 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction import Capture
-from reconstruction.arrays import Floats
-from reconstruction.files import mark, write_atomically
+from reconstruction.base.arrays import Floats
+from reconstruction.base.files import mark, write_atomically
 from reconstruction.outputs.pictures import NOTHING
 
 from .units import Prefix

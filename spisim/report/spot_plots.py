@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.constants import c
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.capture.readings.dtof import HistogramSpots
 
 from .inline import WIDE_IN

@@ -8,8 +8,8 @@ from typing import Any, Literal
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from reconstruction.files import mark
-from reconstruction.text import printable
+from reconstruction.base.files import mark
+from reconstruction.base.text import printable
 
 #: Of the four laser spots, on white; those of the pages are the same.
 SPOT_COLOURS = ("#2f78b7", "#c96a15", "#2f8f62", "#8a5bb8")

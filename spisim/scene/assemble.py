@@ -7,8 +7,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import Atmosphere, combine
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.sections import WEATHER

@@ -13,7 +13,7 @@ from dataclasses import MISSING, dataclass, fields
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias, get_args
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 
 #: Below this a microfacet lobe is as good as a mirror, and too narrow for single precision.
 MIN_ROUGHNESS = 0.01

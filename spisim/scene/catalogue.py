@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from spisim.atmosphere.sections import WEATHER
-from spisim.config import read_text
+from spisim.base.config import read_text
 from spisim.scene.load import list_scenes, scenes_folder
 
 

@@ -8,12 +8,12 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Discriminator, Field, Tag, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from reconstruction.errors import nearest
+from reconstruction.base.errors import nearest
 from spisim.atmosphere.sections import WEATHER
 from spisim.atmosphere.sections.fog import Fog
 from spisim.atmosphere.structure import Structure
 from spisim.atmosphere.weather import Weather
-from spisim.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector, named
+from spisim.base.config import Fraction, Name, NonNegative, Number, Positive, Section, Vector, named
 from spisim.scene.bsdf import BSDFS, MIN_RETRO_ROUGHNESS, MIN_SPECULAR, Distribution
 from spisim.scene.lamp_fields import AnyLamp
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import trimesh
 
-from reconstruction.errors import InputError, naming
-from spisim.config import check_fields
+from reconstruction.base.errors import InputError, naming
+from spisim.base.config import check_fields
 from spisim.scene import families
 from spisim.scene.assemble import assemble
 from spisim.scene.description import DrawnDescription, SceneDescription

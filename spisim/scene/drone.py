@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from spisim.config import check_fields, read_mapping
+from reconstruction.base.arrays import Floats
+from spisim.base.config import check_fields, read_mapping
 from spisim.scene.assemble import drone_pose
 from spisim.scene.description import DroneDescription, Moment, SceneDescription
 from spisim.scene.drawn import draw

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from spisim.config import Name, Number, Positive, Section, Vector
+from spisim.base.config import Name, Number, Positive, Section, Vector
 
 
 class LampDescription(Section):

@@ -10,10 +10,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, nearest
-from spisim.config.files import check_is_there, read_npy, read_picture
-from spisim.config.linear import LINEAR
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
+from spisim.base.config.files import check_is_there, read_npy, read_picture
+from spisim.base.config.linear import LINEAR
 from spisim.scene.lamp_fields import (
     AnyLamp,
     AreaLampDescription,

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from spisim.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
+from spisim.base.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
 from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, Moment, SceneDescription
 from spisim.scene.drawn import draw

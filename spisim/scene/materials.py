@@ -9,9 +9,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError, naming, nearest
-from spisim.config import Fraction, Name, Section, parse_model, read_text
-from spisim.config.files import read_picture
+from reconstruction.base.errors import InputError, naming, nearest
+from spisim.base.config import Fraction, Name, Section, parse_model, read_text
+from spisim.base.config.files import read_picture
 from spisim.scene.bsdf import DIFFUSE, Bsdf, Clear, Retroreflector, make_bsdf
 from spisim.scene.description import MaterialDescription, Spectrum
 from spisim.scene.wetness import wet_reflectance

@@ -9,9 +9,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
-from reconstruction.notebook import drawing, figure, shown, told
-from reconstruction.plotting import panels
+from reconstruction.base.arrays import Floats
+from reconstruction.base.notebook import drawing, figure, shown, told
+from reconstruction.base.plotting import panels
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.structure import Structure

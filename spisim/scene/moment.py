@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from spisim.config import dump_yaml, load_yaml
+from spisim.base.config import dump_yaml, load_yaml
 from spisim.scene.description import Moment
 from spisim.scene.model import Scene
 from spisim.scene.pose import look_at

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.scene.model import Scene, SceneObject
 from spisim.scene.rays import first_hits
 

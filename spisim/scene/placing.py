@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 import trimesh
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.description import MeshObject, ObjectDescription, Pose, SceneDescription
 from spisim.scene.materials import Material, find_material, make_material
 from spisim.scene.model import SceneObject, Vector3

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.stock import Stock
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import trimesh
 from trimesh.exchange.ply import load_ply
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, LimitError
-from spisim.config.files import check_is_there
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, LimitError
+from spisim.base.config.files import check_is_there
 from spisim.scene.description import (
     BoxObject,
     CylinderObject,

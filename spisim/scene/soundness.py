@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.model import Scene, SceneObject
 from spisim.scene.rays import winding_number
 from spisim.scene.warning import SceneWarning

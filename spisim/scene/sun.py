@@ -7,8 +7,8 @@ import numpy as np
 import yaml
 from scipy.integrate import cumulative_trapezoid
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 
 
 @cache

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, naming, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, naming, nearest
 from reconstruction.ranging.weather import Weather
-from spisim.config import find_named, read_text, shipped
+from spisim.base.config import find_named, read_text, shipped
 from spisim.scene.description import Moment
 from spisim.scene.model import Scene, Vector3
 from spisim.scene.motion import MAX_TURN_RAD, check_steps, meeting_time

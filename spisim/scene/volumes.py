@@ -10,9 +10,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
-from spisim.config.files import read_density
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from spisim.base.config.files import read_density
 from spisim.scene.description import (
     BallVolume,
     BoxVolume,

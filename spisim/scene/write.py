@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from reconstruction.errors import InputError
-from reconstruction.files import Output, is_marked, mark, require_outputs
-from reconstruction.folders import locked_name
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import Output, is_marked, mark, require_outputs
+from reconstruction.base.folders import locked_name
 from spisim.scene.load import load_scene
 from spisim.scene.model import Scene
 from spisim.scene.shapes import texture_coordinates

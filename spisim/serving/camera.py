@@ -9,17 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.capture import SURROGATE, Frames, Provenance, Setup
-from spisim.config import LightSource, dump_yaml
+from spisim.base.config import LightSource, dump_yaml
 from spisim.instrument import Instrument
-from spisim.measurement import Memory, record_frames, told_optics
 from spisim.scene import Scene
 from spisim.serving.keys import Keys
 from spisim.serving.motion import Motion
-from spisim.transport import Outputs, Transport, ground_truth, solve, surrogate
+from spisim.simulation.light import Transport, solve, surrogate
+from spisim.simulation.light.lattice import Lattice
+from spisim.simulation.measurement import Memory, record_frames, told_optics
+from spisim.transport import Outputs, ground_truth
 from spisim.transport.backend import activate
-from spisim.transport.lattice import Lattice
 from spisim.version import __version__
 
 #: Of all random numbers of a seed, those of frames: others trace the light.

@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.live import Pose
 from spisim.scene import Scene, Trajectory, enclosing_object
 from spisim.scene.trajectory import FRAMES

@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene import Scene, Trajectory
 from spisim.serving.motion import Motion, scene_at, things_move
-from spisim.transport.lattice import Node
+from spisim.simulation.light.lattice import Node
 
 #: Between key poses. Over 5 cm at 2 m light changes by 5 %, and bends away from the straight line
 #: between its ends by 0.05 %; edges are blended over a few pixels.

@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene import Scene, SceneObject
 
 #: A drone has a size; and key poses, a step away, must lie on its side of any surface.

@@ -10,14 +10,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from reconstruction import write_capture
+from reconstruction.base.files import Output, mark, write_atomically
 from reconstruction.capture import Capture, Frames, Provenance, Setup, Truth, stored_fields
-from reconstruction.files import Output, mark, write_atomically
 from spisim.instrument import Instrument
-from spisim.measurement import frame_truth
 from spisim.scene import Scene
 from spisim.scene.trajectory import FRAMES, POSES
 from spisim.serving.camera import Shot
 from spisim.serving.motion import Motion
+from spisim.simulation.measurement import frame_truth
 from spisim.transport import ground_truth
 
 #: Some minutes, and some hundred megabytes.

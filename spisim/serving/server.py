@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Provenance, Setup
-from reconstruction.errors import InputError
 from reconstruction.live import Kind, Message, Pose, Sender, pose_of
 from reconstruction.live.framing import VERSION
 from reconstruction.live.sending import SETUP_EVERY_S

@@ -6,27 +6,17 @@ from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.path_bins import NEAR_PATH_M
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
 from spisim.transport.raycaster import RayCaster
-from spisim.transport.sequence import Light, LightSequence, trace
-from spisim.transport.solve import Transport, solve
-from spisim.transport.surrogate import surrogate, surrogate_light
 from spisim.transport.truth import GroundTruth, ground_truth
 
 __all__ = [
     "CAMERA_OFFSET_M",
     "NEAR_PATH_M",
     "GroundTruth",
-    "Light",
-    "LightSequence",
     "Outputs",
     "PathLengthBins",
     "RayCaster",
-    "Transport",
     "TransportWarning",
     "camera_view",
     "fine_view",
     "ground_truth",
-    "solve",
-    "surrogate",
-    "surrogate_light",
-    "trace",
 ]

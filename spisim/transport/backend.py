@@ -10,8 +10,8 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from reconstruction.errors import InputError
-from spisim.llvm import KERNELS, MIN_VERSION, VARIABLE, find_llvm
+from reconstruction.base.errors import InputError
+from spisim.base.llvm import KERNELS, MIN_VERSION, VARIABLE, find_llvm
 
 #: One wavelength, just-in-time compiled, on the GPU where there is one.
 CUDA_VARIANT = "cuda_ad_mono"

@@ -8,7 +8,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from reconstruction.files import mark, write_atomically
+from reconstruction.base.files import mark, write_atomically
 
 
 def write_exr(

@@ -19,7 +19,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene import SceneObject
 from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane
 from spisim.scene.content import surface_content

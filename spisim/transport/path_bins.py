@@ -8,7 +8,7 @@ mean path length is kept; beyond the last one it counts as there.
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.transport.engine.tally import PathLengthBins
 
 BIN_WIDTH_M = 0.02

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.transport.engine.sampling import Estimate
 
 

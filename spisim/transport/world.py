@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene, Volume
 from spisim.scene.bsdf import Diffuse
@@ -22,6 +22,7 @@ from spisim.transport.media import Bias, Grid, Homogeneous, Media, Medium, densi
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors, mirrors_of
 from spisim.transport.phase import phase_plugin
+from spisim.transport.views import BeamView
 
 #: The fog reaches this far beyond the scene: light scattered further out does not come back.
 FOG_MARGIN_M = 15.0
@@ -55,6 +56,16 @@ class World:
         """What a ray meets, and how far it goes; out of the ball if it meets nothing."""
         si = self.geometry.scene.ray_intersect(ray)
         return si, dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.radius_m))
+
+    def axis_distance_m(self, beams: BeamView) -> Floats:
+        """How far the axis of each beam goes until it meets something, (beams,); nan for none."""
+        origins, directions = (
+            mi.Vector3f(values.T.astype(np.float32))
+            for values in (beams.origins_m, beams.directions)
+        )
+        si: Any = self.geometry.scene.ray_intersect(mi.Ray3f(mi.Point3f(origins), directions))
+        met: Any = si.is_valid()
+        return np.where(met.numpy(), si.t.numpy(), np.nan)
 
 
 @with_backend

@@ -10,14 +10,15 @@ import yaml
 import reconstruction
 import worlds
 from instruments import changed
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Capture, write_capture
-from reconstruction.errors import InputError
 from reconstruction.operators import decoder_for
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import BucketLight, bucket_light, record
-from spisim.measurement.buckets import record_buckets
 from spisim.scene import Ambient, Scene
-from spisim.transport import GroundTruth, LightSequence, ground_truth, trace
+from spisim.simulation.light import LightSequence, trace
+from spisim.simulation.measurement import BucketLight, bucket_light, record
+from spisim.simulation.measurement.buckets import record_buckets
+from spisim.transport import GroundTruth, ground_truth
 
 PLACE = worlds.scene(worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=20, sun_direction=(0, 0, 1)))
 FRAMES = 1000

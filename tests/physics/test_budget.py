@@ -23,9 +23,9 @@ from spisim.budget import (
     spot_noise,
 )
 from spisim.instrument import Instrument, SpotLight, load_instrument
-from spisim.measurement import bucket_light, spot_light
 from spisim.scene import Ambient
-from spisim.transport import LightSequence, Transport, solve
+from spisim.simulation.light import LightSequence, Transport, solve
+from spisim.simulation.measurement import bucket_light, spot_light
 
 
 def others_slow(*names: str) -> list[Any]:

@@ -10,7 +10,7 @@ import spisim
 from reconstruction import Reconstructor
 from reconstruction.depth import DISTANCES_M, Corridor, nearest_obstacle_m, pixel_rays
 from spisim.atmosphere import CLEAR
-from spisim.config import dump_yaml
+from spisim.base.config import dump_yaml
 from spisim.scene.load import make_scene
 from spisim.simulation import simulate
 

@@ -11,8 +11,8 @@ import spisim
 import worlds
 from spisim.atmosphere.precipitation import rain
 from spisim.instrument import Instrument
-from spisim.measurement import bucket_light, record
-from spisim.transport import LightSequence, Transport
+from spisim.simulation.light import LightSequence, Transport
+from spisim.simulation.measurement import bucket_light, record
 from spisim.transport.drops import falling_drops, on_buckets, on_spots
 from spisim.transport.drops.discs import disc_points, on_the_way_out, passing
 from spisim.transport.drops.echo import echo

@@ -10,14 +10,14 @@ import pytest
 import spisim
 import worlds
 from reconstruction.operators import decoder_for, expose
-from spisim.measurement.diagnostics import truth_warnings
-from spisim.transport.solve import (
+from spisim.simulation.light.solve import (
     FIRST_SPOT_PATHS,
     LEAST_IMAGES,
     LEAST_PATHS,
     Transport,
     solve,
 )
+from spisim.simulation.measurement.diagnostics import truth_warnings
 
 PAPER = spisim.load_instrument("paper")
 SCENE = worlds.scene(*worlds.room(), extinction_per_m=0.3, g=0.8, albedo=0.98)

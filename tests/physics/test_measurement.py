@@ -14,9 +14,10 @@ from reconstruction.operators import expose, illumination, make_plan
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import fog
 from spisim.instrument import Instrument, load_instrument
-from spisim.measurement import bucket_light, record, spot_light
 from spisim.scene import Ambient
-from spisim.transport import GroundTruth, LightSequence, Transport, ground_truth, solve
+from spisim.simulation.light import LightSequence, Transport, solve
+from spisim.simulation.measurement import bucket_light, record, spot_light
+from spisim.transport import GroundTruth, ground_truth
 
 FRAMES = 4000
 PLACE = worlds.scene(worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=40, sun_direction=(0, 0, 1)))

@@ -11,12 +11,12 @@ import trimesh
 import spisim
 import worlds
 from instruments import changed
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from reconstruction.operators import decoder_for
-from spisim.measurement import bucket_light, spot_light
 from spisim.scene import Scene
-from spisim.transport import LightSequence, trace
-from spisim.transport.sequence import KEYS_PER_FRAME
+from spisim.simulation.light import LightSequence, trace
+from spisim.simulation.light.sequence import KEYS_PER_FRAME
+from spisim.simulation.measurement import bucket_light, spot_light
 
 
 @pytest.fixture(scope="module")

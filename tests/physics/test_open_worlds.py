@@ -14,10 +14,11 @@ from reconstruction import capture_warnings, evaluate, read_capture, reconstruct
 from reconstruction.ranging import RANGED
 from spisim.atmosphere import Atmosphere, henyey_greenstein
 from spisim.atmosphere.precipitation import rain
-from spisim.measurement.spots import spot_light
 from spisim.report.capture import write_report
 from spisim.simulation import simulate
-from spisim.transport import LightSequence, ground_truth, solve
+from spisim.simulation.light import LightSequence, solve
+from spisim.simulation.measurement.spots import spot_light
+from spisim.transport import ground_truth
 from spisim.transport.world import FOG_DEPTHS, fog_ball
 
 PAPER = spisim.load_instrument("paper")

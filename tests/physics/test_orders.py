@@ -7,9 +7,9 @@ import pytest
 
 import spisim
 import worlds
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
-from spisim.transport import solve
+from spisim.simulation.light import solve
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Paths

@@ -7,9 +7,9 @@ import pytest
 
 import spisim
 import worlds
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import HenyeyGreenstein, explicit
-from spisim.transport import solve
+from spisim.simulation.light import solve
 from spisim.transport.backend import activate
 from spisim.transport.engine import sampling
 from spisim.transport.engine.estimator import transport_image

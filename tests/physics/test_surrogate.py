@@ -6,12 +6,12 @@ import pytest
 import worlds
 from instruments import changed
 from reconstruction import capture_warnings, read_capture, write_capture
-from reconstruction.errors import InputError
-from spisim.config import load_yaml
+from reconstruction.base.errors import InputError
+from spisim.base.config import load_yaml
 from spisim.instrument import load_instrument
 from spisim.simulation import simulate
-from spisim.transport import solve
-from spisim.transport.surrogate import BOUNCED, LONG_HZ, mean_path_m, surrogate
+from spisim.simulation.light import solve
+from spisim.simulation.light.surrogate import BOUNCED, LONG_HZ, mean_path_m, surrogate
 
 PAPER = load_instrument("paper")
 MODULATED = changed("paper", projector__modulation={"frequencies_hz": [15e6]})

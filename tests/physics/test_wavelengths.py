@@ -10,9 +10,10 @@ import worlds
 from spisim.atmosphere import fog
 from spisim.budget import Target, bucket_link
 from spisim.instrument import load_instrument
-from spisim.measurement.light import background_electrons
 from spisim.scene import Ambient, in_band_irradiance
-from spisim.transport import Outputs, solve
+from spisim.simulation.light import solve
+from spisim.simulation.measurement.light import background_electrons
+from spisim.transport import Outputs
 
 WALL_M = 4.0
 SUNLIT = worlds.scene(

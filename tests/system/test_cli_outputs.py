@@ -18,13 +18,13 @@ from commands import mistake, spisim
 from datasets import make_set
 from holders import held
 from reconstruction import Capture
+from reconstruction.base.files import is_marked
 from reconstruction.cli import main as rig
-from reconstruction.files import is_marked
 from scenefiles import MINIMAL
 from spisim.cli import app
 from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder
-from spisim.transport.light_files import write_histograms
+from spisim.simulation.light.files import write_histograms
 
 ODD_NAME = "a [red]b[/x] :car:"
 

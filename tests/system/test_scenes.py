@@ -11,9 +11,9 @@ import spisim
 from reconstruction import capture_warnings, evaluate, reconstruct
 from reconstruction.ranging import RANGED
 from spisim.instrument import needs
-from spisim.measurement import simulation_warnings
 from spisim.scene import Scene, draw_scene, layout, list_scenes, load_scene
 from spisim.scene.families import FAMILIES
+from spisim.simulation.measurement import simulation_warnings
 
 INSTRUMENT = spisim.load_instrument("paper")
 

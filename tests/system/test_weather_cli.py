@@ -9,7 +9,7 @@ import yaml
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import combine, fog, rain, snow
 from spisim.budget.wavelengths import WAVELENGTHS_NM, class_1_limits, wavelength_figures
 from spisim.cli import app

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import worlds
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import Material
 from spisim.transport import TransportWarning
 from spisim.transport.backend import activate

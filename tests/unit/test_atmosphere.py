@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim import atmosphere
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.constants import elementary_charge
 
 from instruments import flood
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.budget.equations import eq1, eq1_as_printed, eq2
 from spisim.budget.integration import common_integration_time_s, integration_time_s, reach_m
 

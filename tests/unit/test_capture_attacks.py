@@ -16,9 +16,9 @@ from captures import full_capture
 from hdf5files import changed, sealed
 from hostile import survive
 from reconstruction import read_capture, read_result, write_capture
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import is_marked
 from reconstruction.capture.importers import load_array
-from reconstruction.errors import InputError
-from reconstruction.files import is_marked
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.reconstructor import reconstruct
 

@@ -13,8 +13,8 @@ from captures import full_capture
 from hdf5mutations import mutated
 from hostile import survive
 from reconstruction import read_capture, read_result, write_capture
+from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import load_array
-from reconstruction.errors import InputError
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.reconstructor import reconstruct
 

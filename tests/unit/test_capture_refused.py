@@ -9,8 +9,8 @@ import pytest
 from captures import full_capture, make_spots
 from damage import refusals
 from hdf5files import changed
+from reconstruction.base.errors import InputError
 from reconstruction.capture import read_capture, write_capture
-from reconstruction.errors import InputError
 from reconstruction.operators import make_plan
 
 

@@ -8,8 +8,8 @@ from typer.testing import CliRunner
 
 from commands import spisim
 from reconstruction import Capture, write_capture
+from reconstruction.base.text import shortened
 from reconstruction.cli import main as rig
-from reconstruction.text import shortened
 from scenefiles import MINIMAL
 from spisim.cli import app, complete
 from spisim.cli.inputs import scene_with

@@ -7,10 +7,10 @@ import pytest
 from scipy.special import ndtr
 
 from reconstruction import Reconstructor
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics
 from reconstruction.depth import DISTANCES_M, REACH_M, Corridor, nearest_obstacle_m, pixel_rays
 from reconstruction.depth.obstacle import NEAREST_M, CorridorPrior, corridor_prior
-from reconstruction.errors import InputError
 
 SHAPE = (32, 32)
 CORRIDOR = Corridor(pixel_rays(Optics(0.18, 0.18), SHAPE))

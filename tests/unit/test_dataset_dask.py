@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from makers import Fake
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.dataset import dask
 from spisim.dataset.dask import DaskExecutor
 

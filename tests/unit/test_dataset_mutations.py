@@ -17,7 +17,7 @@ from hostile import survive
 from mutations import mutate_manifest, mutated_yaml
 from reconstruction import Capture, InputError
 from runs import PLAN, Run, write_plan
-from spisim.config import parse_model, shipped
+from spisim.base.config import parse_model, shipped
 from spisim.dataset import open as open_data_set
 from spisim.dataset import verify, write_shards
 from spisim.dataset.manifest import Manifest
@@ -26,10 +26,10 @@ from spisim.dataset.planned import load_plan
 from spisim.dataset.records import failure
 from spisim.dataset.sample import load
 from spisim.dataset.status import status_of
+from spisim.dataset.study.plan import StudyPlan
 from spisim.instrument import Instrument
 from spisim.instrument.load import PRESETS
 from spisim.scene.description import SceneDescription
-from spisim.study.plan import StudyPlan
 
 FULL_PLAN = """
 name: some

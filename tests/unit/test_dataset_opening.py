@@ -14,7 +14,7 @@ import yaml
 
 from holders import held
 from reconstruction import Capture, write_capture
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from runs import PLAN, Run, rows, write_plan
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import Manifest

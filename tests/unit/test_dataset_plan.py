@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.dataset.plan import MAX_SAMPLES
 from spisim.dataset.planned import PlannedSet, Sample, load_plan
 from spisim.dataset.preview import check

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.poses import Poses, View
 from spisim.dataset.sample import load

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from makers import Fake, InThisProcess
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from runs import PLAN, Run, rows, write_plan
 from spisim.dataset import runner
 from spisim.dataset.folder import Layout

@@ -15,7 +15,7 @@ import spisim.dataset
 from commands import mistake
 from datasets import change, make_set, put_captures
 from reconstruction import Capture, InputError, write_capture
-from reconstruction.folders import holder, locked_folder
+from reconstruction.base.folders import holder, locked_folder
 from runs import PLAN, Run, rows, write_plan
 from spisim.dataset import verify, write_shards
 from spisim.dataset.folder import Layout, has_its_content, origin_of

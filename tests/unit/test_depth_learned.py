@@ -10,6 +10,7 @@ import worlds
 from convolutions import convolved, shuffled, unshuffled
 from instruments import changed
 from reconstruction import Capture, Reconstructor, write_capture
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics, Setup
 from reconstruction.cli import main
 from reconstruction.depth import (
@@ -35,7 +36,6 @@ from reconstruction.depth.shown import (
     places_of,
     veil,
 )
-from reconstruction.errors import InputError
 from reconstruction.image import Imaging
 from reconstruction.ranging import FogOptics, measure_ranges
 from spisim.simulation import simulate

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from spisim.config.distributions import Distribution, is_distribution, stream
+from spisim.base.config.distributions import Distribution, is_distribution, stream
 
 ADAPTER: TypeAdapter[Any] = TypeAdapter(Distribution)
 

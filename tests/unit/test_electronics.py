@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from spisim.instrument import Amplifier, load_instrument
 from spisim.instrument.photodiode import LARGE_MEAN
-from spisim.measurement.electronics import carried_over, slow_part, with_carry_over
+from spisim.simulation.measurement.electronics import carried_over, slow_part, with_carry_over
 
 DETECTOR = load_instrument("paper").detector
 

@@ -18,20 +18,20 @@ import spisim.dataset
 from commands import spisim as call
 from datasets import change, make_set
 from reconstruction import Capture, evaluate, reconstruct
+from reconstruction.base.text import json_line, printable
 from reconstruction.cli import main as rig
-from reconstruction.text import json_line, printable
 from scenefiles import MINIMAL
+from spisim.base.config import csv_table
 from spisim.cli import main
 from spisim.cli.console import print_json, results, say, warn
 from spisim.cli.tables import plain_table
-from spisim.config import csv_table
 from spisim.dataset.records import Record
+from spisim.dataset.study.evaluation import Evaluation
+from spisim.dataset.study.results import results_csv, results_of, summary_csv
 from spisim.report.capture import write_report
 from spisim.report.contact_sheet import write_contact_sheet
 from spisim.report.page import page_script
 from spisim.report.study import write_study
-from spisim.study.evaluation import Evaluation
-from spisim.study.results import results_csv, results_of, summary_csv
 from studies import planned
 
 NAMES = (

@@ -12,7 +12,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from foreign import assert_same, taken
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import Scene, load_scene
 from spisim.scene.shapes import texture_coordinates
 from spisim_formats import export_scene

@@ -10,7 +10,7 @@ import pytest
 import hostile
 import spisim
 from foreign import taken
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.dataset.flight import instants
 from spisim.scene import Scene, check_clear_path, draw_scene, load_trajectory, make_scene
 from spisim.scene.motion import check_clear_of_sensor

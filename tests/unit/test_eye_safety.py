@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from instruments import changed
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.budget import (
     Target,
     array_risk_group,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.instrument import load_instrument, needs
 from spisim.scene import Scene, draw_scene, find_material, make_scene
 from spisim.scene.families import FAMILIES

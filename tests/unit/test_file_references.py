@@ -9,14 +9,14 @@ from pydantic import BaseModel, TypeAdapter
 
 import file_references
 from spisim.atmosphere.sections import WEATHER
-from spisim.config import Section
-from spisim.config.distributions import KINDS
+from spisim.base.config import Section
+from spisim.base.config.distributions import KINDS
+from spisim.dataset.study.plan import StudyPlan
 from spisim.dataset.values import Grid
 from spisim.instrument import Instrument
 from spisim.instrument.sensors import SENSORS
 from spisim.instrument.tofs import TOFS
 from spisim.scene.description import DrawnDescription, SceneDescription
-from spisim.study.plan import StudyPlan
 
 EXAMPLES = yaml.safe_load(file_references.EXAMPLES.read_text(encoding="utf-8"))
 ROOTS = [SceneDescription, DrawnDescription, Instrument, StudyPlan, *KINDS.values(), Grid]

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from reconstruction.errors import InputError, explain, naming
-from reconstruction.files import (
+from reconstruction.base.errors import InputError, explain, naming
+from reconstruction.base.files import (
     SPARE_BYTES,
     Output,
     is_marked,

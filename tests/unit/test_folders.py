@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from holders import held
-from reconstruction.errors import InputError
-from reconstruction.files import Output
-from reconstruction.folders import holder, locked_folder, locked_name, output_folder
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import Output
+from reconstruction.base.folders import holder, locked_folder, locked_name, output_folder
 
 HOLDS = """
 import sys, time
-from reconstruction.folders import locked_folder
+from reconstruction.base.folders import locked_folder
 with locked_folder(sys.argv[1]):
     print(flush=True)
     sys.stdin.read()

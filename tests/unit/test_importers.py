@@ -12,9 +12,9 @@ from scipy.linalg import hadamard
 
 from images import signed_coefficients
 from reconstruction import read_capture, reconstruct, write_capture
+from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import capture_from_readings, load_array, plan_from_matrix
 from reconstruction.cli import main
-from reconstruction.errors import InputError
 from reconstruction.operators import expose, illumination, make_plan
 
 CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"

@@ -12,9 +12,9 @@ import scipy.io
 
 import attacks
 from hostile import survive
+from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import load_array
-from reconstruction.errors import InputError
-from spisim.config.files import read_columns, read_density, read_picture
+from spisim.base.config.files import read_columns, read_density, read_picture
 
 GB = 2**30
 

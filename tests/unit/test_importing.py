@@ -20,7 +20,7 @@ from foreign import (
     triangle_header,
     written,
 )
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import enclosing_object, load_scene
 from spisim.scene.blocks import distance
 from spisim_formats import SceneFormat, import_scene

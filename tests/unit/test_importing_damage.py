@@ -14,7 +14,7 @@ import foreignscenes as rich
 import hostile
 import mutants
 from foreign import READERS, glb, glb_of_text, tetrahedron
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.shapes import load_mesh
 from spisim_formats import Options, import_scene
 from spisim_formats.library.files import Folders

@@ -7,7 +7,7 @@ import pytest
 
 import hostile
 from foreign import READERS, TRIANGLE, collada, glb, triangle_header
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim_formats.library.files import Folders
 
 

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from foreign import Y_UP, corners, glb, taken, tetrahedron, triangle_header, written
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.shapes import texture_coordinates
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], "<f4")

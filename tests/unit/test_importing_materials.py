@@ -8,7 +8,7 @@ import trimesh
 import yaml
 
 from foreign import TRIANGLE, glb, taken, tetrahedron, triangle_header
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.materials import material_table
 from spisim_formats.library.content import Part, Surface
 from spisim_formats.library.materials import match

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from foreign import glb, taken, triangle_header
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import Material
 from spisim.scene.bsdf import Principled
 

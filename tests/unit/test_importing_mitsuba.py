@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from foreign import READERS, Y_UP, assert_same, taken, tetrahedron, written
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim_formats.library.files import Folders
 
 

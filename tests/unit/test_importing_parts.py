@@ -23,7 +23,7 @@ from foreign import (
     triangle_header,
     written,
 )
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim_formats.library.xml import parse_lenient_xml
 
 BOX = "<box><size>1 2 3</size></box>"

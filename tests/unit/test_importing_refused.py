@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from foreign import TRIANGLE, collada, glb, glb_of_text, taken, tetrahedron, triangle_header
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim_formats import Options, import_scene
 from spisim_formats.library import files as reading
 

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from foreign import assert_same, taken, tetrahedron, written
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.pose import pose_matrix
 
 ROBOT = """<?xml version="1.0"?><robot name="r">

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from foreign import assert_same, collada, taken, tetrahedron, written
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.pose import pose_matrix
 
 

@@ -9,8 +9,8 @@ import trimesh
 from PIL import Image
 
 from foreign import TRIANGLE, glb, taken, triangle_header
-from reconstruction.errors import InputError
-from spisim.config import load_yaml
+from reconstruction.base.errors import InputError
+from spisim.base.config import load_yaml
 from spisim.scene import find_material
 from spisim.scene.bsdf import (
     Conductor,

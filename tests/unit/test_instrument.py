@@ -7,7 +7,7 @@ import pytest
 from scipy.constants import c, elementary_charge
 
 from instruments import PAPER, load_text
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.instrument import (
     Instrument,
     Spectrum,

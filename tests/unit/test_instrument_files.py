@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from instruments import PAPER, load_text
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument, load_instrument
 from spisim.instrument.load import PRESETS
 

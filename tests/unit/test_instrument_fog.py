@@ -8,7 +8,7 @@ from scipy.constants import c
 
 from fogs import seen
 from instruments import changed
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.budget.eye_safety import class_1_power_w, laser_safety
 from spisim.instrument import load_instrument
 from spisim.instrument.load import PRESETS

@@ -11,10 +11,10 @@ import yaml
 
 from instruments import PAPER, changed
 from reconstruction import evaluate, read_capture, reconstruct, write_capture
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
+from spisim.base.config import parse_model
 from spisim.budget import Target, bucket_link, budget_warnings, range_sigma_m, spot_link
 from spisim.cli.budget import summarise
-from spisim.config import parse_model
 from spisim.instrument import Instrument, load_instrument
 from spisim.report.capture import write_report
 from spisim.scene import load_scene

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import Scene, SceneWarning, load_scene
 from spisim.scene.volumes import contains
 

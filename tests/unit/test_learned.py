@@ -5,7 +5,7 @@ import pytest
 
 from convolutions import convolved, shuffled, unshuffled
 from images import correlation, natural_image
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from reconstruction.image import Coefficients, image_method
 from reconstruction.image.methods.learned import WEIGHTS, LearnedSolver, shipped
 from reconstruction.image.network import FEATURES, VERSION, Network, Shown, load

@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 import pytest
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from reconstruction.live import Kind, Parser, Pose, command, pack, pose_of
 from reconstruction.live.framing import HEADER, Message
 

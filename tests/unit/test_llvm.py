@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from reconstruction import InputError
-from spisim import llvm
+from spisim.base import llvm
 
 
 @pytest.mark.parametrize(

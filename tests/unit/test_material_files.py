@@ -6,7 +6,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import Material, load_scene
 from spisim.scene.bsdf import (
     BSDFS,

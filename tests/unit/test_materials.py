@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import material_plot
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import refractive_index
 from spisim.scene import Material, find_material, material_table
 from spisim.scene.bsdf import Diffuse, Plastic, make_bsdf

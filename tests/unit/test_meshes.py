@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import scenes_folder
 from spisim.scene.shapes import load_mesh
 from spisim_worlds.parts import props

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import CLEAR
 from spisim.scene import (
     Ambient,

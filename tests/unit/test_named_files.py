@@ -10,8 +10,8 @@ import pytest
 
 import hostile
 from foreign import tetrahedron
-from reconstruction.errors import InputError
-from spisim.config.files import read_columns, read_density, read_picture
+from reconstruction.base.errors import InputError
+from spisim.base.config.files import read_columns, read_density, read_picture
 from spisim.instrument import load_instrument
 from spisim.scene import load_scene, load_trajectory
 from spisim.scene.shapes import load_mesh

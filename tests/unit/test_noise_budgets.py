@@ -11,8 +11,8 @@ from reconstruction.image.factorised import Factorised
 from reconstruction.operators import expose
 from spisim.budget import ranging_noise
 from spisim.instrument import load_instrument
-from spisim.measurement.light import background_electrons
-from spisim.transport.effort import image_gauge, spot_gauge
+from spisim.simulation.light.noise_metric import image_gauge, spot_gauge
+from spisim.simulation.measurement.light import background_electrons
 
 FOUR = [(x, y, 0.0) for x in (-0.05, 0.05) for y in (-0.05, 0.05)]
 

@@ -17,7 +17,8 @@ from matplotlib import pyplot
 import reconstruction
 import spisim
 from datasets import make_set
-from reconstruction import Capture, InputError, notebook, reconstruct
+from reconstruction import Capture, InputError, reconstruct
+from reconstruction.base import notebook
 from spisim.dataset import open as open_data_set
 
 mpl.use("agg")

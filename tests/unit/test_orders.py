@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import hadamard
 from scipy.ndimage import label
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from reconstruction.operators import BASES, ORDERS, make_plan, ordered_rows
 from reconstruction.operators.bases.hadamard import Hadamard
 from reconstruction.operators.orders.variance_ranked import ALONG, DOWN

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import hadamard
 
 from images import signed_coefficients
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 from reconstruction.operators import (
     POLARITIES,
     PatternPlan,

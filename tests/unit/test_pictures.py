@@ -7,6 +7,7 @@ import pytest
 from matplotlib import colormaps
 from PIL import Image
 
+from reconstruction.base.png import png
 from reconstruction.outputs import pictures
 from reconstruction.outputs.glyphs import HEIGHT, written
 from reconstruction.outputs.pictures import (
@@ -16,7 +17,6 @@ from reconstruction.outputs.pictures import (
     nothing_picture,
 )
 from reconstruction.outputs.scale import GREY, VIRIDIS, Scale
-from reconstruction.png import png
 
 
 def opened(content):

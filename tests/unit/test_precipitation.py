@@ -7,7 +7,7 @@ import pytest
 
 import spisim
 import worlds
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import RAINS, refractive_index
 from spisim.atmosphere import rain as rain_medium
 from spisim.atmosphere import snow as snow_medium

@@ -17,8 +17,8 @@ from fourspots import (
     charge,
     counts,
 )
+from reconstruction.base.errors import InputError
 from reconstruction.capture.readings.cw import CwSpots
-from reconstruction.errors import InputError
 from reconstruction.ranging import measure_ranges
 from reconstruction.ranging.geometry import range_from_path
 from reconstruction.ranging.methods.cw import demodulate, quadrature_weights

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from instruments import changed
+from reconstruction.base.errors import InputError
 from reconstruction.capture.schema import between
-from reconstruction.errors import InputError
 from reconstruction.ranging.bound import Targets, make_bound
 from reconstruction.ranging.fog.overlap import overlap
 from spisim.budget import Target, range_sigma_m, spot_link

@@ -12,9 +12,9 @@ from scipy.constants import c
 
 from fogs import light
 from instruments import changed
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import between
-from reconstruction.errors import InputError
 from reconstruction.ranging import Alternative, Ranges, ranging_method
 from spisim.instrument import Instrument, load_instrument
 

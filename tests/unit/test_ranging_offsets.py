@@ -10,10 +10,10 @@ from captures import full_capture
 from fogs import PATHS, light
 from instruments import changed
 from reconstruction import write_capture
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import between
 from reconstruction.cli import main
-from reconstruction.errors import InputError
 from reconstruction.ranging.calibration import measure_path_offsets, path_check
 from reconstruction.ranging.fog.echo_model import EchoModel
 from reconstruction.ranging.fog.of_charge import echo_combinations

@@ -8,9 +8,9 @@ import pytest
 
 from fogs import light
 from instruments import changed
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics, Spots
 from reconstruction.capture.schema import between
-from reconstruction.errors import InputError
 from reconstruction.ranging import (
     RANGED,
     Brightness,
@@ -27,7 +27,7 @@ from reconstruction.ranging.fog.overlap import overlap
 from reconstruction.ranging.fog.reflectance import LOG_SIGMA, MEDIAN
 from reconstruction.ranging.fog.underdetermined import CLEAR
 from spisim.instrument import load_instrument
-from spisim.measurement import told_optics
+from spisim.simulation.measurement import told_optics
 
 RANGES = np.array([3.0, 4.5, 5.5, 7.0])
 

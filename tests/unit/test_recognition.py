@@ -9,8 +9,8 @@ from scipy.fft import idctn
 
 from images import natural_image
 from reconstruction import capture_warnings
+from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import capture_from_readings
-from reconstruction.errors import InputError
 from reconstruction.image import UNLIT, dark_estimate, doubt, known_layouts, recognise
 from reconstruction.image.spectra import fit, gaussian, heavy_tails, powers, spectra
 from reconstruction.image.transforms import haar, other_spectra

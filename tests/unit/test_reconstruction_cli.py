@@ -27,11 +27,11 @@ from reconstruction import (
     write_capture,
     write_outputs,
 )
+from reconstruction.base.files import mark
 from reconstruction.capture import Buckets, Optics, Provenance
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.cli import main
 from reconstruction.depth import DISTANCES_M
-from reconstruction.files import mark
 from reconstruction.operators import expose
 from reconstruction.outputs import pictures
 from reconstruction.outputs.glyphs import written

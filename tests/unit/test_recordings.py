@@ -9,6 +9,7 @@ from scipy.linalg import hadamard
 
 from images import correlation, natural_image
 from reconstruction import read_capture, reconstruct
+from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import (
     capture_from_readings,
     load_array,
@@ -19,7 +20,6 @@ from reconstruction.capture.importers import (
     whole_numbers,
 )
 from reconstruction.cli import main
-from reconstruction.errors import InputError
 from reconstruction.operators import expose, make_plan, ordered_rows, sequency
 from reconstruction.operators.bases.hadamard import Hadamard
 

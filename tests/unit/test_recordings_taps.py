@@ -7,6 +7,8 @@ import pytest
 import scipy.io
 
 from reconstruction import make_plan, read_capture, reconstruct
+from reconstruction.base.constants import c
+from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import (
     SpotGeometry,
     capture_from_readings,
@@ -14,8 +16,6 @@ from reconstruction.capture.importers import (
     spots_from_taps,
 )
 from reconstruction.cli import main
-from reconstruction.constants import c
-from reconstruction.errors import InputError
 
 RANGES_M = np.array([1.0, 2.5, 4.0, 6.0])
 AMPLITUDE, OFFSET, NOISE = 4000.0, 9000.0, 30.0

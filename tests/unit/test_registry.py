@@ -13,12 +13,12 @@ import pytest
 
 from plugins import install
 from reconstruction import Capture, InputError, write_capture
+from reconstruction.base.registry import Registry
 from reconstruction.capture import READINGS, Spots
 from reconstruction.depth import DEPTH_METHODS
 from reconstruction.image import DICTIONARIES, IMAGE_METHODS
 from reconstruction.operators import BASES, ORDERS, Basis
 from reconstruction.ranging import RANGING_METHODS
-from reconstruction.registry import Registry
 
 GROUP = "tests.tools"
 

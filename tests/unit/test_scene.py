@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from scenefiles import MINIMAL, Load, with_objects
 from spisim.scene import (
     Scene,

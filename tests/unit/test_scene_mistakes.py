@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from scenefiles import MINIMAL, Load, with_objects
 from spisim.scene import load_scene
 

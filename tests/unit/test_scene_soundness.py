@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from scenefiles import MINIMAL, Load, with_objects
 from spisim.scene import SceneWarning, soundness
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from reconstruction.live import Kind, Message, Parser, Pose, command, pack
 from reconstruction.live.links import Ended, Outlet, Source
 from reconstruction.live.senders import QUIET_S

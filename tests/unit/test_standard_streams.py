@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from reconstruction import Capture, InputError, write_capture
-from reconstruction.errors import naming
+from reconstruction.base.errors import naming
 
 RIG = "import sys; from reconstruction.cli import main; sys.exit(main())"
 SPISIM = "from spisim.cli import main; main()"

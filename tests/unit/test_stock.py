@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import Scene, make_scene
 from spisim.scene import stock as stock_module
 from spisim.scene.content import surface_content

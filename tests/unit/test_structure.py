@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import worlds
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere.structure import Structure
 from spisim.scene import load_scene
 

@@ -14,10 +14,10 @@ from datasets import make_set
 from reconstruction import Capture, InputError, evaluate, reconstruct
 from spisim.dataset.folder import Layout
 from spisim.dataset.records import Outcome, failure
-from spisim.study import QUANTITIES
-from spisim.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of
-from spisim.study.metrics import Metric, named_methods
-from spisim.study.profile import CENTRES_M, EDGES_M, depth_profile
+from spisim.dataset.study import QUANTITIES
+from spisim.dataset.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of
+from spisim.dataset.study.metrics import Metric, named_methods
+from spisim.dataset.study.profile import CENTRES_M, EDGES_M, depth_profile
 
 
 def test_metrics_are_those_of_the_evaluation(capture: Capture) -> None:

@@ -8,7 +8,7 @@ import yaml
 
 from reconstruction import InputError
 from spisim.dataset.sample import load
-from spisim.study import load_study
+from spisim.dataset.study import load_study
 from studies import PLAN, planned
 
 STUDIES = Path(__file__).parents[2] / "studies"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spisim.study.statistics import estimate
+from spisim.dataset.study.statistics import estimate
 
 
 @pytest.mark.parametrize("units", [3, 10, 30])

@@ -17,9 +17,9 @@ from datasets import make_set
 from exported import with_scene
 from reconstruction import InputError, write_capture
 from spisim.cli import app
-from spisim.viewer import Recording, window
-from spisim.viewer.readings import phasors_of
-from spisim.viewer.sights import sights_of_captures
+from spisim.report.viewer import Recording, window
+from spisim.report.viewer.readings import phasors_of
+from spisim.report.viewer.sights import sights_of_captures
 from streams import film, messages
 
 

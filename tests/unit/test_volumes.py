@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene import Scene, SceneWarning, load_scene
 from spisim.scene.pose import pose_matrix
 from spisim.scene.volumes import overlap

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import worlds
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import fog, precipitation, rain, snow
 from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.instrument import load_instrument
 from spisim.scene import Scene, load_scene
-from spisim.transport import camera_view, ground_truth, solve
+from spisim.simulation.light import solve
+from spisim.transport import camera_view, ground_truth
 
 SCENE = """
 name: test

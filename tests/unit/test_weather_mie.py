@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from scattering_tables import RADII
 from spisim.atmosphere import FOGS, KINDS, GammaSizes, LogNormalSizes, Particles, refractive_index
 from spisim.atmosphere import lookup as lookup_module

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import (
     Blend,
     GammaSizes,

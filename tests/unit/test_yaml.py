@@ -2,8 +2,8 @@
 
 import pytest
 
-from reconstruction.errors import InputError
-from spisim.config import load_yaml
+from reconstruction.base.errors import InputError
+from spisim.base.config import load_yaml
 
 
 def bomb(levels: int, width: int = 9) -> str:

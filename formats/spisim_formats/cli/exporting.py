@@ -34,7 +34,7 @@ def command(
     Triangles, names and the names of materials, as `spisim scenes import` takes them back; of
     light, daylight goes along to Gazebo. Weather, motion and textures stay behind.
     """
-    from reconstruction.errors import InputError
+    from reconstruction.base.errors import InputError
     from spisim_formats import export_scene
     from spisim_formats.sdf.sensors import sensor_elements
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.cli.console import print_json, results, say, warn
 from spisim.cli.options import Json, Overwrite, real_option
 from spisim.cli.tables import print_table, word_table

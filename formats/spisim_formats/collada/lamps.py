@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim_formats.library.attenuation import at_a_metre
 from spisim_formats.library.content import Content, Glow
 from spisim_formats.library.files import shown

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, LimitError
 from spisim.scene.shapes import check_mesh
 from spisim_formats.collada.lamps import light
 from spisim_formats.collada.mending import load_document

@@ -16,7 +16,7 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.errors import InputError, LimitError
 from spisim_formats.library.files import MAX_FILE_BYTES, Folders, read_bytes
 
 COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim_formats.gltf.buffers import Buffers, unquoted, within
 from spisim_formats.library.content import Content, Surface
 from spisim_formats.library.files import Folders, shown

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.errors import InputError, LimitError
 from spisim.scene.shapes import MAX_TRIANGLES, check_mesh
 from spisim_formats.gltf.buffers import Buffers, at, library
 from spisim_formats.library.content import Content, with_texture_coordinates

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, LimitError
 from spisim_formats.gltf.buffers import MESHOPT, Buffers, at, check_sizes
 from spisim_formats.gltf.lamps import node_lamps
 from spisim_formats.gltf.materials import read_surfaces

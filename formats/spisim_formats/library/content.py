@@ -13,8 +13,8 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, LimitError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim_formats.library.files import Folders
 from spisim_formats.library.lattice import Lattice

@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.scene.blocks import Blocks
 from spisim.scene.placing import MAX_COORDINATE_M
 from spisim.scene.pose import look_at

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from reconstruction.errors import InputError, LimitError, nearest
+from reconstruction.base.errors import InputError, LimitError, nearest
 
 MAX_FILE_BYTES = 2 * 1024**3
 

@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
 from spisim.scene.pose import pose_matrix
 from spisim_formats.library.files import shown
 from spisim_formats.library.xml import numbers

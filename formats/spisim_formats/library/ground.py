@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 from spisim.scene.materials import material_table
 from spisim_formats.library import shapes
 from spisim_formats.library.content import Part, Surface, translation

@@ -10,8 +10,8 @@ from typing import Any
 import yaml
 from pydantic import RootModel, ValidationError
 
-from reconstruction.errors import InputError, nearest
-from spisim.config import load_yaml, read_text
+from reconstruction.base.errors import InputError, nearest
+from spisim.base.config import load_yaml, read_text
 from spisim.scene.materials import material_table
 from spisim_formats.library.content import Part, Surface
 from spisim_formats.library.source_material import ToldMaterials

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.bsdf import MIN_ROUGHNESS, MIN_SPECULAR
 from spisim_formats.library.source_material import Told
 from spisim_formats.library.textures import Texture, linear_red, read_channels

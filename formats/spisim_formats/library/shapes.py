@@ -7,8 +7,8 @@ import numpy as np
 import trimesh
 from pydantic import ValidationError
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim.scene.shapes import CYLINDER_SECTIONS, SPHERE_SUBDIVISIONS, make_mesh
 from spisim_formats.library.content import Shape

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
-from spisim.config.linear import LINEAR
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from spisim.base.config.linear import LINEAR
 from spisim_formats.library.textures import GAMMA, Texture, read_red
 
 #: Axes of a picture of all around here, x to where its columns begin and z up, in OpenEXR's: y up,

@@ -18,8 +18,8 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
-from reconstruction.errors import InputError
-from spisim.config.linear import LINEAR
+from reconstruction.base.errors import InputError
+from spisim.base.config.linear import LINEAR
 from spisim.scene.shapes import texture_coordinates
 from spisim_formats.library.files import read_bytes, shown
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim_formats.library.content import Axis, Content, Glow, Shape, pose_faults, scaling
 from spisim_formats.library.lattice import Lattice

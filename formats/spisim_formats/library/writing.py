@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.pose import pose_matrix
 from spisim_formats.library.content import Content, Glow, Haze, Part, Shape
 from spisim_formats.library.drone import DronePose

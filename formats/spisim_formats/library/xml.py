@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, ParseError
 from defusedxml import DTDForbidden
 from defusedxml.ElementTree import fromstring
 
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.errors import InputError, LimitError
 
 #: Elements within elements; defusedxml has no limit, and what walks or writes a tree recurses.
 MAX_DEPTH = 200

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 import trimesh
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, check_obj_indices, texture_coordinates
 from spisim_formats.library.content import (
     Content,

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim_formats.library.content import Haze
 from spisim_formats.library.lattice import Lattice
 from spisim_formats.mitsuba.elements import Node

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.bsdf import MIN_ROUGHNESS, make_bsdf
 from spisim.scene.materials import WAVELENGTH_NM, at_wavelength
 from spisim_formats.library.metals import WAVELENGTHS_NM, metal

@@ -16,8 +16,8 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
 from spisim_formats.library.files import Folders, read_bytes, shown
 from spisim_formats.library.xml import numbers, parse_xml
 

@@ -10,8 +10,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim_formats.library.content import scaling, translation
 from spisim_formats.library.files import read_bytes
 from spisim_formats.library.lattice import MAX_CELLS, Lattice

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
-from spisim.config.linear import LINEAR
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from spisim.base.config.linear import LINEAR
 from spisim.scene.volumes import closed
 from spisim_formats.library.content import Content, Daylight, Glow, Haze, Part
 from spisim_formats.library.shapes import as_mesh

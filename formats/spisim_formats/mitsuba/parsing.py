@@ -8,7 +8,7 @@ import mitsuba.scalar_rgb  # noqa: F401 (the types of colours and transforms; se
 import numpy as np
 from mitsuba import Properties, parser
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 from spisim_formats.mitsuba.elements import Elements, Node
 
 Type = Properties.Type

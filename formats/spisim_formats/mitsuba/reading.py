@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, naming, nearest
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, naming, nearest
 from spisim.scene.shapes import check_triangles
 from spisim_formats.library import shapes
 from spisim_formats.library.content import Content, Part, Shape, Surface, translation

@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 from numpy.typing import DTypeLike, NDArray
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.scene.shapes import check_mesh, check_triangles
 from spisim_formats.library.content import readable
 from spisim_formats.library.files import MAX_FILE_BYTES, read_bytes, shown

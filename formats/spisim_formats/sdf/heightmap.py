@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from reconstruction.errors import InputError
-from spisim.config.files import grey_picture
+from reconstruction.base.errors import InputError
+from spisim.base.config.files import grey_picture
 
 #: Vertices along each edge; finer pictures are thinned.
 MAX_VERTICES = 1025

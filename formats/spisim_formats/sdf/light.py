@@ -12,8 +12,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim_formats.library.attenuation import at_a_metre, number_or
 from spisim_formats.library.content import Content, Daylight, Glow
 from spisim_formats.library.xml import numbers

@@ -13,8 +13,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, LimitError
 from spisim_formats.library.content import Content, Glow, Part
 from spisim_formats.library.files import Folders, read_bytes, shown
 from spisim_formats.library.frames import Frames, read_pose

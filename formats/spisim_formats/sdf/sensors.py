@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from scipy.spatial.transform import Rotation
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.instrument.model import Instrument
 from spisim.scene.assemble import OPTICAL_FROM_BODY
 

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import trimesh
 
-from reconstruction.errors import InputError, naming, nearest
+from reconstruction.base.errors import InputError, naming, nearest
 from spisim.scene.shapes import check_triangles
 from spisim_formats.format import readers
 from spisim_formats.library import shapes

@@ -5,7 +5,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import trimesh
 
-from reconstruction.files import mark
+from reconstruction.base.files import mark
 from spisim.scene.model import Ambient, Scene, SceneObject
 from spisim.scene.write import MESH
 from spisim_formats.sdf.light import SKY_KLX, SUN_KLX

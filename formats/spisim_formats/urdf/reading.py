@@ -9,8 +9,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.scene.pose import pose_matrix
 from spisim_formats.library.content import Content, Part
 from spisim_formats.library.files import Folders, read_bytes, shown

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim_formats.library import shapes
 from spisim_formats.library.content import Content, Glow, Part, Surface
 from spisim_formats.library.files import Folders, shown

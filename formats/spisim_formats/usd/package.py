@@ -9,7 +9,7 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path, PurePosixPath
 
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.errors import InputError, LimitError
 from spisim_formats.library.files import shown
 
 MAX_FILES = 10_000

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError, LimitError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, LimitError
 from spisim.scene.shapes import check_mesh, check_triangles
 from spisim_formats.library import shapes
 from spisim_formats.library.content import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import h5py
 from h5py import h5d, h5z
 
-from ...errors import InputError
+from ...base.errors import InputError
 
 MAX_CHUNKS = 2**16
 """Chunks that are read at a time: each takes memory even where it is empty."""

@@ -4,7 +4,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ...errors import InputError
+from ...base.errors import InputError
 
 DAMAGE = (
     OSError, RuntimeError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError,

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ...errors import InputError
+from ...base.errors import InputError
 
 Version = tuple[int, int]
 

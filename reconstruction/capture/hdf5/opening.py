@@ -6,7 +6,7 @@ from pathlib import Path
 
 import h5py
 
-from ...errors import InputError, naming
+from ...base.errors import InputError, naming
 from .damage import undamaged
 from .formats import SEALED_SINCE, Format
 from .reading import Contents

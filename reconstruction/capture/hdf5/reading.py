@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...base.errors import InputError
 from .chunks import Chunks
 from .damage import undamaged
 from .strings import check_attribute, check_dataset

@@ -7,8 +7,8 @@ that line, a line that says who made the file, and zeros.
 import hashlib
 from pathlib import Path
 
-from ...errors import InputError
-from ...files import mark
+from ...base.errors import InputError
+from ...base.files import mark
 
 HEAD_BYTES = 512
 """The smallest user block."""

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import h5py
 
-from ...errors import InputError
+from ...base.errors import InputError
 from .chunks import Chunks
 
 MAX_UNPACKED_BYTES = 2**28

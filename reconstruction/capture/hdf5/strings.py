@@ -14,7 +14,7 @@ from typing import IO
 import h5py
 from h5py import h5d, h5o
 
-from ...errors import InputError
+from ...base.errors import InputError
 
 CONTINUED, ATTRIBUTE = 0x10, 0x0C
 SHARED = 0x02

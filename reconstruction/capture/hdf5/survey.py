@@ -7,7 +7,7 @@ of whoever reads. Whatever does is refused, wherever it stands, and nothing is f
 import h5py
 from h5py import h5d, h5g, h5l, h5o
 
-from ...errors import InputError
+from ...base.errors import InputError
 
 MAX_OBJECTS = 10_000
 """Groups and datasets of a file; links of a group."""

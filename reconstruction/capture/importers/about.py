@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from ...errors import InputError, naming, nearest
+from ...base.errors import InputError, naming, nearest
 
 ABOUT: dict[str, float] = {
     "electrons_per_count": float("nan"),

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...arrays import Floats
-from ...errors import InputError
+from ...base.arrays import Floats
+from ...base.errors import InputError
 from ...operators import Basis, PatternPlan, checked_shape, fwht, plan_of_rows
 from ...operators.bases.dense import Dense
 from ...operators.bases.hadamard import Hadamard

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, naming
-from ...npy import COMPLEX, REAL, read_header, read_npy
+from ...base.errors import InputError, naming
+from ...base.npy import COMPLEX, REAL, read_header, read_npy
 from ..hdf5 import MAX_UNPACKED_BYTES, NUMBER_BYTES
 from .matlab import read_mat
 from .text import read_text

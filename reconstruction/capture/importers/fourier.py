@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...arrays import Floats
-from ...errors import InputError
+from ...base.arrays import Floats
+from ...base.errors import InputError
 from ...operators import PatternPlan, checked_shape
 from ...operators.bases.dense import Dense
 

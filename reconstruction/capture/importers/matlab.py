@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError
+from ...base.errors import InputError
 from .. import hdf5
 from ..hdf5 import MAX_UNPACKED_BYTES, NUMBER_BYTES
 from .variables import pick

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
-from ...errors import InputError, naming
+from ...base.arrays import Floats
+from ...base.errors import InputError, naming
 from ...operators import PatternPlan, sequency
 from ...operators.bases.hadamard import Hadamard
 from .files import load_array

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InputError, nearest
+from ...base.errors import InputError, nearest
 
 MAX_BYTES = 2**28
 MAX_HEADING_LINES = 1000

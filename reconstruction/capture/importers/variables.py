@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TypeVar
 
-from ...errors import InputError, nearest
+from ...base.errors import InputError, nearest
 
 Variable = TypeVar("Variable")
 

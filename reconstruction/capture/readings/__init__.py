@@ -1,6 +1,6 @@
 """Kinds of time-of-flight readings, one module each, named as the method that makes them."""
 
-from ...registry import Registry
+from ...base.registry import Registry
 from ..spots import Spots
 
 READINGS: Registry[type[Spots]] = Registry(

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats, Mask
-from ...constants import c
+from ...base.arrays import Floats, Mask
+from ...base.constants import c
 from ..charge import Charge, check_taps, spare_combinations, taps_summary
 from ..schema import Stored
 from ..spots import SPOTS_AXIS, Spots

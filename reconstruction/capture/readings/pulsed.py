@@ -6,9 +6,9 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats, Mask
-from ...constants import c
-from ...errors import InputError
+from ...base.arrays import Floats, Mask
+from ...base.constants import c
+from ...base.errors import InputError
 from ..charge import Charge
 from ..schema import Stored
 from ..spots import SPOTS_AXIS, Spots, check_duration

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
+from ...base.errors import InputError
+from ...base.registry import Registry
 from ...capture import Setup
 from ...capture.spots import check_four
-from ...errors import InputError
-from ...registry import Registry
 from ..method import DepthMethod, Need
 
 DEPTH_METHODS: Registry[DepthMethod] = Registry(

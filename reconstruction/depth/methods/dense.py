@@ -10,7 +10,7 @@ Tropp, A. C. Gilbert, M. J. Strauss, Signal Processing 86, 572 (2006)).
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...capture import Frames, PatternTaps
 from ...image import Coefficients, Imaging, UsableReadings
 from ...ranging import MIN_SIGNAL, path_from_phases, range_from_path

@@ -7,7 +7,7 @@ told by comparison.
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ..between_spots import BetweenSpots
 
 LEAST = 1e-6

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ...base.errors import InputError
 from ...capture import Setup
 from ...capture.readings.cw import CwSpots
-from ...errors import InputError
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
 from ..observer import Observer

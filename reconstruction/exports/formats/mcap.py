@@ -6,7 +6,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...errors import InputError
+from ...base.errors import InputError
 from ..export import Export
 from ..mcap_file import McapFile, check_libraries
 from ..shot import Shot

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
-from ...files import mark
-from ...text import json_line
+from ...base.errors import InputError
+from ...base.files import mark
+from ...base.text import json_line
 from ..export import KIND, Export
 from ..pictures import colour_png, depth_png
 from ..shot import Shot

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...files import mark
+from ...base.files import mark
 from ..clouds import POINT, organised
 from ..export import KIND, Export
 from ..pictures import require_depths

@@ -10,8 +10,8 @@ benchmark for the evaluation of RGB-D SLAM systems", IROS 2012; S. Choi et al., 
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...files import mark
-from ...text import json_line
+from ...base.files import mark
+from ...base.text import json_line
 from ..export import KIND, Export
 from ..pictures import colour_png, depth_png, require_depths
 from ..poses import COLUMNS, quaternion_of

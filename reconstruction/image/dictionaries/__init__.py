@@ -1,6 +1,6 @@
 """Dictionaries in which images are sparse, one module each."""
 
-from ...registry import Registry
+from ...base.registry import Registry
 from ..dictionary import Dictionary
 
 DICTIONARIES: Registry[Dictionary] = Registry(

@@ -13,8 +13,8 @@ from math import ceil, log2
 
 import numpy as np
 
-from ...arrays import Floats
-from ...errors import InputError
+from ...base.arrays import Floats
+from ...base.errors import InputError
 from ..dictionary import Band
 from .dct import DICTIONARY as COSINES
 

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ..dictionary import Band
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ..dictionary import Band
 from .dct import DICTIONARY as COSINES
 

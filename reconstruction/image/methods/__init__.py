@@ -3,8 +3,8 @@
 from dataclasses import replace
 from typing import Any, cast
 
-from ...errors import InputError
-from ...registry import Registry
+from ...base.errors import InputError
+from ...base.registry import Registry
 from ..dictionaries import DICTIONARIES
 from ..method import ImageMethod
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..contrast import ContrastByLevel

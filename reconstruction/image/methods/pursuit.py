@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...operators import MeasurementOperator
 from ..atoms import StrongestAtoms
 from ..coefficients import Coefficients

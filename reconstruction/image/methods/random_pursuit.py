@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...operators import MeasurementOperator
 from ..atoms import StrongestAtoms
 from ..coefficients import Coefficients

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import InputError
+from ...base.errors import InputError
 from ...operators import MeasurementOperator, RowOperator
 from ..coefficients import Coefficients
 from ..memory import Memory

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from .interpreted import DEPENDENT, NEGLIGIBLE
 
 HOW = {"error_model": "numpy", "fastmath": {"contract", "nnan", "nsz"}}

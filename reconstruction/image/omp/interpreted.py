@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 
 NEGLIGIBLE = 1e-12
 """Correlations below this share of the first are rounding."""

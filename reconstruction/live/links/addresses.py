@@ -3,7 +3,7 @@
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
-from ...errors import InputError, nearest
+from ...base.errors import InputError, nearest
 from .files import NewFile, Stdin, Stdout, StreamFile
 from .link import Outlet, Source
 from .serial_port import SerialPort

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import IO
 
-from ...errors import InputError
+from ...base.errors import InputError
 from .link import PIECE_BYTES, Ended, Outlet, Source
 
 

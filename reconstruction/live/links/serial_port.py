@@ -5,7 +5,7 @@ import stat
 from pathlib import Path
 from typing import Any
 
-from ...errors import InputError
+from ...base.errors import InputError
 from .link import PIECE_BYTES, Outlet, Source
 
 

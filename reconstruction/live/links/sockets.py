@@ -6,7 +6,7 @@ from contextlib import suppress
 from errno import EADDRINUSE
 from typing import Any
 
-from ...errors import InputError
+from ...base.errors import InputError
 from .link import PIECE_BYTES, Outlet, Source
 
 PATIENCE_S = 1.0

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 
-from ...errors import InputError, in_words, naming
+from ...base.errors import InputError, in_words, naming
 from ..counts import Counts
 from ..queues import Waiting
 from ..reception import Arrival

@@ -5,10 +5,10 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from ...files import Output, mark, write_atomically
-from ...folders import output_folder
+from ...base.files import Output, mark, write_atomically
+from ...base.folders import output_folder
+from ...base.text import json_line
 from ...outputs import outputs_in, write_outputs
-from ...text import json_line
 from ..results import Outcome, State
 from .lines import state_report
 from .sink import Sink

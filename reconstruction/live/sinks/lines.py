@@ -6,8 +6,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from ...files import mark
-from ...text import json_line
+from ...base.files import mark
+from ...base.text import json_line
 from ..results import Outcome, State
 from .sink import Sink
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
-from ...errors import InputError
-from ...files import Output, require_outputs
+from ...base.errors import InputError
+from ...base.files import Output, require_outputs
 from ..framing import MAGIC
 from ..links import NewFile, is_link, outlet_to
 from .latest import LatestResult

@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ...base.errors import InputError, in_words
+from ...base.files import Output, is_marked, require_outputs
 from ...capture import Capture, write_capture
 from ...capture.file import KINDS
 from ...capture.schema import stored_fields
-from ...errors import InputError, in_words
-from ...files import Output, is_marked, require_outputs
 from ..framing import Kind, Message, pack
 from ..links import Outlet
 from ..reception import Arrival

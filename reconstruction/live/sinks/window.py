@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from ...errors import InputError
+from ...base.errors import InputError
 from ..framing import Kind, Message, pack
 from ..results import Outcome, State, result_entries, state_entries
 from ..tables import packed

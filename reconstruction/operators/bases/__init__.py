@@ -1,7 +1,7 @@
 """Pattern bases, one module each."""
 
-from ...errors import InputError
-from ...registry import Registry
+from ...base.errors import InputError
+from ...base.registry import Registry
 from ..basis import Basis
 from ..seeds import generator_of
 

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ..basis import Basis
 from .fourier import Fourier
 

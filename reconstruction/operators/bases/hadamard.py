@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats
-from ...errors import InputError
+from ...base.arrays import Floats
+from ...base.errors import InputError
 from ..basis import Basis
 from ..hadamard import fwht, power_of_two, sequency
 

@@ -6,8 +6,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...arrays import Floats
-from ...errors import InputError
+from ...base.arrays import Floats
+from ...base.errors import InputError
 from ..basis import Basis
 from .hadamard import Hadamard
 

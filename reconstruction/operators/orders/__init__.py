@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...registry import Registry
+from ...base.registry import Registry
 from ..seeds import generator_of
 
 Order = Callable[[Any], NDArray[np.int64]]

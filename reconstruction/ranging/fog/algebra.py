@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 
 RIDGE = 1e-12
 """Relative to the diagonal: what no reading tells stays finite."""

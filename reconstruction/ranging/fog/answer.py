@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...arrays import Floats, Mask
+from ...base.arrays import Floats, Mask
 from ..ranges import RANGED, Alternative, FogOptics, Ranges, Status
 from .chances import normal_share
 from .modes import LOG_DEVIATION

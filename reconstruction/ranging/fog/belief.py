@@ -6,7 +6,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...capture import Spots
 from ..brightness import Brightness
 from ..ranges import FogOptics, Ranges

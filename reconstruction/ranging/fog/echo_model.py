@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...capture.spots import SpotOptics
 from .overlap import overlap, path_lengths
 from .templates import PATCH_M

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtr
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ..histogram import coates
 from ..ranges import Alternative
 from .histograms import REACH, HistogramTemplates

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ..ranges import Alternative
 from .algebra import inverse, solved
 from .belief import FogBelief

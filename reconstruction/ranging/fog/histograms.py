@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from ...arrays import Floats, Mask
+from ...base.arrays import Floats, Mask
 from ...capture.readings.dtof import HistogramSpots
 from ..histogram import coates
 from .algebra import inverse, solved

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Floats, Mask
+from ...base.arrays import Floats, Mask
 from .algebra import inverse, solved
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
+from ...base.errors import InputError
 from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
-from ...errors import InputError
 from ..brightness import Brightness
 from ..ranges import MIN_SIGNAL, Ranges
 from ..weather import weather_of

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri, ndtr
 
-from ...arrays import Floats, Mask
+from ...base.arrays import Floats, Mask
+from ...base.errors import InputError
 from ...capture import Spots
 from ...capture.readings.dtof import HistogramSpots
-from ...errors import InputError
 from ..brightness import Brightness
 from ..histogram import BLOCKS
 from ..ranges import MIN_SIGNAL, Ranges

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Floats, Mask
+from ...base.arrays import Floats, Mask
+from ...base.errors import InputError
 from ...capture import Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
-from ...errors import InputError
 from .algebra import inverse, solved
 from .echo_model import EchoModel
 from .modes import LOG_DEVIATION, Places, expected_backscatter

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
+from ...base.errors import InputError
 from ...capture.spots import SpotOptics
-from ...errors import InputError
 
 TINY_M = 1e-12
 """In place of nothing, in denominators."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ..ranges import MIN_SIGNAL, Alternative
 from .belief import FogBelief
 from .modes import Modes

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 
 MEDIAN = 0.27
 LOG_SIGMA = 0.8

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...capture import Optics
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots

@@ -1,10 +1,10 @@
 """From the readings of a frame and what is held of the fog to ranges, and what is held then."""
 
+from ...base.errors import InputError
 from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
-from ...errors import InputError
 from .belief import FogSolver
 from .modes import NEAREST_M
 from .of_charge import charge_solver

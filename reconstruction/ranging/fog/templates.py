@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...capture.spots import SpotOptics
 from .overlap import overlap, path_lengths
 

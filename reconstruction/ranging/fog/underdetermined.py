@@ -21,7 +21,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...arrays import Floats, Mask
+from ...base.arrays import Floats, Mask
 from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots

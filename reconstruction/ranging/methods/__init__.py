@@ -1,9 +1,9 @@
 """Methods of ranging, one module each; the one named as a kind of readings is its plain one."""
 
+from ...base.errors import InputError
+from ...base.registry import Registry
 from ...capture import Spots
 from ...capture.schema import between
-from ...errors import InputError
-from ...registry import Registry
 from ..method import RangingMethod
 from ..ranges import LONGEST_IN_FOG_M, Ranges
 

@@ -6,7 +6,7 @@ optical path from the laser over the spot to the detector.
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
 from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ..brightness import Brightness

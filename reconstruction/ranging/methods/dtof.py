@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from ...base.constants import c
 from ...capture import Optics, Spots
 from ...capture.readings.dtof import HistogramSpots
-from ...constants import c
 from ..brightness import Brightness
 from ..histogram import find_pulses
 from ..method import RangingSolver

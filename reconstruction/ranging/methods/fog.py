@@ -6,11 +6,11 @@ deviates from that counts as noise. See `reconstruction.ranging.fog`.
 
 import numpy as np
 
+from ...base.constants import c
 from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
-from ...constants import c
 from ..brightness import Brightness
 from ..fog.solvers import fog_solver
 from ..method import RangingSolver

@@ -9,10 +9,10 @@ Of more than two windows for the echo, the two neighbours with most light are ta
 
 import numpy as np
 
-from ...arrays import Floats
+from ...base.arrays import Floats
+from ...base.constants import c
 from ...capture import Optics, Spots
 from ...capture.readings.pulsed import PulsedSpots
-from ...constants import c
 from ..brightness import Brightness
 from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import SceneBuilder
 from spisim_worlds.parts.lattice import TRIANGLE, boom
 from spisim_worlds.parts.shapes import Mesh, bars, block, lathe, moved, rod, union

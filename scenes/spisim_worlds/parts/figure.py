@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from trimesh.creation import icosphere
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim_worlds.parts.shapes import Mesh, Point, lathe, limb, moved, union
 
 UPPER_ARM_M, FOREARM_M, HAND_M = 0.28, 0.24, 0.09

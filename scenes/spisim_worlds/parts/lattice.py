@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim_worlds.parts.shapes import Mesh, bars, union
 
 #: Corners of a square across the axis of a boom.

@@ -4,7 +4,7 @@ import numpy as np
 from trimesh.creation import icosahedron, icosphere
 from trimesh.transformations import random_rotation_matrix
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim_worlds.parts.plants import blades
 from spisim_worlds.parts.shapes import Mesh, Point, alike
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim_worlds.parts.shapes import Mesh, grid_mesh
 
 Range = tuple[float, float]

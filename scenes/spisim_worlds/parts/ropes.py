@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim_worlds.parts.shapes import Mesh, Point, tube, union
 
 

@@ -8,7 +8,7 @@ import trimesh
 from numpy.typing import ArrayLike, NDArray
 from trimesh.creation import box, capsule, cylinder, revolve
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 
 Point: TypeAlias = Sequence[float] | Floats
 Mesh: TypeAlias = trimesh.Trimesh

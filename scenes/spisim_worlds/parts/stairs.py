@@ -6,7 +6,7 @@ metres.
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import SceneBuilder
 from spisim_worlds.parts.shapes import (
     Mesh,

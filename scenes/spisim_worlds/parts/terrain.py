@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import SceneBuilder
 from spisim_worlds.parts.shapes import Mesh, grid_mesh
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.scene.families import SceneBuilder
 from spisim_worlds.parts.natural import blob
 from spisim_worlds.parts.plants import blades

@@ -1,6 +1,6 @@
 """Kinds of weather, one module each, named like their section of a scene file."""
 
-from reconstruction.registry import Registry
+from reconstruction.base.registry import Registry
 from spisim.atmosphere.weather import Weather
 
 WEATHER: Registry[type[Weather]] = Registry(

@@ -15,8 +15,8 @@ from spisim.atmosphere.mie_phase import PHASES, PhaseName
 from spisim.atmosphere.phase import Blend, Phase, henyey_greenstein
 from spisim.atmosphere.table import tabulate
 from spisim.atmosphere.weather import Weather
-from spisim.config import Fraction, Name, Number, Positive, Section
-from spisim.config.files import read_columns
+from spisim.base.config import Fraction, Name, Number, Positive, Section
+from spisim.base.config.files import read_columns
 
 
 class PhaseDescription(Section):

@@ -10,7 +10,7 @@ from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.precipitation import FLAKE_KG_PER_M3, FLAKE_SPEED_M_S, Precipitation
 from spisim.atmosphere.snow import SNOW_G, snow
 from spisim.atmosphere.weather import Falling
-from spisim.config import Fraction, Number, Positive
+from spisim.base.config import Fraction, Number, Positive
 
 
 class Snow(Falling):

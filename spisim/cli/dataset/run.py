@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from ..console import print_json, results, say
 from ..options import Bar, Json, number_option
@@ -48,7 +48,7 @@ def command(
     Exit status: 0 all done, 1 some samples failed, 2 input that cannot be used, 3 no space left,
     130 interrupted.
     """
-    from reconstruction.files import require_folder
+    from reconstruction.base.files import require_folder
     from spisim.dataset.folder import Layout, has_its_content, has_its_size
     from spisim.dataset.planned import load_plan
     from spisim.dataset.preview import check

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from ..console import say
 from ..outputs import resumed

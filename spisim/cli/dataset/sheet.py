@@ -22,7 +22,7 @@ def command(
     progress: Bar = None,
 ) -> None:
     """Write one page with image, estimated and true depth, parameters and error of each sample."""
-    from reconstruction.files import require_outputs
+    from reconstruction.base.files import require_outputs
     from spisim.dataset import open as open_data_set
     from spisim.report.contact_sheet import write_contact_sheet
 

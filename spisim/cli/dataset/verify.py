@@ -17,7 +17,7 @@ def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
     """
     from dataclasses import asdict
 
-    from reconstruction.folders import holder
+    from reconstruction.base.folders import holder
     from spisim.dataset.folder import Layout
     from spisim.dataset.verify import verify
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import typer
 
-from reconstruction.registry import Registry
+from reconstruction.base.registry import Registry
 
 from . import draw, listing, show
 

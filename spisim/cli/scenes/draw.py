@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from ..console import print_json, say, warn
 from ..options import Json, Overwrite, Seed
@@ -54,7 +54,7 @@ def command(
 
 
 def _parameters(settings: list[str]) -> dict[str, object]:
-    from spisim.config import load_yaml
+    from spisim.base.config import load_yaml
 
     found = {}
     for setting in settings:

@@ -38,7 +38,7 @@ def command(
 
     A drawing in clear air, by ray casting: quick, and without light transport.
     """
-    from reconstruction.files import require_outputs
+    from reconstruction.base.files import require_outputs
     from spisim.report.scene_view import Look, survey, write_look
     from spisim.transport import RayCaster
 

@@ -152,7 +152,7 @@ def command(
 
 def _check_record(record: Path | None, read: list[Path], *, overwrite: bool) -> None:
     """Whether the record can be written."""
-    from reconstruction.files import require_outputs
+    from reconstruction.base.files import require_outputs
     from spisim.serving.record import record_outputs
 
     if record is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import cos, isfinite, radians, sin
 from typing import TYPE_CHECKING
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 if TYPE_CHECKING:
     from spisim.scene import Scene, Trajectory

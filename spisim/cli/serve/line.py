@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from ..console import say
 
@@ -24,7 +24,7 @@ def line_to(
     overwrite: bool,
 ) -> Line:
     """The line, whose places are there to be used; commands come back where they can."""
-    from reconstruction.files import Output, require_outputs
+    from reconstruction.base.files import Output, require_outputs
     from reconstruction.live.framing import MAGIC
     from reconstruction.live.links import NewFile, Source, is_link, outlet_to, source_at
     from spisim.serving import Line

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reconstruction.registry import Registry
+from reconstruction.base.registry import Registry
 
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reconstruction.base.files import mark
+from reconstruction.base.text import json_line
 from reconstruction.depth import pixel_of
 from reconstruction.exports import Shot
 from reconstruction.exports.export import KIND
 from reconstruction.exports.pictures import colour_png, depth_png
-from reconstruction.files import mark
-from reconstruction.text import json_line
 from spisim.dataset.shots import true_shots, write_whole
 
 if TYPE_CHECKING:

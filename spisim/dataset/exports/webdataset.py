@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reconstruction.errors import InputError
-from reconstruction.files import is_marked, mark, remove_unfinished, write_atomically
-from reconstruction.folders import locked_folder
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import is_marked, mark, remove_unfinished, write_atomically
+from reconstruction.base.folders import locked_folder
 
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet, StoredSample

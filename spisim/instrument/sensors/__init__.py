@@ -2,8 +2,8 @@
 
 from typing import Annotated, TypeAlias
 
-from reconstruction.registry import Registry
-from spisim.config import one_of
+from reconstruction.base.registry import Registry
+from spisim.base.config import one_of
 from spisim.instrument.sensor import Sensor
 
 SENSORS: Registry[type[Sensor]] = Registry(

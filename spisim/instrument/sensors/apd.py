@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 from scipy.constants import elementary_charge
 
-from spisim.config import NonNegative, Number
+from spisim.base.config import NonNegative, Number
 from spisim.instrument.photodiode import Photodiode
 
 

@@ -4,7 +4,7 @@ from typing import Literal
 
 from scipy.constants import elementary_charge
 
-from spisim.config import NonNegative
+from spisim.base.config import NonNegative
 from spisim.instrument.photodiode import Photodiode
 
 

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 from scipy.constants import c, h
 
-from reconstruction.arrays import Floats
-from spisim.config import NonNegative, Number
+from reconstruction.base.arrays import Floats
+from spisim.base.config import NonNegative, Number
 from spisim.instrument.sensor import (
     FWHM_PER_SIGMA,
     Each,

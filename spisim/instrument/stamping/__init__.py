@@ -7,7 +7,7 @@ import numpy as np
 from scipy.constants import c
 from scipy.ndimage import gaussian_filter1d
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.instrument.tof import Reading
 
 

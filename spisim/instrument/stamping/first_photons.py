@@ -10,8 +10,8 @@ import numpy as np
 from scipy.constants import c
 from scipy.interpolate import CubicSpline
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.instrument.stamping import smoothed
 from spisim.instrument.tof import Reading
 

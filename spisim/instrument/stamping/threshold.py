@@ -11,8 +11,8 @@ from scipy.constants import c, elementary_charge
 from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.instrument.stamping import smoothed
 from spisim.instrument.tof import Reading
 

@@ -2,8 +2,8 @@
 
 from typing import Annotated, Any, TypeAlias
 
-from reconstruction.registry import Registry
-from spisim.config import one_of
+from reconstruction.base.registry import Registry
+from spisim.base.config import one_of
 from spisim.instrument.tof import Tof
 
 TOFS: Registry[Any] = Registry(  # of classes; a protocol's are no type[Tof]

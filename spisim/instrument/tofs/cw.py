@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.constants import c
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.capture.spots import SpotOptics
-from reconstruction.errors import InputError
 from reconstruction.ranging import unambiguous_path_m
-from spisim.config import Count, Section
+from spisim.base.config import Count, Section
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, overflow

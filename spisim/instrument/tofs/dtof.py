@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.constants import c
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.spots import SpotOptics
-from reconstruction.errors import InputError
-from spisim.config import Count, Number, Positive, Section
+from spisim.base.config import Count, Number, Positive, Section
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.sensor import FWHM_PER_SIGMA
 from spisim.instrument.stamping import Stamping

@@ -9,11 +9,11 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.constants import c
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.capture.spots import SpotOptics
-from reconstruction.errors import InputError
-from spisim.config import Count, NonNegative, Positive, Section
+from spisim.base.config import Count, NonNegative, Positive, Section
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, check_pulse, overflow
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.transport import RayCaster
 
 Rays = tuple[Floats, Floats]  # origins and unit directions (n, 3), row by row

@@ -11,8 +11,8 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from reconstruction.arrays import Floats
-from reconstruction.files import write_atomically
+from reconstruction.base.arrays import Floats
+from reconstruction.base.files import write_atomically
 from spisim.instrument import Instrument
 from spisim.report.style import drawn, file_of, plot_style
 from spisim.scene import Scene

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument, needs
 from spisim.scene import Scene
 from spisim.scene.layout import Layout

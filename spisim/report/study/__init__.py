@@ -4,13 +4,13 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from reconstruction.files import Output, is_marked, write_atomically
+from reconstruction.base.files import Output, is_marked, write_atomically
 from spisim import __version__
+from spisim.dataset.study.metrics import Metric
+from spisim.dataset.study.plan import PlannedStudy
+from spisim.dataset.study.results import SPOTS_LEFT, Condition, Results, Row
+from spisim.dataset.study.statistics import FEW_UNITS, Estimate
 from spisim.report.page import write_page
-from spisim.study.metrics import Metric
-from spisim.study.plan import PlannedStudy
-from spisim.study.results import SPOTS_LEFT, Condition, Results, Row
-from spisim.study.statistics import FEW_UNITS, Estimate
 
 from .labels import axis_label, condition_label, method_label, metric_label
 from .plots import Plot, study_plots

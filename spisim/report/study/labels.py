@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from reconstruction.evaluation import method_title
-from spisim.study.metrics import Metric
-from spisim.study.plan import Study
+from spisim.dataset.study.metrics import Metric
+from spisim.dataset.study.plan import Study
 
 #: Endings of fields and the units that they mean, longer ones first.
 UNITS = {

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from spisim.dataset.study.metrics import Metric, Quantity
+from spisim.dataset.study.results import Condition, Results, Summary
+from spisim.dataset.study.statistics import FEW_UNITS, Estimate
 from spisim.report.inline import WIDE_IN, plot_in_page
 from spisim.report.style import drawn, file_of, plot_style
 from spisim.report.units import prefix_axis
-from spisim.study.metrics import Metric, Quantity
-from spisim.study.results import Condition, Results, Summary
-from spisim.study.statistics import FEW_UNITS, Estimate
 
 from .labels import axis_label, brief, condition_label, group_label, method_label
 

@@ -3,10 +3,10 @@
 from matplotlib.figure import Figure
 
 from reconstruction.evaluation import method_title
+from spisim.dataset.study.profile import CENTRES_M
+from spisim.dataset.study.results import Results, Row, over_units
+from spisim.dataset.study.statistics import Estimate
 from spisim.report.inline import WIDE_IN
-from spisim.study.profile import CENTRES_M
-from spisim.study.results import Results, Row, over_units
-from spisim.study.statistics import Estimate
 
 from .labels import group_label
 from .plots import Plot, draw_estimates, group_look, legend_above, plain_log, saved

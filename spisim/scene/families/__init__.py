@@ -8,8 +8,8 @@ meshes in memory instead of in files.
 from collections.abc import Mapping
 from typing import Any
 
-from reconstruction.registry import Registry
-from spisim.config.distributions import stream
+from reconstruction.base.registry import Registry
+from spisim.base.config.distributions import stream
 from spisim.scene.families.builder import Family, Placed, Point, SceneBuilder
 from spisim.scene.families.parameters import (
     Parameters,

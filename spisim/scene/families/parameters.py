@@ -6,9 +6,9 @@ from typing import Any, TypeVar
 from pydantic import Field, TypeAdapter, model_validator
 from pydantic_core import PydanticCustomError
 
-from reconstruction.errors import nearest
-from spisim.config import Section, check_fields
-from spisim.config.distributions import Choice, Distribution, LogUniform, Uniform, stream
+from reconstruction.base.errors import nearest
+from spisim.base.config import Section, check_fields
+from spisim.base.config.distributions import Choice, Distribution, LogUniform, Uniform, stream
 
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Distribution)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from reconstruction.operators import illumination
 from spisim.transport.drops.discs import (
     Shares,
@@ -16,7 +16,7 @@ from spisim.transport.drops.discs import (
 from spisim.transport.drops.echo import echo
 from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
-from spisim.transport.sequence import Interpolation
+from spisim.transport.interpolation import Interpolation
 
 
 def on_buckets(

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.atmosphere.drop_optics import Scatterer
 from spisim.transport.drops.discs import length
 from spisim.transport.views import DetectorView

@@ -8,8 +8,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 
 #: Contributions are summed as integers, in units of 2^-48 /m² of detector area. Integer addition
 #: is associative, which floating-point addition is not.

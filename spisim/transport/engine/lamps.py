@@ -14,7 +14,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.transport.geometry import direction_to
 from spisim.transport.meshes import Meshes
 

@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.transport.engine.ends import Connection, Launch, Projector, RandomRay
 from spisim.transport.views import ProjectorView
 

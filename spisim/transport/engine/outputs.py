@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from spisim.transport.engine.tally import (
     HistogramTally,
     ImageTally,

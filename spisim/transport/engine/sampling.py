@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.transport.engine.tally import Sums
 
 #: Independent repetitions from which a standard error is taken, at least.

@@ -11,8 +11,8 @@ import mitsuba as mi
 import numpy as np
 from scipy.constants import c
 
-from reconstruction.arrays import Floats
-from reconstruction.errors import InputError
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.transport.engine.accumulator import Accumulator, Check
 
 #: Parts that the light can be split into, by how often it was scattered in fog.

@@ -10,7 +10,7 @@ from scipy.constants import c
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import Stored
 from reconstruction.ranging import Paths, ranges_from_paths
-from spisim.config import Positive, Section
+from spisim.base.config import Positive, Section
 from spisim.instrument import TofDetector
 from spisim.instrument.tof import Emission, Reading
 

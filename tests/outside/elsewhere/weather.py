@@ -3,7 +3,7 @@
 from spisim.atmosphere import explicit
 from spisim.atmosphere.phase import henyey_greenstein
 from spisim.atmosphere.weather import Weather
-from spisim.config import Positive
+from spisim.base.config import Positive
 
 
 class Dust(Weather):

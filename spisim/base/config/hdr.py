@@ -1,0 +1,71 @@
+"""Pictures in Radiance's RGBE files (.hdr), as far as 1550 nm asks: their red.
+
+https://radsite.lbl.gov/radiance/refer/filefmts.pdf
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.base.errors import InputError
+
+MAX_PIXELS = 2**26
+MAGIC = (b"#?RADIANCE", b"#?RGBE")
+#: Widths of which rows are packed.
+PACKED = (8, 32767)
+#: A byte of so much more repeats the next one so often.
+REPEAT = 128
+
+
+def read_hdr_red(path: Path) -> NDArray[np.float32]:
+    """Linear red (h, w), top row first; InputError for what cannot be read."""
+    data = path.read_bytes()
+    head, gap, rest = data.partition(b"\n\n")
+    size = re.match(rb"-Y (\d{1,7}) \+X (\d{1,7})\n", rest)
+    if not data.startswith(MAGIC) or not gap or size is None:
+        raise InputError(f"{path.name}: cannot be read as Radiance HDR with its top row first")
+    if b"xyze" in head:
+        raise InputError(f"{path.name}: holds XYZ colours, which are not read: save it as RGBE")
+    height, width = int(size[1]), int(size[2])
+    if not 0 < height * width <= MAX_PIXELS:
+        raise InputError(f"{path.name}: {width} × {height} pixels; at most {MAX_PIXELS:,} are read")
+    rgbe = _rows(rest[size.end() :], height, width, path)
+    scale = np.ldexp(np.float32(1), rgbe[:, 3].astype(int) - 136)
+    return np.where(rgbe[:, 3] > 0, rgbe[:, 0] * scale, 0).astype(np.float32)
+
+
+def _rows(data: bytes, height: int, width: int, path: Path) -> NDArray[np.uint8]:
+    """Red, green, blue and exponent (h, 4, w)."""
+    mark = bytes((2, 2, width >> 8, width & 255))
+    if not PACKED[0] <= width <= PACKED[1] or not data.startswith(mark):
+        if len(data) < 4 * width * height:
+            raise InputError(f"{path.name}: is cut off, or packed in a way that is not read")
+        plain = np.frombuffer(data, np.uint8, 4 * width * height)
+        return plain.reshape(height, width, 4).transpose(0, 2, 1)
+    rows = np.empty((height, 4 * width), np.uint8)
+    at = 0
+    for row in rows:
+        if data[at : at + 4] != mark:
+            raise InputError(f"{path.name}: is cut off or damaged")
+        at = _unpack(data, at + 4, row, width, path)
+    return rows.reshape(height, 4, width)
+
+
+def _unpack(data: bytes, at: int, row: NDArray[np.uint8], width: int, path: Path) -> int:
+    """Fill a row (4 w,) with what stands in the data from a place on; return where that ends."""
+    filled = 0
+    while filled < len(row):
+        count = data[at] if at < len(data) else 0
+        repeats = count > REPEAT
+        count -= REPEAT if repeats else 0
+        taken = 1 if repeats else count
+        values = data[at + 1 : at + 1 + taken]
+        within = filled % width + count <= width  # runs end with each colour
+        if not count or len(values) < taken or not within:
+            raise InputError(f"{path.name}: is cut off or damaged")
+        row[filled : filled + count] = np.frombuffer(values, np.uint8)
+        filled += count
+        at += 1 + taken
+    return at

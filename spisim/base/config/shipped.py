@@ -1,0 +1,17 @@
+"""Files that come with the package: scenes, studies, examples."""
+
+from pathlib import Path
+
+from reconstruction.base.errors import InputError
+
+
+def shipped(folder: str) -> Path:
+    """Folder of files that come along: beside the package in a checkout, else within it.
+
+    InputError if it is not there.
+    """
+    package = Path(__file__).parents[2]
+    for place in (package / "shipped" / folder, package.parent / folder):
+        if place.is_dir():
+            return place
+    raise InputError(f"the shipped {folder} are missing; reinstall spisim")

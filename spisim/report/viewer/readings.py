@@ -1,0 +1,92 @@
+"""What was recorded, as recorded: taps, phasors, histograms; and ranges over time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.ranging.methods.cw import quadrature_weights
+from spisim.report.viewer.sights import Sight
+from spisim.report.viewer.space import spot_colours, spot_words
+
+
+def draw_readings(rerun: Any, stream: Any, sight: Sight) -> None:
+    """Log bars of readings, phasors in their plane, ranges as curves, and what is to be known."""
+    stream.log("notes", rerun.TextDocument(_notes(sight), media_type="text/markdown"))
+    if sight.frame is not None:
+        stream.log("readings/patterns", rerun.BarChart(sight.frame.buckets.counts[0]))
+        _draw_spots(rerun, stream, sight.frame.spots)
+        taps = sight.frame.pattern_taps
+        if taps is not None:
+            shown = rerun.Tensor(taps.taps[0], dim_names=("exposure", "tap"))
+            stream.log("readings/pattern_taps", shown)
+    ranges = sight.shot.ranges
+    if ranges is None:
+        return
+    for k, (range_m, sigma_m) in enumerate(zip(ranges.range_m, ranges.sigma_m, strict=True)):
+        if np.isfinite(range_m):
+            stream.log(f"ranges/spot_{k}", rerun.Scalars(range_m))
+            stream.log(f"sigmas/spot_{k}", rerun.Scalars(sigma_m))
+        if sight.truth is not None and np.isfinite(sight.truth.spot_range_m[k]):
+            stream.log(f"ranges/true_{k}", rerun.Scalars(sight.truth.spot_range_m[k]))
+
+
+def style_ranges(rerun: Any, stream: Any) -> None:
+    """Let curves have the colours of their spots, true ones paler."""
+    for k, colour in enumerate(spot_colours()):
+        pale = (colour.astype(int) + 255) // 2
+        for name, shown, width in (("spot", colour, 2.0), ("true", pale, 1.0)):
+            line = rerun.SeriesLines(colors=[shown.tolist()], names=f"{name} {k}", widths=[width])
+            stream.log(f"ranges/{name}_{k}", line, static=True)
+
+
+def _draw_spots(rerun: Any, stream: Any, spots: Any) -> None:
+    """Of each spot its taps or its histogram; of continuous waves the phasors too."""
+    if spots is None:
+        return
+    colours = spot_colours()
+    if isinstance(spots, HistogramSpots):
+        bins = spots.start_s + (np.arange(spots.counts.shape[-1]) + 0.5) * spots.bin_width_s
+        for k, colour in enumerate(colours):
+            bars = rerun.BarChart(spots.counts[0, k], color=colour, abscissa=1e9 * bins)
+            stream.log(f"readings/histograms/spot_{k}", bars)
+        return
+    for k, colour in enumerate(colours):
+        stream.log(f"readings/taps/spot_{k}", rerun.BarChart(spots.readings[0, k], color=colour))
+    if isinstance(spots, CwSpots):
+        for hertz, phasors in phasors_of(spots).items():
+            # up is positive, and a picture's y points down
+            ends = np.stack([phasors.real, -phasors.imag], axis=-1).astype(np.float32)
+            arrows = rerun.Arrows2D(
+                vectors=ends, colors=colours, labels=[f"spot {k}" for k in range(len(ends))]
+            )
+            stream.log(["phasors", f"{hertz / 1e6:.6g} MHz"], arrows)
+
+
+def phasors_of(spots: CwSpots) -> dict[float, np.ndarray]:
+    """A exp(i phi) (4,) in electrons, of the first frame, by modulation frequency."""
+    electrons = spots.electrons(spots.taps[0])
+    found = {}
+    for hertz in np.unique(spots.tap_frequencies_hz).tolist():
+        of = spots.tap_frequencies_hz == hertz
+        weights = quadrature_weights((spots.tap_phases_rad - spots.phase_offsets_rad)[of])
+        _, cosine, sine = np.moveaxis(electrons[:, of] @ weights.T, -1, 0)
+        found[hertz] = cosine + 1j * sine
+    return found
+
+
+def _notes(sight: Sight) -> str:
+    lines = [f"**{sight.title}**, frame {sight.result.frame}"]
+    lines += [f"- {words}" for words in spot_words(sight.result)]
+    ranges = sight.shot.ranges
+    if ranges is not None and ranges.fog is not None:
+        lines.append(f"- fog: extinction {ranges.fog.extinction_per_m:.4g} per metre")
+    if sight.truth is not None and sight.shot.depth_m is not None:
+        error = np.abs(sight.shot.depth_m - sight.truth.depth_m)
+        if np.isfinite(error).any():
+            lines.append(f"- depth: mean error {np.nanmean(error):.3f} m")
+    lines += [f"- warning: {text}" for text in sight.shot.warnings]
+    return "\n".join(lines)

@@ -1,0 +1,91 @@
+"""A recording of Rerun: opened in the viewer, or saved as a file; what each frame puts into it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import Output, mark
+from spisim.dataset.extras import needed
+from spisim.report.viewer.layout import layout
+from spisim.report.viewer.pictures import draw_pictures
+from spisim.report.viewer.readings import draw_readings, style_ranges
+from spisim.report.viewer.sights import Sight
+from spisim.report.viewer.space import Space
+from spisim.report.viewer.window import open_window
+
+KIND = "recording of Rerun"
+SUFFIX = ".rrd"
+
+
+def library() -> Any:
+    """Rerun; InputError, with what to install, where it is missing."""
+    return needed("rerun", "viewer")
+
+
+def recording_output(path: Path) -> Output:
+    """The file of a recording, which Rerun marks by the application that made it."""
+    return Output(path, KIND, (SUFFIX,))
+
+
+def check_viewer() -> None:
+    """Raise InputError where no window can be opened."""
+    shown = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get(
+        "WAYLAND_DISPLAY"
+    )  # fmt: skip
+    if not shown:
+        raise InputError(
+            "there is no display to open the viewer on; --save FILE.rrd writes a recording, and "
+            "`rerun FILE.rrd` opens it on another machine"
+        )
+
+
+class Recording:
+    """Frames in a recording of Rerun, at their times: begun, and saved or shown until closed.
+
+    Raises InputError without Rerun, and where its window cannot be opened.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._rerun = rr = library()
+        self._stream = rr.RecordingStream(mark(KIND))
+        if path is None:
+            rr.connect_grpc(open_window(), recording=self._stream)
+        else:
+            rr.save(path, recording=self._stream)
+        self._space = Space(rr, self._stream)
+        self._begun_ns: int | None = None
+        self.frames = 0
+
+    def add(self, sight: Sight) -> None:
+        """Add a frame."""
+        stream = self._stream
+        if self._begun_ns is None:
+            self._begun_ns = sight.shot.stamp_ns
+            pose = np.eye(4) if sight.shot.pose is None else sight.shot.pose
+            self._rerun.send_blueprint(layout(pose, sight.scene), recording=stream)
+            style_ranges(self._rerun, stream)
+        seconds = (sight.shot.stamp_ns - self._begun_ns) / 1e9
+        stream.set_time("time", duration=np.timedelta64(round(1e9 * seconds), "ns"))
+        stream.set_time("frame", sequence=self.frames)
+        self.frames += 1
+        self._space.draw(sight)
+        draw_pictures(self._rerun, stream, sight)
+        draw_readings(self._rerun, stream, sight)
+
+    def close(self) -> None:
+        """Write what is left, and let go of the file or viewer.
+
+        Raises InputError where the viewer was closed meanwhile.
+        """
+        try:
+            self._stream.flush()
+        except RuntimeError as error:
+            raise InputError(f"the viewer did not take all frames: {error}") from None
+        finally:
+            self._stream.disconnect()

@@ -1,0 +1,155 @@
+"""What stands in space: the scene, the drone with its field, spots, and clouds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from reconstruction.base.arrays import Floats
+from reconstruction.depth import pixel_rays
+from reconstruction.ranging import RANGED
+from reconstruction.result import Result
+from spisim.report.style import SPOT_COLOURS
+from spisim.report.viewer.sights import Sight
+from spisim.scene import Scene, SceneObject
+
+DRONE = "world/drone"
+CLOUD, TRUTH = (255, 140, 40), (90, 200, 120)
+POINT_PX, SPOT_PX = 2.0, 6.0
+#: Of the projector's field, when drawn.
+FIELD_M = 1.0
+SIGMAS = 3.0
+NO_RANGE = "no range"
+
+
+class Space:
+    """Draws into a stream, and remembers which scene stands there."""
+
+    def __init__(self, rerun: Any, stream: Any) -> None:
+        self._rr = rerun
+        self._stream = stream
+        self._text: str | None = None
+        stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+
+    def draw(self, sight: Sight) -> None:
+        """Draw a frame."""
+        if sight.scene is not None:
+            self._draw_scene(sight.scene, sight.since_s)
+        self._draw_drone(sight)
+        self._draw_clouds(sight)
+        if sight.shot.ranges is not None and sight.shot.spots is not None:
+            self._draw_spots(sight)
+
+    def _draw_scene(self, scene: Scene, since_s: float) -> None:
+        new = scene.text != self._text
+        if new and self._text is not None:
+            self._stream.log("world/scene", self._rr.Clear(recursive=True))
+        self._text = scene.text
+        for number, thing in enumerate(scene.objects):
+            if new or thing.moves:
+                name = f"{number:03d} {thing.name}"
+                self._stream.log(["world", "scene", name], self._mesh(thing.at(since_s)))
+
+    def _mesh(self, thing: SceneObject) -> Any:
+        """Flat faces, grey by the reflectance at the laser's wavelength."""
+        mesh: trimesh.Trimesh = thing.mesh
+        corners = mesh.vertices[mesh.faces].reshape(-1, 3)
+        grey = round(255 * float(np.clip(np.sqrt(thing.material.reflectance), 0, 1)))
+        return self._rr.Mesh3D(
+            vertex_positions=corners.astype(np.float32),
+            triangle_indices=np.arange(len(corners), dtype=np.uint32).reshape(-1, 3),
+            vertex_normals=np.repeat(mesh.face_normals, 3, axis=0).astype(np.float32),
+            albedo_factor=(grey, grey, grey, 255),
+        )
+
+    def _draw_drone(self, sight: Sight) -> None:
+        rr, shot = self._rr, sight.shot
+        pose = np.eye(4) if shot.pose is None else shot.pose
+        place = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+        self._stream.log(DRONE, place)
+        body = rr.Boxes3D(half_sizes=[0.15, 0.04, 0.15], colors=[(240, 240, 240)])
+        self._stream.log(f"{DRONE}/body", body)
+        if shot.optics is None:
+            return
+        height, width = shot.shape
+        # an image's corner is where Rerun counts pixels from
+        matrix = shot.intrinsics.matrix.copy()
+        matrix[:2, 2] += 0.5
+        field = rr.Pinhole(
+            image_from_camera=matrix,
+            resolution=[width, height],
+            camera_xyz=rr.ViewCoordinates.RDF,
+            image_plane_distance=FIELD_M,
+            color=(255, 211, 77),
+        )
+        self._stream.log(f"{DRONE}/projector", field)
+
+    def _draw_clouds(self, sight: Sight) -> None:
+        if sight.shot.optics is None:
+            return
+        rays = pixel_rays(sight.shot.optics, sight.shot.shape)
+        maps = {"cloud": (sight.shot.depth_m, CLOUD)}
+        if sight.truth is not None:
+            maps["truth"] = (sight.truth.depth_m, TRUTH)
+        for name, (depth_m, colour) in maps.items():
+            if depth_m is None:
+                self._stream.log(f"{DRONE}/{name}", self._rr.Clear(recursive=False))
+                continue
+            points = (rays * depth_m[..., None])[np.isfinite(depth_m)]
+            shown = self._rr.Points3D(
+                points.astype(np.float32),
+                colors=[colour],
+                radii=self._rr.Radius.ui_points(POINT_PX),
+            )
+            self._stream.log(f"{DRONE}/{name}", shown)
+
+    def _draw_spots(self, sight: Sight) -> None:
+        """Beams to where the ranges end, what three sigma are, and where they truly end."""
+        rr = self._rr
+        assert sight.shot.ranges is not None
+        assert sight.shot.spots is not None
+        range_m, sigma_m = sight.shot.ranges.range_m, sight.shot.ranges.sigma_m
+        directions, seen = sight.shot.spots.directions, sight.shot.ranges.valid
+        colours = spot_colours()
+        ends = directions[seen] * range_m[seen, None]
+        beams = [[(0.0, 0.0, 0.0), end] for end in ends.tolist()]
+        self._stream.log(f"{DRONE}/spots/beams", rr.LineStrips3D(beams, colors=colours[seen]))
+        points = rr.Points3D(
+            ends,
+            colors=colours[seen],
+            radii=rr.Radius.ui_points(SPOT_PX),
+            labels=[words for words, is_in in zip(spot_words(sight.result), seen, strict=True)
+                    if is_in],
+        )  # fmt: skip
+        self._stream.log(f"{DRONE}/spots/measured", points)
+        span = SIGMAS * sigma_m[seen, None] * directions[seen]
+        bars = np.stack([ends - span, ends + span], axis=1).tolist()
+        sigmas = rr.LineStrips3D(bars, colors=colours[seen], radii=rr.Radius.ui_points(SPOT_PX / 2))
+        self._stream.log(f"{DRONE}/spots/sigma", sigmas)
+        if sight.truth is not None:
+            true = (directions * sight.truth.spot_range_m[:, None])[
+                np.isfinite(sight.truth.spot_range_m)
+            ]
+            there = rr.Points3D(true, colors=[TRUTH], radii=rr.Radius.ui_points(SPOT_PX))
+            self._stream.log(f"{DRONE}/spots/truth", there)
+
+
+def spot_colours() -> NDArray[np.uint8]:
+    """(4, 3), as in the reports."""
+    return np.array([[int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in SPOT_COLOURS],
+                    np.uint8)  # fmt: skip
+
+
+def spot_words(result: Result) -> list[str]:
+    """What is known of each spot."""
+    ranges = result.ranges
+    if ranges is None:
+        return []
+    pairs: Floats = np.stack([ranges.range_m, ranges.sigma_m], axis=1)
+    return [
+        f"spot {k}: {range_m:.3f} ± {sigma_m:.3f} m" if status in RANGED else f"spot {k}: {status}"
+        for k, ((range_m, sigma_m), status) in enumerate(zip(pairs, ranges.status, strict=True))
+    ]

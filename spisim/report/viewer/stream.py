@@ -1,0 +1,49 @@
+"""A live stream in the viewer."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from reconstruction.exports import Shot
+from reconstruction.live import Arrival, Outcome
+from reconstruction.live.sinks import Sink
+from spisim.report.viewer.recording import Recording
+from spisim.report.viewer.sights import Sight
+
+#: Frames whose readings wait for their results.
+REMEMBERED = 64
+
+
+class StreamViewer(Sink):
+    """Puts frames into a recording as their results come, the drone at the origin."""
+
+    def __init__(self, recording: Recording, title: str) -> None:
+        self._recording = recording
+        self._title = title
+        self._arrivals: deque[Arrival] = deque(maxlen=REMEMBERED)
+
+    def frame(self, arrival: Arrival) -> None:
+        """Remember its readings."""
+        self._arrivals.append(arrival)
+
+    def result(self, outcome: Outcome) -> None:
+        """Show it."""
+        setup, number = outcome.stream.setup, outcome.result.frame
+        known = (each for each in self._arrivals if each.frame.first == number)
+        arrival = next(known, None)
+        stamp_ns = outcome.time_ns
+        if not stamp_ns and arrival is not None:
+            stamp_ns = round(1e9 * arrival.received_s)
+        self._recording.add(
+            Sight(
+                self._title,
+                Shot.of(outcome.result, setup, stamp_ns),
+                outcome.result,
+                setup,
+                None if arrival is None else arrival.frame,
+            )
+        )
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._recording.close()

@@ -1,0 +1,82 @@
+"""Light and truth as files: OpenEXR images and NumPy histograms."""
+
+import io
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.base.files import mark, write_atomically
+from spisim.simulation.light.solve import Transport
+from spisim.transport.engine.tally import ORDERS
+from spisim.transport.exr import write_exr
+from spisim.transport.truth import GroundTruth
+
+#: Of channels and arrays that are not plain numbers.
+UNITS = {"range_m": "m", "depth_m": "m", "path_length_m": "m", "cube_path_length_m": "m"}
+#: Of `Transport.extra`.
+OVER_PATH_LENGTH = ("spot_orders", "cube", "cube_orders", "cube_path_length_m")
+
+
+def write_truth(path: Path, truth: GroundTruth, extra: Mapping[str, NDArray[np.floating]]) -> None:
+    """Write what is truly there, and further (H, W) channels, as OpenEXR.
+
+    The header tells the unit of every channel and the names behind `object_id`.
+    """
+    channels: dict[str, NDArray[np.floating]] = {
+        "range_m": truth.range_m,
+        "depth_m": truth.depth_m,
+        "reflectance": truth.reflectance,
+        "object_id": np.asarray(truth.object_id, np.float32),
+        "coverage": truth.coverage,
+        **{f"normal.{axis}": truth.normal[..., k] for k, axis in enumerate("XYZ")},
+        **extra,
+    }
+    units = {f"units.{name}": UNITS.get(name, "1") for name in channels}
+    names = {f"object.{k}": name for k, name in enumerate(truth.object_names)}
+    write_exr(path, "transport image", channels, units | names)
+
+
+def light_channels(
+    light: Transport, frequencies_hz: Sequence[float]
+) -> dict[str, NDArray[np.floating]]:
+    """The light of the pixels as (H, W) channels."""
+    channels: dict[str, NDArray[np.floating]] = {
+        "transport": light.image,
+        "transport_error": light.image_error,
+    }
+    if "orders" in light.extra:
+        channels |= _by_order("transport", light.extra["orders"])
+    for number, frequency in enumerate(frequencies_hz):
+        name = f"phasor_{frequency / 1e6:g}MHz"
+        phasors = {name: light.extra["phasors"][number]}
+        if "phasor_orders" in light.extra:
+            phasors |= _by_order(name, light.extra["phasor_orders"][:, number])
+        for layer, phasor in phasors.items():
+            channels |= {f"{layer}.real": phasor.real, f"{layer}.imag": phasor.imag}
+    return channels
+
+
+def _by_order(name: str, parts: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    return {f"{name}.{order}": part for order, part in zip(ORDERS, parts, strict=True)}
+
+
+def write_histograms(path: Path, light: Transport) -> None:
+    """Write light over path length, of the four spots and the cube, as a NumPy file.
+
+    `units.<name>` tells the unit of every array.
+    """
+    arrays = {
+        "spot_histogram": light.spot_histogram,
+        "path_length_m": light.path_length_m,
+        **{name: light.extra[name] for name in OVER_PATH_LENGTH if name in light.extra},
+    }
+    units = {f"units.{name}": np.array(UNITS.get(name, "1")) for name in arrays}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays, **units)
+    with zipfile.ZipFile(buffer, "a") as archive:
+        archive.comment = mark("histograms").encode()
+    write_atomically(path, buffer.getvalue())

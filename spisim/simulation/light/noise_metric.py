@@ -1,0 +1,114 @@
+"""How far light is traced, and how well it is then known next to what a detector tells of it.
+
+The noise share of a reading is the standard error of the light transport in it over the noise of
+the detector there: photons, amplifier and converter, as `spisim.budget` has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from reconstruction.operators import Decoder, PatternPlan, decoder_for, expose
+from spisim.budget import collected_share, exposure_noise, ranging_noise
+from spisim.instrument import Instrument
+from spisim.transport.engine.sampling import Gauge
+
+#: Light of less variance than this, in electrons², has none that matters.
+LEAST_VARIANCE = 1e-12
+
+
+def image_gauge(instrument: Instrument, daylight_w: float) -> Gauge:
+    """Rms noise share of the decoded coefficients, for `image` sums.
+
+    Of exposures themselves, where a plan cannot be decoded or its patterns are not orthogonal.
+    """
+    plans = instrument.pattern_plans
+    decoders = [_decoder(plan) for plan in plans]
+    detector, time_s = instrument.imaging.detector, instrument.imaging.exposure_time_s
+    per_joule = instrument.electrons_per_joule
+    electrons = instrument.pixel_powers_w * (per_joule(detector, "projector") * time_s)
+    dark_level = instrument.imaging.projector.dark_level
+    others = {
+        "daylight": np.asarray(daylight_w * per_joule(detector, "daylight") * time_s),
+        "dark current": np.asarray(
+            len(detector.positions_m) * detector.dark_electrons(time_s), dtype=np.float64
+        ),
+    }
+    collected = collected_share(instrument)
+
+    def readings(sums: Mapping[str, Floats]) -> Floats:
+        image = sums["image"].reshape(electrons.shape) * electrons
+        dark = dark_level * image.sum()
+        shown = [(1 - dark_level) * expose(plan, image) + dark for plan in plans]
+        decoded = [
+            each if decoder is None else decoder.decode(each)
+            for each, decoder in zip(shown, decoders, strict=True)
+        ]
+        return np.concatenate([*shown, *decoded])
+
+    def size(mean: Floats, error: Floats) -> float:
+        exposures = np.split(mean, np.cumsum([plan.exposures for plan in plans]))[: len(plans)]
+        variances = [
+            _variance(
+                decoder, exposure_noise(instrument, {"signal": each, **others}).total_variance
+            )
+            for each, decoder in zip(exposures, decoders, strict=True)
+        ]
+        errors = collected * error[sum(plan.exposures for plan in plans) :]
+        return _share(errors, np.concatenate(variances))
+
+    return Gauge(readings, size)
+
+
+def spot_gauge(
+    instrument: Instrument, daylight_w: Floats, crosstalk_w: Floats, phase_rad: Floats
+) -> Gauge:
+    """Rms noise share of the spots' phasors, for `histogram` sums over path lengths.
+
+    `phase_rad` (bins,): of the light in a phasor, a turn for the longest unambiguous path. The
+    noise of a phasor is that of four readings, one reading's over √2 in either part (Lange & Seitz,
+    IEEE J. Quantum Electron. 37, 390 (2001)), with their contrast taken as one.
+    """
+    tof = instrument.ranging.tof
+    per_joule = instrument.electrons_per_joule
+    echo = per_joule(tof.detector, "laser") * instrument.ranging.lasers.power_w
+    others = {
+        "daylight": np.asarray(daylight_w * per_joule(tof.detector, "daylight")),
+        "patterns": np.asarray(crosstalk_w * per_joule(tof.detector, "projector")),
+        "dark current": np.asarray(tof.detector.sensor.dark_rate_hz, dtype=np.float64),
+    }
+    waves = np.stack([np.ones_like(phase_rad), np.cos(phase_rad), np.sin(phase_rad)])
+
+    def readings(sums: Mapping[str, Floats]) -> Floats:
+        return np.asarray(waves @ sums["histogram"].T * echo)  # (3, 4)
+
+    def size(mean: Floats, error: Floats) -> float:
+        noise = ranging_noise(instrument, {"signal": mean[0], **others})
+        return _share(error[1:] * tof.reading.echo_s, noise.total_variance / 2)
+
+    return Gauge(readings, size)
+
+
+def _decoder(plan: PatternPlan) -> Decoder | None:
+    if not plan.patterns.orthogonal:
+        return None
+    try:
+        return decoder_for(plan)
+    except InputError:
+        return None
+
+
+def _variance(decoder: Decoder | None, variance: Floats) -> Floats:
+    """Of coefficients, from that of the readings."""
+    if decoder is None:
+        return variance
+    shared = decoder.shared_columns() ** 2 @ variance[decoder.shared]
+    return np.asarray(decoder.own_variance(variance) + shared)
+
+
+def _share(error: Floats, variance: Floats) -> float:
+    return float(np.sqrt(np.mean(error**2 / np.maximum(variance, LEAST_VARIANCE))))

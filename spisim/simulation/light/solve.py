@@ -1,0 +1,356 @@
+"""All the light that an instrument receives from a scene."""
+
+import logging
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.base.arrays import Floats
+from spisim.instrument import Detector, Instrument
+from spisim.instrument.model import Source
+from spisim.scene import Scene
+from spisim.simulation.light.noise_metric import image_gauge, spot_gauge
+from spisim.transport.backend import with_backend
+from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
+from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import (
+    Estimate,
+    Paths,
+    SamplingBudget,
+    TargetError,
+)
+from spisim.transport.engine.walk import MAX_VERTICES
+from spisim.transport.glints import warn_of_glints
+from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.transport.stated_error import image_error, spot_error
+from spisim.transport.views import InstrumentView
+from spisim.transport.world import World, build_world
+
+logger = logging.getLogger(__name__)
+
+#: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
+SPOT_PATHS_PER_SPP = 64
+#: And first of all on the way to an error: a launch of fewer takes as long.
+FIRST_SPOT_PATHS = 64
+#: Estimates of the image at least, on the way to an error: thousands of coefficients tell it well.
+LEAST_IMAGES = 5
+#: And paths per pixel in each of them: most of the light is found along rays, of which there are
+#: several to a path.
+LEAST_PATHS = 0.5
+#: Many coefficients tell early how many paths are missing: at most so many times those before.
+GROWTH = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Transport:
+    """Light transport of one scene and instrument: fractions of emitted power, and daylight.
+
+    Without lasers the arrays of spots have length 0; without a projector `image` is one dark pixel.
+
+    `*_error` are standard errors of the Monte Carlo estimate, those of pixels and bins moderated by
+    what is around (`spisim.transport.stated_error`). `extra` has what `Outputs` asked for:
+    `phasors` (F, H, W), complex; `cube` (H, W, bins) and `cube_path_length_m` (bins,); and, split
+    into unscattered, single and multiple, `orders` (3, H, W) of the image, `phasor_orders`
+    (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, 4, bins).
+    """
+
+    image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detector's apertures
+    image_error: Floats
+    spot_histogram: Floats  # (4, bins): fraction of a laser's power on its detector's aperture
+    spot_histogram_error: Floats
+    #: (bins,): whole optical path, emitter to detector; see `spisim.transport.path_bins`.
+    path_length_m: Floats
+    daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
+    daylight_error_w: float
+    spot_daylight_w: Floats  # (4,)
+    spot_daylight_error_w: Floats
+    spot_crosstalk_w: Floats  # (4,): mean power of the projector's patterns there
+    spot_crosstalk_error_w: Floats
+    #: Standard errors over the detectors' noise, rms: of decoded coefficients, of spots' phasors.
+    noise_share: float
+    spot_noise_share: float
+    dropped: int  # contributions that were not finite numbers, and are left out
+    paths: int
+    seconds: float
+    extra: Mapping[str, NDArray[Any]]  # as above
+
+
+#: Paths per `spp`, and in their place the noise share to be reached.
+Effort = tuple[int, float | None]
+
+
+def _none(**sums: Floats) -> Estimate:
+    """Of light that there is none of."""
+    return Estimate(sums, sums, launches=2, paths=0, size=float("nan"), dropped=0)
+
+
+#: What there is without a projector, and without lasers.
+NO_IMAGE = _none(image=np.zeros(1))
+NO_SPOTS = _none(histogram=np.zeros((0, 0)), histogram_orders=np.zeros((3, 0, 0)))
+
+
+@with_backend
+def solve(
+    scene: Scene,
+    instrument: Instrument,
+    *,
+    spp: int = 256,
+    transport_noise_share: float | None = None,
+    seed: int = 0,
+    outputs: Outputs = Outputs(),  # noqa: B008
+    progress: Callable[[float], None] | None = None,
+) -> Transport:
+    """Trace the light of projector, lasers and sky through the scene, once for all patterns.
+
+    Parameters
+    ----------
+    spp
+        Paths per virtual pixel from either end.
+    transport_noise_share
+        Instead of `spp`: go on until the standard errors of the decoded coefficients, and those of
+        the spots' phasors, are at most this share of the detectors' noise there, in the rms.
+    seed
+        The same seed gives the same bits on the same machine and backend.
+    outputs
+        What to keep besides the transport image.
+    progress
+        Called with the fraction done.
+
+    Raises
+    ------
+    InputError
+        If the scene was made for another wavelength than the instrument's, the histograms are too
+        coarse for what is modulated onto the light, or more light returns than can be summed.
+
+    Warns
+    -----
+    TransportWarning
+        If some light was not a finite number and is left out, or a mirror throws a laser straight
+        into its detector.
+    """
+    began = time.perf_counter()
+    if instrument.ranges:
+        instrument.ranging.tof.check_bins(BIN_WIDTH_M)
+    if outputs.frequencies_hz or outputs.bins is not None:
+        instrument.imaging  # noqa: B018 - raises where there are no pixels to keep it of
+    placed = InstrumentView.placed(scene, instrument)
+    streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
+    world = build_world(scene)
+    if instrument.ranges:
+        warn_of_glints(world, placed.beams, placed.tof)
+    steady = steady_light(scene, instrument, world, placed, streams[2:])
+    dropped = steady.pop("dropped")
+    image, (spots, lengths_m) = NO_IMAGE, (NO_SPOTS, np.zeros(0))
+    if instrument.images:
+        image = _image(
+            instrument,
+            world,
+            placed,
+            steady["daylight_w"],
+            (spp, transport_noise_share),
+            outputs,
+            streams[0],
+            _part(progress, 0.1, 0.8),
+        )
+    if instrument.ranges:
+        spots, lengths_m = _spots(
+            instrument,
+            world,
+            placed,
+            steady,
+            (spp, transport_noise_share),
+            streams[1],
+            _part(progress, 0.8, 1.0),
+        )
+    seconds, shape = time.perf_counter() - began, placed.projector.shape
+    logger.info(
+        "light of %s: %d paths in %.1f s; error over the detectors' noise %.2g, of spots %.2g",
+        scene.name,
+        image.paths + spots.paths,
+        seconds,
+        image.size,
+        spots.size,
+    )
+    return Transport(
+        image=image.mean["image"].reshape(shape),
+        image_error=image_error(image, shape),
+        spot_histogram=spots.mean["histogram"],
+        spot_histogram_error=spot_error(spots),
+        path_length_m=lengths_m,
+        **steady,
+        noise_share=image.size,
+        spot_noise_share=spots.size,
+        dropped=image.dropped + spots.dropped + dropped,
+        paths=image.paths + spots.paths,
+        seconds=seconds,
+        extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape),
+    )
+
+
+def _image(
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    daylight_w: float,
+    effort: Effort,
+    outputs: Outputs,
+    seed: np.random.SeedSequence,
+    progress: Callable[[float], None] | None,
+) -> Estimate:
+    """Light of the projector on the bucket detector."""
+    spp, noise_share = effort
+    gauge = image_gauge(instrument, daylight_w)
+    budget: SamplingBudget = Paths(spp, gauge=gauge)
+    if noise_share is not None:
+        budget = TargetError(
+            noise_share,
+            gauge,
+            1 if placed.projector.pixels % 2 else LEAST_PATHS,
+            launches=LEAST_IMAGES,
+            growth=GROWTH,
+        )
+    return transport_image(
+        world,
+        placed.projector,
+        placed.bucket,
+        budget,
+        seed=seed,
+        outputs=outputs,
+        progress=progress,
+    )
+
+
+def _spots(
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    steady: Mapping[str, Any],
+    effort: Effort,
+    seed: np.random.SeedSequence,
+    progress: Callable[[float], None] | None,
+) -> tuple[Estimate, Floats]:
+    """Light of the lasers on their detectors, and the path lengths (bins,) that it is sorted by."""
+    spp, noise_share = effort
+    longest_m = 2 * instrument.ranging.tof.unambiguous_range_m
+    bins = spot_bins(
+        world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
+    )
+    gauge = spot_gauge(
+        instrument,
+        steady["spot_daylight_w"],
+        steady["spot_crosstalk_w"],
+        2 * np.pi / longest_m * bins.centres_m,
+    )
+    budget: SamplingBudget = Paths(SPOT_PATHS_PER_SPP * spp, gauge=gauge)
+    if noise_share is not None:
+        budget = TargetError(noise_share, gauge, FIRST_SPOT_PATHS, growth=GROWTH)
+    found = spot_histogram(
+        world, placed.beams, placed.tof, bins, budget, seed=seed, progress=progress
+    )
+    return found, bins.centres_m
+
+
+def steady_light(
+    scene: Scene,
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    streams: Sequence[np.random.SeedSequence],
+    *,
+    target: float = STEADY_ERROR,
+    max_vertices: int = MAX_VERTICES,
+) -> dict[str, Any]:
+    """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots.
+
+    `target` is their relative error; errors that are small next to the dark current do not matter
+    either. Of the pattern's light, that which is scattered `max_vertices` times at most.
+    """
+    none = Received(*np.zeros((2, 0)))
+    bucket, spots = (
+        none
+        if (detector := instrument.detectors.get(name)) is None
+        else daylight_power(
+            scene,
+            instrument,
+            world,
+            view,
+            floor_w=dark_power(instrument, detector, "daylight"),
+            target=target,
+            seed=stream,
+        )
+        for name, view, stream in (
+            ("detector", placed.bucket, streams[0]),
+            ("tof.detector", placed.tof, streams[1]),
+        )
+    )
+    crosstalk = Received(*np.zeros((2, len(placed.tof.positions_m))))
+    if instrument.images and instrument.ranges:
+        crosstalk = projector_power(
+            world,
+            placed.projector,
+            instrument.mean_powers_w,
+            placed.tof,
+            floor_w=dark_power(instrument, instrument.ranging.tof.detector, "projector"),
+            target=target,
+            seed=streams[2],
+            max_vertices=max_vertices,
+        )
+    return {
+        "dropped": bucket.dropped + spots.dropped + crosstalk.dropped,
+        "daylight_w": float(bucket.power_w.sum()),
+        "daylight_error_w": float(np.linalg.norm(bucket.error_w)),
+        "spot_daylight_w": spots.power_w,
+        "spot_daylight_error_w": spots.error_w,
+        "spot_crosstalk_w": crosstalk.power_w,
+        "spot_crosstalk_error_w": crosstalk.error_w,
+    }
+
+
+def dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
+    """Light of a source on one aperture that makes as many electrons as the dark current, W."""
+    return detector.sensor.dark_rate_hz / instrument.electrons_per_joule(detector, source)
+
+
+def _extra(
+    outputs: Outputs,
+    image: Mapping[str, Floats] | None,
+    spots: Mapping[str, Floats],
+    shape: tuple[int, int],
+) -> dict[str, NDArray[Any]]:
+    """Everything kept besides the image, with pixels as rows and columns."""
+    extra: dict[str, NDArray[Any]] = {}
+    if outputs.orders:
+        extra["spot_orders"] = spots["histogram_orders"]
+    if image is None:
+        return extra
+    if outputs.orders:
+        extra["orders"] = image["image_orders"].reshape(-1, *shape)
+    if outputs.frequencies_hz:
+        extra["phasors"] = _phasors(image["phasors"], shape)
+        if outputs.orders:
+            extra["phasor_orders"] = _phasors(image["phasors_orders"], shape)
+    if outputs.bins is not None:
+        extra["cube"] = image["histogram"].reshape(*shape, -1)
+        extra["cube_path_length_m"] = outputs.bins.centres_m
+        if outputs.orders:
+            extra["cube_orders"] = image["histogram_orders"].reshape(-1, *shape, outputs.bins.count)
+    return extra
+
+
+def _phasors(parts: Floats, shape: tuple[int, int]) -> NDArray[np.complex128]:
+    """Complex images (..., F, H, W) from real and imaginary parts (..., H·W, F, 2)."""
+    values = np.moveaxis(parts[..., 0] + 1j * parts[..., 1], -1, -2)
+    return values.reshape(*values.shape[:-1], *shape)
+
+
+def _part(
+    progress: Callable[[float], None] | None, start: float, stop: float
+) -> Callable[[float], None] | None:
+    if progress is None:
+        return None
+    return lambda fraction: progress(start + fraction * (stop - start))

@@ -1,0 +1,214 @@
+"""Light for data sets of very many samples: what is scattered once, and a guess of the rest.
+
+A stand-in for `solve`, some thirty times as fast. Light that is scattered once, by a surface or by
+fog, is that of the transport itself, of few paths (`engine.direct`); its echo from the fog is
+smoothed over the image. All other light is taken to be shares of this:
+
+* from surface to surface, `BOUNCED` of the light of the surfaces around;
+* from surfaces by way of the fog, `FORWARD` of their light times the optical depth of its path: fog
+  scatters forward, next to where the light was going;
+* scattered in fog more often, `AGAIN_M` times the extinction of what is scattered there once.
+
+The shares are fitted by `tools/surrogate_fit.py`, which also measures how far this is from the
+light traced. It breaks where light comes round a corner or by way of a mirror onto a surface, and
+where the optical depth of a path is above about 3. Of paths that go through panes only the first
+surface counts, as it does in `engine.direct`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import c
+
+from reconstruction.base.arrays import Floats
+from spisim.instrument import Instrument
+from spisim.scene import Scene
+from spisim.simulation.light.sequence import LightSequence, at_key_times
+from spisim.simulation.light.solve import Transport, steady_light
+from spisim.transport.backend import with_backend
+from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import Estimate, Paths
+from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.transport.stated_error import image_error, spot_error
+from spisim.transport.views import InstrumentView
+from spisim.transport.world import World, build_world
+
+#: Paths of each virtual pixel, and of each laser.
+PATHS, SPOT_PATHS = 8, 1024
+#: What is added to the light scattered once; see above.
+BOUNCED, FORWARD, AGAIN_M = 0.033, 0.64, 1.24
+#: The same of the spots, whose detectors see little else than the beam.
+SPOT_FORWARD_M, SPOT_AGAIN_M = 0.33, 0.9
+#: Widths of the smoothing (standard deviations), over the longer side of the image: of light from
+#: all around, of light that fog scatters forward, and of the fog's own echo.
+AROUND, BESIDE, ECHO = 1 / 8, 1 / 32, 1 / 40
+#: Frequency whose phase tells the mean length of a path, up to 30 km.
+LONG_HZ = 1e4
+#: Relative error at which daylight and the projector's light on the spots' detectors are known.
+STEADY_ERROR = 0.3
+
+
+def surrogate_light(
+    scene: Scene,
+    instrument: Instrument,
+    *,
+    frames: int,
+    seed: int,
+    progress: Callable[[float], None] | None,
+) -> LightSequence:
+    """Light of a recording of `frames` frames; see `trace`."""
+    return at_key_times(
+        scene,
+        instrument,
+        lambda moment, _: surrogate(moment, instrument, seed=seed),
+        frames=frames,
+        progress=progress,
+    )
+
+
+@with_backend
+def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transport:
+    """What `solve` finds, guessed; its errors are those of sampling and all that is guessed.
+
+    Raises InputError if the scene was made for another wavelength than the instrument's.
+    """
+    began = time.perf_counter()
+    if instrument.ranges:
+        instrument.ranging.tof.check_bins(BIN_WIDTH_M)
+    placed = InstrumentView.placed(scene, instrument)
+    streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
+    world = build_world(scene)
+    steady = steady_light(
+        scene, instrument, world, placed, streams[2:], target=STEADY_ERROR, max_vertices=1
+    )
+    extinction = scene.atmosphere.extinction_per_m
+    image = _image(instrument, world, placed, extinction, streams[0])
+    spots = _spots(instrument, world, placed, extinction, streams[1])
+    dropped = image.pop("dropped") + spots.pop("dropped") + steady.pop("dropped")
+    extra = image.pop("extra") | spots.pop("extra")
+    paths = image.pop("paths") + spots.pop("paths")
+    return Transport(
+        **image,
+        **spots,
+        **steady,
+        noise_share=np.nan,
+        spot_noise_share=np.nan,
+        dropped=dropped,
+        paths=paths,
+        seconds=time.perf_counter() - began,
+        extra=extra,
+    )
+
+
+def _image(
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    extinction_per_m: float,
+    seed: np.random.SeedSequence,
+) -> dict[str, Any]:
+    """Fields of the image; one dark pixel without a projector."""
+    shape = placed.projector.shape
+    if not instrument.images:
+        dark = np.zeros(shape)
+        return {"image": dark, "image_error": dark, "dropped": 0, "paths": 0, "extra": {}}
+    found = image_once(world, placed, instrument.tap_frequencies_hz, seed)
+    once, waves = by_order(found.mean, shape)
+    depth = extinction_per_m * mean_path_m(waves[0, -1])
+    light, guessed = _completed(once[0], once[1], depth, extinction_per_m)
+    phasors = [
+        _completed(wave[0], wave[1], depth, extinction_per_m)[0]
+        for wave in waves[:, :-1].swapaxes(0, 1)
+    ]
+    return {
+        "image": light,
+        "image_error": np.hypot(image_error(found, light.shape), guessed),
+        "dropped": found.dropped,
+        "paths": found.paths,
+        "extra": {"phasors": np.array(phasors)} if phasors else {},
+    }
+
+
+def _spots(
+    instrument: Instrument,
+    world: World,
+    placed: InstrumentView,
+    extinction_per_m: float,
+    seed: np.random.SeedSequence,
+) -> dict[str, Any]:
+    """Fields of the spots; of none without lasers."""
+    if not instrument.ranges:
+        none = {name: np.zeros((0, 0)) for name in ("spot_histogram", "spot_histogram_error")}
+        extra = {"spot_orders": np.zeros((3, 0, 0))}
+        return none | {"path_length_m": np.zeros(0), "dropped": 0, "paths": 0, "extra": extra}
+    bins = spot_bins(
+        world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
+    )
+    found = spot_histogram(
+        world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=seed, max_vertices=1
+    )
+    surfaces, echo = found.mean["histogram_orders"][:2]
+    guessed = extinction_per_m * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
+    return {
+        "spot_histogram": surfaces + echo + guessed,
+        "spot_histogram_error": np.hypot(spot_error(found), guessed),
+        "path_length_m": bins.centres_m,
+        "dropped": found.dropped,
+        "paths": found.paths,
+        "extra": {"spot_orders": np.stack([surfaces, echo, guessed])},
+    }
+
+
+def image_once(
+    world: World,
+    placed: InstrumentView,
+    frequencies_hz: tuple[float, ...],
+    seed: np.random.SeedSequence,
+) -> Estimate:
+    """Light of the image that is scattered once, with phasors of these and of LONG_HZ."""
+    return transport_image(
+        world,
+        placed.projector,
+        placed.bucket,
+        Paths(PATHS),
+        seed=seed,
+        outputs=Outputs(orders=True, frequencies_hz=(*frequencies_hz, LONG_HZ)),
+        max_vertices=1,
+    )
+
+
+def by_order(
+    sums: Mapping[str, Floats], shape: tuple[int, int]
+) -> tuple[Floats, NDArray[np.complex128]]:
+    """Sums of light by how often fog scattered it: image (3, H, W), and phasors (3, F, H, W)."""
+    parts = sums["phasors_orders"]
+    waves = np.moveaxis(parts[..., 0] + 1j * parts[..., 1], -1, -2)
+    return sums["image_orders"].reshape(-1, *shape), waves.reshape(*waves.shape[:-1], *shape)
+
+
+def mean_path_m(long_wave: NDArray[np.complex128]) -> Floats:
+    """Mean length of the light's paths by its phasor at LONG_HZ."""
+    return np.asarray(np.mod(np.angle(long_wave), 2 * np.pi) * c / (2 * np.pi * LONG_HZ))
+
+
+def _completed(
+    surfaces: NDArray[Any], echo: NDArray[Any], depth: Floats, extinction_per_m: float
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """All light, and what of it is guessed, of light scattered once (H, W), real or complex.
+
+    `depth` (H, W) is the optical depth of the way to the surface and back.
+    """
+    from scipy.ndimage import gaussian_filter  # slow to import
+
+    side = max(surfaces.shape)
+    echo = gaussian_filter(echo, ECHO * side)
+    guessed = BOUNCED * gaussian_filter(surfaces, AROUND * side)
+    guessed += FORWARD * gaussian_filter(depth * surfaces, BESIDE * side)
+    guessed += AGAIN_M * extinction_per_m * echo
+    return surfaces + echo + guessed, guessed

@@ -1,0 +1,83 @@
+"""The bucket readings: one of each exposure, or one of each tap."""
+
+import numpy as np
+
+from reconstruction.capture import Buckets, PatternTaps
+from spisim.instrument import Instrument, Modulation
+from spisim.simulation.measurement.light import BucketLight
+
+Random = np.random.Generator | None
+
+MAX_INT32 = np.iinfo(np.int32).max
+
+
+def record_buckets(
+    instrument: Instrument, light: BucketLight, rng: Random
+) -> tuple[Buckets, PatternTaps | None]:
+    """Readings of every exposure, and the taps of each where the projector is modulated.
+
+    Without `rng`: the expected readings of an ideal instrument, whose noise is unknown, so that
+    reconstruction takes every reading at its word. The taps' noise is told, as of the spots: their
+    sigma is that of one real reading.
+    """
+    modulation = instrument.imaging.projector.modulation
+    if modulation is not None:
+        return _demodulated(instrument, modulation, light, rng)
+    readings = instrument.imaging.detector.read(
+        light.buckets, instrument.imaging.exposure_time_s, rng, light.taken_off
+    )
+    buckets = Buckets(
+        counts=readings.counts,
+        saturated=readings.saturated,
+        **_timing(instrument),
+        **readings.charge | _unknown(rng),
+        dead_time_s=readings.dead_time_s,
+        baseline_electrons=float(light.taken_off.mean()),
+    )
+    return buckets, None
+
+
+def _demodulated(
+    instrument: Instrument, modulation: Modulation, light: BucketLight, rng: Random
+) -> tuple[Buckets, PatternTaps]:
+    """Each tap has a converter of its own; the bucket is their sum, formed by the recorder."""
+    detector = instrument.imaging.detector
+    assert detector.adc is not None
+    assert detector.amplifier is not None
+    assert light.taps is not None
+    taps = light.taps.shape[-1]
+    time_s = instrument.imaging.exposure_time_s * modulation.taps.noise_share
+    readings = detector.read(light.taps, time_s, rng)
+    frequency = modulation.frequencies_hz[0]
+    offset = modulation.phase_offset_rad(frequency, detector.amplifier.response)
+    fits = taps * detector.adc.max_count <= MAX_INT32
+    buckets = Buckets(
+        counts=readings.counts.sum(axis=-1, dtype=readings.counts.dtype if fits else np.float64),
+        saturated=np.asarray(readings.saturated.any(axis=-1)),
+        **_timing(instrument),
+        electrons_per_count=readings.electrons_per_count,
+        offset_counts=taps * readings.offset_counts,
+        noise_electrons=np.nan if rng is None else float(readings.noise_electrons * np.sqrt(taps)),
+        excess_noise_factor=readings.excess_noise_factor,
+        dead_time_s=0.0,
+    )
+    return buckets, PatternTaps(
+        taps=readings.counts,
+        saturated=readings.saturated,
+        tap_frequencies_hz=np.full(taps, frequency),
+        tap_phases_rad=modulation.taps.phases_rad,
+        phase_offsets_rad=np.full(taps, offset),
+        **readings.charge,
+        detector_position_m=np.mean(detector.positions_m, axis=0),
+    )
+
+
+def _unknown(rng: Random) -> dict[str, float]:
+    return {"noise_electrons": np.nan} if rng is None else {}
+
+
+def _timing(instrument: Instrument) -> dict[str, float]:
+    return {
+        "exposure_time_s": instrument.imaging.exposure_time_s,
+        "pattern_period_s": instrument.pattern_period_s,
+    }

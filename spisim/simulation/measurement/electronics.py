@@ -1,0 +1,77 @@
+"""What one exposure has of others: AC coupling, and patterns that settle slowly."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from reconstruction.base.arrays import Floats
+from spisim.instrument import Amplifier
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What electronics remember after a frame: the slow level, and the last light of each window.
+
+    `level` is what an AC-coupled amplifier would take off the next reading, `light` (windows,) what
+    the last exposure of the bucket, and of each tap, would have been without the one before it.
+    """
+
+    level: float
+    light: Floats
+
+
+def slow_part(
+    electrons: Floats, amplifier: Amplifier, period_s: float, level: float | None = None
+) -> tuple[Floats, float]:
+    """What an AC-coupled amplifier takes off successive readings (frames, M), and the next one.
+
+    A high-pass of one pole that has come to a level before the recording starts: by default it is
+    settled on the first frame.
+    """
+    if amplifier.low_cut_hz is None:
+        return np.zeros_like(electrons), 0.0
+    from scipy.signal import lfilter  # slow to import
+
+    step = -math.expm1(-2 * math.pi * amplifier.low_cut_hz * period_s)
+    level = electrons[0].mean() if level is None else level
+    # The level before a reading follows from all readings before it.
+    deviations = electrons.ravel() - level
+    followed = lfilter([0, step], [1, step - 1], deviations)
+    taken_off = np.asarray(level + followed).reshape(electrons.shape)
+    last = float(taken_off[-1, -1])
+    return taken_off, last + step * (float(electrons[-1, -1]) - last)
+
+
+def carried_over(
+    time_constants_s: tuple[float, float], exposure_time_s: float, period_s: float
+) -> float:
+    """Share of a reading that belongs to the pattern before, for two poles one behind the other.
+
+    After a step the poles τ₁, τ₂ lack (τ₁ exp(-t/τ₁) - τ₂ exp(-t/τ₂)) / (τ₁ - τ₂); this is its mean
+    over the exposure, the end of the period. Holds while the poles forget within a period.
+    """
+    slow, fast = sorted(time_constants_s, reverse=True)
+    if slow == 0:
+        return 0.0
+    fast = min(fast, slow * (1 - 1e-6))
+
+    def lacking(constant_s: float) -> float:
+        if constant_s == 0:
+            return 0.0
+        start, stop = period_s - exposure_time_s, period_s
+        return constant_s**2 * (math.exp(-start / constant_s) - math.exp(-stop / constant_s))
+
+    return (lacking(slow) - lacking(fast)) / ((slow - fast) * exposure_time_s)
+
+
+def with_carry_over(readings: Floats, share: float, last: float | None = None) -> Floats:
+    """Readings (frames, M) with a share of their predecessors.
+
+    Before the first comes the `last` one of an earlier recording, else that of this one.
+    """
+    in_turn = np.roll(readings.ravel(), 1)
+    if last is not None:
+        in_turn[0] = last
+    before = in_turn.reshape(readings.shape)
+    return np.asarray((1 - share) * readings + share * before)

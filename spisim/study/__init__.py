@@ -1,7 +1,0 @@
-"""Studies: a data set swept over some parameters, reconstructed, evaluated, compared, and shown."""
-
-from spisim.study.metrics import QUANTITIES
-from spisim.study.plan import load_study
-from spisim.study.run import run_study, study_files
-
-__all__ = ["QUANTITIES", "load_study", "run_study", "study_files"]
