@@ -70,7 +70,7 @@ def _told(seen: Sighting, scales: Scales, common: Sequence[str]) -> dict[str, An
     """Pictures and words of one capture."""
     time = f"{seen.instant.time_s:.2f} s"
     error_m = _depth_error(seen)
-    image = next(iter(seen.metrics["images"].values()), {})
+    image: dict[str, Any] = next(iter(seen.metrics["images"].values()), {})
     return {
         "time": time,
         "file": seen.instant.file,
