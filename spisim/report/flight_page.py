@@ -67,7 +67,7 @@ def _told(seen: Sighting, scales: Scales) -> dict[str, Any]:
     """Pictures and words of one capture."""
     time = f"{seen.instant.time_s:.2f} s"
     error_m = _depth_error(seen)
-    image = next(iter(seen.metrics["images"].values()), {})
+    image: dict[str, Any] = next(iter(seen.metrics["images"].values()), {})
     return {
         "time": time,
         "file": seen.instant.file,
