@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import Any
 
 from reconstruction.errors import InputError
-from spisim.instrument.data_sheet import IMAGE, QUESTIONS, RANGES, detector_parts
+
+from .data_sheet import IMAGE, QUESTIONS, RANGES, detector_parts
 
 #: Full scale before it is known how much light there is.
 UNKNOWN_ELECTRONS = 1e15
