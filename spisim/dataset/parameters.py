@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -42,6 +42,16 @@ class Parameters:
         """
         shape, value = self.shapes[name], values.get(name)
         return np.full(shape, np.nan) if value is None else np.asarray(value)
+
+
+def common_parameters(records: Sequence[Record]) -> dict[str, Any]:
+    """Parameters that have one and the same value in all samples."""
+    first = records[0].parameters if records else {}
+    return {
+        name: value
+        for name, value in first.items()
+        if all(name in each.parameters and each.parameters[name] == value for each in records)
+    }
 
 
 def _shape(value: Any) -> tuple[int, ...] | None:

@@ -1,7 +1,6 @@
 """What a plan would make: its samples, checked, and what they would cost."""
 
-import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,46 +8,57 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from reconstruction.base.errors import InputError, naming, nearest
-from spisim.base.config import dump_yaml, load_yaml
+from reconstruction.errors import InputError, naming, nearest
+from spisim.config import dump_yaml, load_yaml
+from spisim.dataset.cost import Cost, GroupCost, Pilot
+from spisim.dataset.manifest import read_manifest
 from spisim.dataset.planned import PlannedSet, Sample
-from spisim.dataset.sample import Maker, load
+from spisim.dataset.records import Record
+from spisim.dataset.runner import State, run_dataset
+from spisim.dataset.sample import Maker, WarmMaker, load
+from spisim.dataset.workers import Executor
 from spisim.scene.materials import shipped_materials
 
 #: Samples at random that a preview loads beside those that `check` does.
 AT_RANDOM = 3
 #: How far to look for the first sample of a scene.
 FARTHEST = 1000
-#: Samples that are made to tell time and size.
-TIMED = 2
+#: Samples that are made to estimate time and size, unless another number is asked for.
+PILOT = 12
 
 
 @dataclass(frozen=True)
 class Preview:
-    """Samples that were looked at, and the cost of all."""
+    """Samples that were looked at, and the cost of all by those of a pilot that were made."""
 
     samples: int
     shown: Sequence[Sample]
-    seconds_per_sample: float
-    bytes_per_sample: int
+    costs: Sequence[GroupCost]
+    cost: Cost
+    compiling_s: float  # of the pilot, besides
+    bytes_per_sample: float
+    failures: Mapping[int, str]  # reasons by index, of the pilot's samples
     workers: int
 
     @property
     def seconds(self) -> float:
         """Time of the whole on this machine."""
-        return self.samples * self.seconds_per_sample / self.workers
+        return self.samples * self.cost.mean_s / self.workers
 
     @property
     def bytes(self) -> int:
         """Size of the whole."""
-        return self.samples * self.bytes_per_sample
+        return round(self.samples * self.bytes_per_sample)
 
     def summary(self) -> dict[str, Any]:
         """JSON-ready."""
         return {
             "samples": self.samples,
             "first": [_row(sample) for sample in self.shown],
-            "seconds_per_sample": self.seconds_per_sample,
+            "cost": vars(self.cost),
+            "compiling_s": self.compiling_s,
+            "costs": [cost.summary() for cost in self.costs],
+            "failures": self.failures,
             "bytes_per_sample": self.bytes_per_sample,
             "workers": self.workers,
             "seconds": self.seconds,
@@ -85,29 +95,56 @@ def _own_materials(sample: Sample) -> set[str]:
     return {thing.material.name for thing in scene.objects}
 
 
-def preview(planned: PlannedSet, workers: int, rows: int = 10) -> Preview:
-    """Check a plan and make a few samples in a folder that is removed again.
+def preview(
+    planned: PlannedSet,
+    folder: Path,
+    executor: Callable[[Maker], Executor],
+    workers: int,
+    *,
+    pilot: int = PILOT,
+    rows: int = 10,
+    progress: Callable[[State], None] = lambda state: None,
+) -> Preview:
+    """Check a plan, and make some of its samples in a folder: those that it lacks.
 
-    Raises InputError as `check` does, and where one of these samples fails.
+    Raises InputError as `check` and `run_dataset` do, and where all of these samples fail.
     """
     check(planned, AT_RANDOM)
     size = planned.plan.size
-    with tempfile.TemporaryDirectory() as folder:
-        make = Maker(planned, Path(folder))
-        make(0)  # the first also compiles what the others use again
-        made = [make(int(index)) for index in np.linspace(0, size - 1, min(TIMED, size))]
-        for outcome in made:
-            if not outcome.done:
-                raise InputError(f"{planned.path}: sample {outcome.index}: {outcome.error}")
-        sizes = [file.stat().st_size for file in Path(folder).rglob("*") if file.is_file()]
-        different = len({0, *(outcome.index for outcome in made)})
+    chosen = Pilot.of(planned, pilot)
+    run_dataset(
+        planned,
+        folder,
+        executor(WarmMaker(planned, folder)),
+        only=chosen.indices,
+        progress=progress,
+    )
+    _, everything = read_manifest(folder)
+    records = [record for record in everything if record.index in chosen.indices]
+    failures = {record.index: record.error or "" for record in records if not record.done}
+    try:
+        costs, cost = chosen.costs(records)
+    except ValueError:
+        index, reason = next(iter(failures.items()))
+        raise InputError(
+            f"{planned.path}: all {len(failures)} samples that were tried failed; sample {index}: "
+            f"{reason}"
+        ) from None
     return Preview(
         samples=size,
         shown=[planned.sample(index) for index in range(min(rows, size))],
-        seconds_per_sample=float(np.mean([outcome.seconds or 0 for outcome in made])),
-        bytes_per_sample=round(sum(sizes) / different),
+        costs=costs,
+        cost=cost,
+        compiling_s=sum(record.compiling_s for record in records),
+        bytes_per_sample=float(np.mean([_bytes(record) for record in records if record.done])),
+        failures=failures,
         workers=workers,
     )
+
+
+def _bytes(record: Record) -> int:
+    beside = sum(int(file["bytes"]) for file in record.sidecars.values())
+    return (record.bytes or 0) + beside
 
 
 def _telling(planned: PlannedSet) -> set[int]:

@@ -15,6 +15,8 @@ from spisim.base.config.yaml import MAX_DIGITS
 SCHEMA_VERSION = 1
 #: How the reason begins where a sample took its worker with it.
 DIED = "worker "
+#: Of the stages of a sample: how long it compiled kernels that were not on this machine's disk yet.
+COMPILING = "compile"
 #: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
 NO_SPACE = "no space"
 #: Of a value that tells of the data set as a whole.
@@ -72,6 +74,11 @@ class Outcome:
     def done(self) -> bool:
         """Whether its files are there."""
         return self.status == "done"
+
+    @property
+    def compiling_s(self) -> float:
+        """Seconds of it that later samples of this kind do not take."""
+        return self.stage_seconds.get(COMPILING, 0.0)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import logging
 import os
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +36,7 @@ class OutOfSpace(OSError):
 class State:
     """How far a run is."""
 
-    samples: int  # planned
+    samples: int  # that the folder is to have
     done: int
     failed: int
     made: int  # in this run
@@ -58,13 +58,14 @@ def run_dataset(
     folder: Path,
     executor: Executor,
     *,
+    only: Collection[int] | None = None,
     retry_failed: bool = False,
     is_sound: Sound = has_its_size,
     space_timeout_s: float = SPACE_TIMEOUT_S,
     say: Say = print,
     progress: Callable[[State], None] = lambda state: None,
 ) -> State:
-    """Make all samples of a plan in a folder that are not there yet.
+    """Make all samples of a plan in a folder that are not there yet, or `only` some of them.
 
     `is_sound` tells of the files that are there whether they are as they were written; samples of
     others are made again. Samples that failed stay so unless they are to be tried again; one that
@@ -78,9 +79,11 @@ def run_dataset(
         opened(planned, folder, say, is_sound) as manifest,
         executor,
     ):
-        run = _Run(Layout(folder), manifest, planned.plan.size, space_timeout_s, say)
+        wanted = range(planned.plan.size) if only is None else only
+        samples = planned.plan.size if only is None else len(manifest.indices() | {*only})
+        run = _Run(Layout(folder), manifest, wanted, samples, space_timeout_s, say)
         progress(run.state)
-        to_do = manifest.to_do(planned.plan.size, failed_too=retry_failed)
+        to_do = run.to_do(failed_too=retry_failed)
         fruitless = False
         while to_do:
             postponed = set()
@@ -94,16 +97,23 @@ def run_dataset(
             if fruitless and len(postponed) == len(to_do):
                 raise OutOfSpace(f"{folder}: no space for a sample, even where there is some")
             fruitless = len(postponed) == len(to_do)
-            to_do = sorted({*manifest.to_do(planned.plan.size), *postponed})
+            to_do = sorted({*run.to_do(), *postponed})
         return run.state
 
 
 class _Run:
     def __init__(
-        self, layout: Layout, manifest: Manifest, samples: int, patience_s: float, say: Say
+        self,
+        layout: Layout,
+        manifest: Manifest,
+        wanted: Collection[int],
+        samples: int,
+        patience_s: float,
+        say: Say,
     ) -> None:
         self._layout = layout
         self._manifest = manifest
+        self._wanted = wanted
         self._samples = samples
         self._patience_s = patience_s
         self._say = say
@@ -114,6 +124,11 @@ class _Run:
     def state(self) -> State:
         seconds = time.monotonic() - self._began
         return State(self._samples, **self._manifest.counts(), made=self._made, seconds=seconds)
+
+    def to_do(self, *, failed_too: bool = False) -> list[int]:
+        below = max(self._wanted, default=-1) + 1
+        missing = self._manifest.to_do(below, failed_too=failed_too)
+        return [index for index in missing if index in self._wanted]
 
     def record(self, outcome: Outcome) -> None:
         if outcome.file is not None and not (self._layout.folder / outcome.file).is_file():

@@ -7,10 +7,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
-from reconstruction.base.folders import holder
+from reconstruction.folders import holder
+from spisim.dataset.cost import Cost, cost_of, slowest
 from spisim.dataset.folder import Layout, everything
 from spisim.dataset.manifest import read_manifest
+from spisim.dataset.parameters import common_parameters
 from spisim.dataset.records import Record
 
 #: The rate is that of the last samples, over this time.
@@ -23,7 +26,8 @@ class Status:
 
     `samples_per_minute` is the recent rate, None where too little is known of it; `failures` are
     indices by reason, the most frequent first, with # in place of numbers; `runner` is the process
-    that is making samples, and its machine, None where none is.
+    that is making samples, and its machine, None where none is. `cost` is of the samples that are
+    done, of which `slowest` are the slowest; `common` are the parameters that all have in common.
     """
 
     name: str
@@ -34,6 +38,9 @@ class Status:
     samples_per_minute: float | None
     disk_bytes: int
     runner: str | None
+    cost: Cost | None
+    slowest: list[Record]
+    common: dict[str, Any]
 
     @property
     def missing(self) -> int:
@@ -55,6 +62,9 @@ def status_of(folder: Path) -> Status:
         samples_per_minute=_rate([r.finished for r in records if r.finished]),
         disk_bytes=_size(folder),
         runner=holder(Layout(folder).lock),
+        cost=cost_of(done),
+        slowest=slowest(done),
+        common=common_parameters(done),
     )
 
 

@@ -6,6 +6,7 @@ from spisim.base.config import find_named, parse_model, read_text
 from spisim.instrument.model import Instrument
 
 PRESETS = Path(__file__).with_name("presets")
+DETECTOR_PARTS = Path(__file__).with_name("detector_parts.yaml")
 
 
 def list_presets() -> list[str]:

@@ -26,6 +26,8 @@ from spisim.instrument.tofs import AnyTof
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 
 Source = Literal["projector", "laser", "daylight"]
+#: Of daylight, as it is tabulated.
+MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM = 800, 1600
 Visibility = Annotated[Number, Field(ge=VISIBILITIES_M[0], le=VISIBILITIES_M[1])]
 
 
@@ -100,7 +102,7 @@ class Instrument(Section):
     its end, in which the bucket collects.
     """
 
-    wavelength_nm: Annotated[Number, Field(ge=800, le=1600)]
+    wavelength_nm: Annotated[Number, Field(ge=MIN_WAVELENGTH_NM, le=MAX_WAVELENGTH_NM)]
     """Of lasers and patterns; within the filter's band."""
     projector: Projector | None = None
     """The LED array; without it, `plan` and `detector` there are ranges alone."""
@@ -215,6 +217,12 @@ class Instrument(Section):
 
         Raises InputError for a wavelength or a band outside 800 to 1600 nm.
         """
+        source = f"instrument at {wavelength_nm:g} nm"
+        if not MIN_WAVELENGTH_NM <= wavelength_nm <= MAX_WAVELENGTH_NM:  # nan neither
+            raise InputError(
+                f"{source}: wavelength_nm: should be from {MIN_WAVELENGTH_NM} to "
+                f"{MAX_WAVELENGTH_NM}; found {wavelength_nm:g}"
+            )
         moved_nm = wavelength_nm - self.wavelength_nm
         low, high = self.filter.band_nm
         band_nm = low + moved_nm, high + moved_nm
@@ -227,7 +235,6 @@ class Instrument(Section):
             part = fields["tof"] if name == "tof.detector" else fields
             sensor = detector.sensor.at_band(band_nm, self.wavelength_nm, wavelength_nm)
             part["detector"]["sensor"] = sensor.model_dump(mode="json")
-        source = f"instrument at {wavelength_nm:g} nm"
         return parse_model(dump_yaml(fields), Instrument, source)
 
     def with_laser_power(self, power_w: float) -> Instrument:

@@ -10,6 +10,8 @@ import numpy as np
 from reconstruction import InputError, Result, evaluate, reconstruct
 from reconstruction.capture import FrameTruth
 from reconstruction.diagnostics import result_warnings
+from spisim.dataset.cost import cost_of, slowest
+from spisim.dataset.parameters import common_parameters
 from spisim.dataset.reader import DataSet, StoredSample
 
 from .facts import in_all, media_of
@@ -79,7 +81,9 @@ def write_contact_sheet(
         failed=len(samples.failed),
         shown=shown,
         warnings=in_all(each.warnings for each in shown if each.result),
-        common=_common(samples),
+        common=common_parameters(samples.records),
+        cost=cost_of(samples.records),
+        slowest=slowest(samples.records),
         intensity_scale=intensity_scale,
         software=samples.meta.get("software", ""),
     )
@@ -102,13 +106,3 @@ def _show(sample: StoredSample) -> _Shown:
     except InputError as error:
         return _Shown(sample, problem=str(error))
     return _Shown(sample, result, truth, metrics, media, warnings)
-
-
-def _common(samples: DataSet) -> dict[str, Any]:
-    """Parameters that are the same in every sample."""
-    first = samples.records[0].parameters
-    return {
-        name: value
-        for name, value in first.items()
-        if all(record.parameters.get(name) == value for record in samples.records)
-    }

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from typing import Any
 
@@ -59,6 +60,16 @@ def free_memory() -> None:
     dr.flush_malloc_cache()
     if os.access(KERNELS, os.W_OK):
         dr.flush_kernel_cache()
+
+
+@contextmanager
+def compiling_timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    """Put down how long kernels are compiled that are not on disk yet, as `name` of `seconds`."""
+    dr.kernel_history_clear()
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        yield
+        kernels = dr.kernel_history([dr.KernelType.JIT])
+    seconds[name] = sum(kernel["backend_time"] for kernel in kernels) / 1000
 
 
 def _check_process() -> None:

@@ -88,20 +88,44 @@ class _Planes(NamedTuple):
 
     normals: Any
     offsets_m: Any
+    middles: Any
+    along: Any  # unit vectors in the planes
+    halves_m: Any  # along these and across, of rectangles that hold all mirrors of the planes
     strengths: Any  # mi.DiscreteDistribution
+    count: Any
 
     @classmethod
     def of(cls, planes: Floats, strength: Floats) -> _Planes:
         normals, offsets_m = mi.Normal3f(planes[:, :3].T), mi.Float(planes[:, 3])
-        weights = mi.Float(strength)
-        dr.make_opaque(normals, offsets_m, weights)
-        return cls(normals, offsets_m, mi.DiscreteDistribution(weights))
+        middles, along = mi.Point3f(planes[:, 4:7].T), mi.Vector3f(planes[:, 7:10].T)
+        halves_m, weights = mi.Point2f(planes[:, 10:12].T), mi.Float(strength)
+        dr.make_opaque(normals, offsets_m, middles, along, halves_m, weights)
+        strengths, count = mi.DiscreteDistribution(weights), dr.opaque(mi.UInt32, len(strength))
+        return cls(normals, offsets_m, middles, along, halves_m, strengths, count)
+
+    def plane(self, number: Any) -> Plane:
+        """One for each lane."""
+        normal = mi.Vector3f(dr.gather(mi.Normal3f, self.normals, number))
+        return Plane(normal, dr.gather(mi.Float, self.offsets_m, number))
 
     def draw(self, uniform: Any) -> tuple[Plane, Any]:
         """One for each lane, and its probability."""
-        index, probability = self.strengths.sample_pmf(uniform)
-        normal = mi.Vector3f(dr.gather(mi.Normal3f, self.normals, index))
-        return Plane(normal, dr.gather(mi.Float, self.offsets_m, index)), probability
+        number, probability = self.strengths.sample_pmf(uniform)
+        return self.plane(number), probability
+
+    def show(self, number: Any, vertex: Any, image: Any) -> Any:
+        """Whether the way from a vertex to an image behind a plane leads about through its mirrors,
+        as it does if the plane shows it: most of those of a curved mirror do not."""
+        plane = self.plane(number)
+        before_m = dr.dot(plane.normal, vertex) - plane.offset_m
+        behind_m = plane.offset_m - dr.dot(plane.normal, image)
+        met = vertex + before_m / (before_m + behind_m) * (image - vertex)
+        aside = met - dr.gather(mi.Point3f, self.middles, number)
+        along = dr.gather(mi.Vector3f, self.along, number)
+        half_m = dr.gather(mi.Point2f, self.halves_m, number) + 2 * SAME_PLACE_M
+        within = dr.abs(dr.dot(along, aside)) < half_m.x
+        within &= dr.abs(dr.dot(dr.cross(plane.normal, along), aside)) < half_m.y
+        return (before_m * behind_m > 0) & within
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +140,7 @@ class Mirrors:
     @classmethod
     def of(cls, things: Sequence[SceneObject]) -> Mirrors | None:
         """Those of objects that mirror; None where there are none."""
-        planes, strength = _known_planes(things) if things else (np.zeros((0, 4)), np.zeros(0))
+        planes, strength = _known_planes(things) if things else (np.zeros((0, 12)), np.zeros(0))
         if not strength.size:
             return None
         planes, strength = planes.astype(np.float32), strength.astype(np.float32)
@@ -127,16 +151,21 @@ class Mirrors:
             most=min(len(planes), MAX_FOLDS),
         )
 
-    def choose(self, sampler: Any) -> Fold:
-        """Planes of the largest, for each lane."""
-        return self._fold(self.largest, sampler.next_1d(), sampler)
+    def one(self, number: Any) -> Fold:
+        """One of the largest planes."""
+        return Fold((self.largest.plane(number),), mi.UInt32(1), mi.Float(1))
+
+    def choose_two(self, sampler: Any) -> tuple[Fold, Any]:
+        """Two of the largest planes, and whether they are looked at, as their probability says."""
+        looked = sampler.next_1d() < self.again
+        planes, chances = zip(
+            *(self.largest.draw(sampler.next_1d()) for _ in range(MAX_FOLDS)), strict=True
+        )
+        return Fold(planes, mi.UInt32(MAX_FOLDS), self.again * dr.prod(chances)), looked
 
     def choose_any(self, uniform: Any, sampler: Any) -> Fold:
-        """The first by a number, of all; see `choose`."""
-        return self._fold(self.all, uniform, sampler)
-
-    def _fold(self, first: _Planes, uniform: Any, sampler: Any) -> Fold:
-        plane, probability = first.draw(uniform)
+        """The first by a number, of all, and whatever follows of the largest, for each lane."""
+        plane, probability = self.all.draw(uniform)
         planes, met, going = [plane], mi.UInt32(1), mi.Bool(True)
         for _ in range(1, self.most):
             on = sampler.next_1d() < self.again
@@ -229,7 +258,8 @@ _KEPT: WeakKeyDictionary[SceneObject, tuple[bytes, tuple[Floats, Floats]]] = Wea
 
 
 def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
-    """Unit normal and offset (planes, 4) of those that triangles lie in, and area x reflectance."""
+    """Of the planes that triangles lie in: unit normal, offset, and the rectangle that they fill
+    (planes, 12), see `_rectangle`; area x reflectance (planes,)."""
     triangles = np.concatenate([thing.mesh.triangles for thing in things])
     normals = np.concatenate([thing.mesh.face_normals for thing in things])
     strength = np.concatenate([thing.mesh.area_faces * _reflectance(thing) for thing in things])
@@ -244,8 +274,24 @@ def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
         same = np.flatnonzero(free & (np.abs(normals @ normal) > 1 - SAME_NORMAL**2 / 2))
         flush = np.abs(triangles[same] @ normal - offset).max(axis=1) < SAME_PLACE_M
         same = same[flush | (same == largest)]
-        found.append(np.append(normal, offset))
+        found.append(np.array([*normal, offset, *_rectangle(triangles[same], normal)]))
         total.append(float(strength[same].sum()))
         free[same] = False
     strongest = np.argsort(-np.array(total), kind="stable")
     return np.array(found)[strongest], np.array(total)[strongest]
+
+
+def _rectangle(triangles: Floats, normal: Floats) -> Floats:
+    """Middle, direction, and half the length along it and across of what lies in a plane, (8,).
+
+    The direction is that of the longest edge.
+    """
+    edges = (triangles - np.roll(triangles, 1, axis=1)).reshape(-1, 3)
+    along = edges[np.argmax((edges**2).sum(axis=1))]
+    along = along - (along @ normal) * normal
+    along = along / np.linalg.norm(along)
+    axes = np.stack([along, np.cross(normal, along)])
+    corners = triangles.reshape(-1, 3) @ axes.T
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    middle = (low + high) / 2 @ axes + (normal @ triangles[0, 0]) * normal
+    return np.concatenate([middle, along, (high - low) / 2])

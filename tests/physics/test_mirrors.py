@@ -14,6 +14,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.sampling import Paths, TransportWarning
 from spisim.transport.glints import warn_of_glints
+from spisim.transport.mirrors import _Planes
 from spisim.transport.reference import Renderer
 from spisim.transport.world import build_world
 
@@ -95,6 +96,32 @@ def test_two_mirrors_in_a_row_throw_the_projector_back() -> None:
     assert np.count_nonzero(images.sum(axis=0)) == 1
 
 
+def column(sides: int = 12) -> SceneObject:
+    """A polished column beside the ball of the room."""
+    mesh = trimesh.creation.cylinder(0.3, 2.0, sections=sides)
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    mesh.apply_translation((0.1, 0.0, 3.6))
+    return SceneObject("column", mesh, MIRROR)
+
+
+def test_planes_that_are_passed_over_show_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light that meets the column next to both ends, with every plane tried at every vertex."""
+    world = build_world(worlds.scene(*worlds.room(), column(24)))
+
+    def images() -> np.ndarray:
+        # Apart from this light the images are the same path by path.
+        return np.array([worlds.image(world, VIEW, NEAR, 256, seed) for seed in SEEDS])
+
+    found = images()
+    monkeypatch.setattr(_Planes, "show", lambda *arguments: mi.Bool(True))
+    every = images()
+    monkeypatch.setattr(_Planes, "show", lambda *arguments: mi.Bool(False))
+    none = images()
+    assert abs(worlds.z_score(found.sum(axis=(1, 2)), every.sum(axis=(1, 2)))) < 4
+    assert np.all(np.abs(worlds.z_score(found, every)[found.mean(axis=0) > 0]) < 5)
+    assert worlds.z_score(found.sum(axis=(1, 2)), none.sum(axis=(1, 2))) > 5
+
+
 def test_errors_of_what_mirrors_show_are_as_told() -> None:
     """Estimates side by side each get their share of the light that only the mirror brings."""
     world = build_world(worlds.scene(*worlds.room(), mirror(3.0, 0.3, 0.7)))
@@ -107,7 +134,11 @@ def test_errors_of_what_mirrors_show_are_as_told() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mirrors", [(mirror(3.0, 0.3, 0.7),), roof(3.0, 0.7)], ids=["one", "two"])
+@pytest.mark.parametrize(
+    "mirrors",
+    [(mirror(3.0, 0.3, 0.7),), roof(3.0, 0.7), (column(),)],
+    ids=["one", "two", "column"],
+)
 def test_a_room_with_mirrors_in_fog_against_the_reference_engine(mirrors) -> None:
     """Mitsuba follows paths from the projector until they meet a lamp in the detector's place.
 

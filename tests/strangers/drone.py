@@ -5,6 +5,8 @@ Run in an empty folder, with `spisim[ros]` and `mcap-ros2-support` installed. Pr
 and ends with an error where a step did not do what the documentation says.
 """
 
+# needs: spisim[ros], mcap-ros2-support
+
 import json
 import math
 import socket

@@ -23,6 +23,7 @@ from commands import program
 from reconstruction import read_capture
 from spisim.cli import app
 from spisim.dataset import preview
+from spisim.dataset.cost import Cost, Group, GroupCost
 from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.preview import Preview
 from tinysets import SAMPLES, captures, children, files, run, started, write_plan
@@ -303,22 +304,38 @@ def test_the_dry_run_tells_what_it_would_cost(whole: tuple[Path, Path]) -> None:
     assert told["samples"] == 100
     sizes = [path.stat().st_size for path in (folder / "samples").rglob("*.*")]
     assert told["bytes"] / 100 == pytest.approx(sum(sizes) / SAMPLES, rel=0.1)
-    assert told["seconds"] == pytest.approx(told["seconds_per_sample"] * 100 / 2)
+    assert told["seconds"] == pytest.approx(told["cost"]["mean_s"] * 100 / 2)
+    assert told["cost"]["samples"] == 12
     assert len(told["first"]) == 10
     first = json.loads(rows(folder, "parameters")[0][0])
     assert told["first"][0]["parameters"] == first
 
 
-def test_the_dry_run_lists_what_differs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def told(planned: PlannedSet, workers: int) -> Preview:
+def test_the_dry_run_lists_what_differs_and_costs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def estimated(planned: PlannedSet, folder: Path, *others: object, **more: object) -> Preview:
+        assert not any(folder.iterdir())
         shown = [planned.sample(index) for index in range(2)]
-        return Preview(SAMPLES, shown, 2.0, 20_000, workers)
+        costs = [
+            GroupCost(Group("targets", "fog"), 0.75, Cost(4, 1.5, 2.5, 3.5, 2.0)),
+            GroupCost(Group("targets", "clear"), 0.25, None),
+        ]
+        cost, failures = Cost(4, 1.5, 2.5, 3.5, 2.0), {5: "no luck"}
+        return Preview(SAMPLES, shown, costs, cost, 30.0, 20_000, failures, workers=2)
 
-    monkeypatch.setattr(preview, "preview", told)
+    monkeypatch.setattr(preview, "preview", estimated)
     plan = write_plan(tmp_path)
     done = CliRunner().invoke(app, ["dataset", str(plan), "--dry-run", "--workers", "2"])
     assert done.exit_code == 0, done.output
-    common, first, second, rest, cost = done.stdout.splitlines()
+    listed, _, table = done.stdout.partition("\n\n")
+    common, first, second, rest = listed.splitlines()
+    _, fog, clear, every, cost, compiling = table.splitlines()
+    assert fog.split() == ["targets", "fog", "75%", "4", "1.50", "2.50", "3.50"]
+    assert clear.split() == ["targets", "clear", "25%", "0"]
+    assert every.split() == ["all", "100%", "4", "1.50", "2.50", "3.50"]
+    assert "compiled kernels for 30 s" in compiling
+    assert "sample 5 failed: no luck" in done.stderr
     assert common.startswith("   all  scene: targets, ")
     assert "instrument.projector.shape: [16, 16], instrument.plan.patterns: 32" in common
     for index, line in enumerate((first, second)):
@@ -328,7 +345,7 @@ def test_the_dry_run_lists_what_differs(tmp_path: Path, monkeypatch: pytest.Monk
         assert line.endswith(f", scene.fog.visibility_m: {visibility_m:.4g}")
         assert "patterns" not in line
     assert rest.endswith("and 4 more")
-    assert cost == "6 samples, 0.12 MB, about 6 s with 2 workers (2 s and 20 kB each)"
+    assert cost == "6 samples, 0.12 MB, about 6 s with 2 workers (on average 2 s and 20 kB)"
 
 
 @pytest.mark.parametrize(

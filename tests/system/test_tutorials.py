@@ -12,6 +12,8 @@ NOTEBOOKS = sorted((ROOT / "docs" / "tutorials").glob("*.ipynb"))
 def test_a_notebook_runs(path, monkeypatch):
     pytest.importorskip("ipykernel", reason="needs pip install 'spisim[docs]'")
     pytest.importorskip("nbclient", reason="needs pip install 'spisim[docs]'")
+    if "import torch" in path.read_text(encoding="utf-8"):
+        pytest.importorskip("torch", reason="needs pip install 'spisim[torch]'")
     import run_tutorials
 
     monkeypatch.setenv("PYTHONPATH", str(ROOT))

@@ -247,7 +247,7 @@ def test_wavelengths_that_nothing_is_known_at(command: str, tmp_path: Path) -> N
     where = ["paper"] if command == "budget" else ["warehouse", "-o", str(tmp_path / name)]
     run = spisim(command, *where, "--wavelength", "532")
     assert run.exit_code == 2
-    assert "instrument at 532 nm: wavelength_nm: should be greater than or equal to 800" in (
+    assert "instrument at 532 nm: wavelength_nm: should be from 800 to 1600" in (
         " ".join(run.stderr.split())
     )
     assert not list(tmp_path.iterdir())

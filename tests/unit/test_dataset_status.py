@@ -21,6 +21,7 @@ from datasets import change, make_set, sample_capture
 from reconstruction import Capture, InputError, write_capture
 from spisim.cli import app
 from spisim.cli.dataset import PlanOrCommand
+from spisim.dataset.cost import Cost
 from spisim.dataset.status import status_of
 from spisim.report.contact_sheet import evenly, write_contact_sheet
 
@@ -88,6 +89,28 @@ def test_status_is_told_to_people_and_programs(own: Path) -> None:
     assert code == 0
     assert json.loads(text)["missing"] == 2
     assert json.loads(text)["failures"]["scene #: drone within # cm"] == [22, 24]
+
+
+def test_the_slowest_samples_are_reported(own: Path, tmp_path: Path) -> None:
+    change(own, 'UPDATE samples SET seconds = 1 + "index"')
+    compiling = """seconds = 99, stage_seconds = '{"compile": 90}'"""
+    change(own, f'UPDATE samples SET {compiling} WHERE "index" = 3')
+    status = status_of(own)
+    assert [record.index for record in status.slowest] == [3, 20, 19, 18, 17]
+    assert status.cost == Cost(21, 11.0, 19.0, 21.0, pytest.approx((231 - 4 + 9) / 21))
+    _, text, _ = run("status", own)
+    assert re.search(r"median 11\.00 s, 90 % within 19\.00 s, at most 21\.00 s", text)
+    assert re.search(r"99\.00 +90\.00 +3 +power_w: 0\.3 +\n", text)
+    _, text, _ = run("status", own, "--json")
+    assert json.loads(text)["slowest"][0]["seconds"] == 99
+    assert json.loads(text)["cost"]["max_s"] == 21
+    write_contact_sheet(tmp_path / "sheet.html", spisim.dataset.open(own), 1)
+    heads = r'<td data-head="sample">3</td><td data-head="seconds">99.00</td>'
+    assert heads in read(tmp_path)
+    change(own, "UPDATE samples SET seconds = NULL")
+    assert "median" not in run("status", own)[1]
+    write_contact_sheet(tmp_path / "sheet.html", spisim.dataset.open(own), 1)
+    assert "Slowest samples" not in read(tmp_path)
 
 
 def test_verify_says_by_its_exit_status_whether_all_is_well(own: Path) -> None:

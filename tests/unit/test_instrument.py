@@ -244,7 +244,7 @@ def test_a_table_that_covers_the_new_band_holds(tmp_path: Path) -> None:
 def test_only_so_far_as_daylight_is_known(paper: Instrument) -> None:
     with pytest.raises(InputError, match=r"instrument at 803 nm: .*filter.band_nm.*800 to 1600"):
         paper.at_wavelength(803)
-    with pytest.raises(InputError, match=r"instrument at 532 nm: wavelength_nm.*800; found 532"):
+    with pytest.raises(InputError, match=r"at 532 nm: wavelength_nm.*800 to 1600; found 532"):
         paper.at_wavelength(532)
 
 

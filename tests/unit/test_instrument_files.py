@@ -100,7 +100,7 @@ MODULATION = "  modulation: {frequencies_hz: [15.0e+6]}\n  pattern_rate_hz"
         (PAPER, ("    noise_pa", "    coupling: ac\n    noise_pa"), ["low_cut_hz"]),
         (
             PAPER,
-            ("  pattern_rate_hz", MODULATION.replace("15.0e+6", "15.0")),
+            ("  pattern_rate_hz", MODULATION.replace("15.0e+6", "14.0e+3")),
             ["projector.modulation.frequencies_hz", "at least 1.5e+04"],
         ),
         (

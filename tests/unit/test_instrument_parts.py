@@ -16,9 +16,12 @@ from spisim.base.config import parse_model
 from spisim.budget import Target, bucket_link, budget_warnings, range_sigma_m, spot_link
 from spisim.cli.budget import summarise
 from spisim.instrument import Instrument, load_instrument
+from spisim.measurement import record_frames
 from spisim.report.capture import write_report
 from spisim.scene import load_scene
 from spisim.simulation import Simulation, simulate
+from spisim.transport import surrogate
+from spisim.transport.lattice import Lattice
 
 WALL = Target(4.0, illuminance_klx=20.0)
 IMAGING, RANGING = ("projector", "plan", "detector"), ("lasers", "tof")
@@ -226,3 +229,27 @@ def test_all_parts_that_do_not_fit_are_told_at_once() -> None:
     text = PAPER.replace("[1544, 1556]", "[1520, 1530]").replace("patterns: 127", "patterns: 5000")
     with pytest.raises(InputError, match=r"2 errors: \(1\) wavelength_nm.* \(2\) plan: "):
         parse_model(text, Instrument, "mine.yaml")
+
+
+@pytest.mark.parametrize("missing", [IMAGING, RANGING])
+def test_frames_of_a_served_rig_of_one_side(missing: tuple[str, ...]) -> None:
+    scene, instrument = load_scene("target-plane"), without(*missing)
+    light = surrogate(scene, instrument, seed=0)
+    lattice = Lattice(lambda node: light, 1)
+    frame, mean = record_frames(
+        scene,
+        instrument,
+        lattice.light(np.zeros((instrument.pattern_plan.exposures, 1))),
+        [],
+        np.random.SeedSequence(0),
+    )
+    assert len(frame) == 1
+    assert (frame.spots is None) == (missing == RANGING)
+    assert mean.image[0].shape == instrument.pattern_plan.shape
+
+
+@pytest.mark.parametrize("missing", [IMAGING, RANGING])
+def test_weather_of_drops_falls_around_one_side(missing: tuple[str, ...]) -> None:
+    scene = load_scene("target-plane", {"rain": {"rate_mm_per_h": 30}})
+    capture = simulate(scene, without(*missing), light="surrogate").capture
+    assert np.isfinite(reconstruct(capture).image).all()

@@ -11,10 +11,14 @@ import pytest
 from matplotlib import pyplot
 
 from spisim.dataset.records import Record
-from spisim.dataset.study import QUANTITIES
-from spisim.dataset.study.evaluation import Evaluation
-from spisim.dataset.study.profile import CENTRES_M
-from spisim.dataset.study.results import (
+from spisim.report.study import write_study
+from spisim.report.study.labels import axis_label, condition_label, value_label
+from spisim.report.study.plots import _over_numbers, study_plots
+from spisim.report.study.profile_plot import profile_of, profile_plot
+from spisim.study import QUANTITIES
+from spisim.study.evaluation import Evaluation
+from spisim.study.profile import CENTRES_M
+from spisim.study.results import (
     ALL_SCENES,
     Results,
     differences_csv,
@@ -22,10 +26,6 @@ from spisim.dataset.study.results import (
     results_of,
     summary_csv,
 )
-from spisim.report.study import write_study
-from spisim.report.study.labels import axis_label, condition_label, value_label
-from spisim.report.study.plots import study_plots
-from spisim.report.study.profile_plot import profile_of, profile_plot
 from studies import planned
 
 # Tables
@@ -270,3 +270,12 @@ def test_a_combination_of_which_nothing_is_left_is_shown_without_marks(tmp_path:
     assert results.summaries[(100,), "depth_mae_m"].estimate.n == 0
     write_study(tmp_path, results)
     assert "<span>–</span>" in (tmp_path / "report.html").read_text()
+
+
+def test_the_interval_of_the_only_mean_is_within_the_axis(tmp_path: Path) -> None:
+    results = made(tmp_path, lost=tuple(range(1, 20, 2)))
+    left = results.summaries[(20,), "depth_mae_m"].estimate
+    assert left.high > 1.2 * left.mean
+    low, high = _over_numbers(results, ["depth_mae_m"], 6.0).axes[0].get_ylim()
+    assert low <= left.low
+    assert high > left.high

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from reconstruction.base.errors import InputError
 
-from ..console import print_json, results, say
+from ..console import print_json, say
 from ..options import Bar, Json, number_option
 from .arguments import Dask, Deep, RetryFailed, SpaceTimeout, Timeout, Workers
-from .progress import short_time, shown
+from .costs import print_preview
+from .progress import shown
 from .running import executors, explained
 
 if TYPE_CHECKING:
     from spisim.dataset.planned import PlannedSet
     from spisim.dataset.runner import State
+    from spisim.dataset.workers import Executor, Make
 
 EXAMPLE = "spisim dataset plan.yaml -o fog --workers 2"
 
@@ -38,8 +41,21 @@ def command(
     timeout: Timeout = 1800,
     space_timeout: SpaceTimeout = 3600,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only check the plan, and tell what it would cost.")
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Only check the plan, and estimate what it would cost; no file is kept.",
+        ),
     ] = False,
+    pilot: Annotated[
+        int | None,
+        number_option(
+            1,
+            10_000,
+            "Make only so many samples, of every scene and weather, and estimate the cost of "
+            "all; a run into the same folder goes on from them. With --dry-run 12 by default.",
+        ),
+    ] = None,
     json: Json = False,
     progress: Bar = None,
 ) -> None:
@@ -54,14 +70,15 @@ def command(
     from spisim.dataset.preview import check
     from spisim.dataset.runner import run_dataset
     from spisim.dataset.sample import Maker
-    from spisim.dataset.workers import default_workers
     from spisim.transport.backend import activate
 
     planned = load_plan(plan)
     if samples is not None:
         planned = planned.with_samples(samples)
+    executor = executors(workers, dask, timeout)
     if dry_run:
-        _dry_run(planned, workers or default_workers(), json)
+        with tempfile.TemporaryDirectory() as passing:
+            _estimate(planned, Path(passing), executor, workers, pilot, json, progress)
         return
     if output is None:
         raise InputError("--output DIR is missing")
@@ -70,7 +87,9 @@ def command(
     kept = Layout(folder).plan
     if samples is not None and kept.exists() and kept.samefile(plan):
         raise InputError(f"--samples would change {plan}: change it there, or give it another name")
-    executor = executors(workers, dask, timeout)
+    if pilot is not None:
+        _estimate(planned, folder, executor, workers, pilot, json, progress)
+        return
     check(planned)
     activate()  # before every process finds out by itself that light cannot be traced
     with explained(), shown(progress) as update:
@@ -88,34 +107,33 @@ def command(
     raise typer.Exit(1 if state.failed else 0)
 
 
-def _dry_run(planned: PlannedSet, workers: int, json: bool) -> None:
-    from spisim.dataset.preview import preview
-    from spisim.dataset.records import flat
+def _estimate(
+    planned: PlannedSet,
+    folder: Path,
+    executor: Callable[[Make], Executor],
+    workers: int | None,
+    pilot: int | None,
+    json: bool,
+    progress: bool | None,
+) -> None:
+    from spisim.dataset.preview import PILOT, preview
+    from spisim.dataset.workers import default_workers
+    from spisim.transport.backend import activate
 
-    told = preview(planned, workers)
+    activate()
+    with explained(), shown(progress) as update:
+        result = preview(
+            planned,
+            folder,
+            executor,
+            workers or default_workers(),
+            pilot=pilot or PILOT,
+            progress=update,
+        )
     if json:
-        print_json(told.summary())
-        return
-    rows = [dict(flat(sample.parameters)) for sample in told.shown]
-    common = {k: v for k, v in rows[0].items() if all(k in row and row[k] == v for row in rows)}
-    if common:
-        results.print(f"   all  {_listed(common)}", soft_wrap=True)
-    for sample, row in zip(told.shown, rows, strict=True):
-        own = {name: value for name, value in row.items() if name not in common}
-        line = f"{sample.index:6}  {sample.scene_name}  {_listed(own)}"
-        results.print(line.rstrip(), soft_wrap=True)
-    if told.samples > len(rows):
-        results.print(f"   …  and {told.samples - len(rows)} more")
-    results.print(
-        f"{told.samples} samples, {told.bytes / 1e6:.3g} MB, about "
-        f"{short_time(told.seconds)} with {workers} workers "
-        f"({told.seconds_per_sample:.2g} s and {told.bytes_per_sample / 1e3:.3g} kB each)",
-        soft_wrap=True,
-    )
-
-
-def _listed(parameters: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name}: {_brief(value)}" for name, value in parameters.items())
+        print_json(result.summary())
+    else:
+        print_preview(result)
 
 
 def _tell(folder: Path, state: State, json: bool) -> None:
@@ -132,7 +150,3 @@ def _tell(folder: Path, state: State, json: bool) -> None:
     say(f"{state.done} of {state.samples} samples are done in {folder}, {state.failed} failed")
     if failures:
         say(f"Their tracebacks are in {folder / 'errors'}; --retry-failed tries them again")
-
-
-def _brief(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -4,6 +4,7 @@ from ..console import print_json, results
 from ..options import Json
 from ..tables import plain_table, print_table
 from .arguments import Folder
+from .costs import print_slowest
 
 EXAMPLE = "spisim dataset status out/fog"
 
@@ -30,6 +31,14 @@ def command(folder: Folder, json: Json = False) -> None:
     results.print(f"  rate     {f'{rate:.3g} samples a minute{left}' if rate else 'not known'}")
     results.print(f"  disk     {status.disk_bytes / 1e6:.1f} MB")
     results.print(f"  run      {f'process {status.runner}' if status.runner else 'none'}")
+    if cost := status.cost:
+        results.print(
+            f"  cost     median {cost.median_s:.2f} s, 90 % within {cost.p90_s:.2f} s, "
+            f"at most {cost.max_s:.2f} s, compiling excepted",
+            soft_wrap=True,
+        )
+        results.print()
+        print_slowest(status.slowest, status.common)
     if status.failures:
         table = plain_table("failed because (# are numbers)", "samples", "such as")
         for reason, indices in status.failures.items():

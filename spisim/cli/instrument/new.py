@@ -7,14 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
-from reconstruction.base.errors import InputError
-from reconstruction.base.files import Output, require_outputs, write_atomically
-from spisim.instrument.data_sheet import QUESTIONS, completed, default_of, is_asked
+from reconstruction.errors import InputError
+from reconstruction.files import Output, require_outputs, write_atomically
 
 from .. import budget
 from ..console import say
 from ..options import Json, Overwrite
 from ..outputs import output as named
+from .data_sheet import QUESTIONS, completed, default_of, is_asked
 
 EXAMPLE = "spisim instrument new -o mine.yaml --makes image --array-power-w 2 --defaults"
 
@@ -64,7 +64,7 @@ def command(
 
     Without --defaults it asks on a terminal what no option tells.
     """
-    from spisim.budget.full_scale import new_instrument_text
+    from .full_scale import new_instrument_text
 
     given = {name: context.params[name] for name in QUESTIONS}
     picture = output.with_suffix(".png")

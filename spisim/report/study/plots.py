@@ -182,14 +182,12 @@ def draw_estimates(
 ) -> None:
     """Means with their intervals at places; `along` is the axis of the metric.
 
-    Intervals of few units are so wide that nothing else would be seen.
+    Intervals of few units are left out: see `_interval`.
     """
     known = [(at, e) for at, e in zip(places, estimates, strict=True) if e.mean is not None]
     at = np.array([place for place, _ in known])
     means = np.array([e.mean for _, e in known])
-    few = [e.low is None or e.units < FEW_UNITS for _, e in known]
-    low = [e.mean if none else e.low for none, (_, e) in zip(few, known, strict=True)]
-    high = [e.mean if none else e.high for none, (_, e) in zip(few, known, strict=True)]
+    low, high = np.array([_interval(e) for _, e in known]).reshape(-1, 2).T
     bars = np.maximum([means - low, high - means], 0)
     style: Look = {"lw": 1.3, "elinewidth": 1.1, "capsize": 2.5} | look
     if along == "y":
@@ -198,12 +196,25 @@ def draw_estimates(
         axes.errorbar(means, at, xerr=bars, **style)
 
 
+def _interval(estimate: Estimate) -> tuple[float, float]:
+    """Ends of an interval that is drawn; the mean where there is none, or of few units.
+
+    Those are so wide that nothing else would be seen.
+    """
+    assert estimate.mean is not None
+    if estimate.low is None or estimate.high is None or estimate.units < FEW_UNITS:
+        return estimate.mean, estimate.mean
+    return estimate.low, estimate.high
+
+
 def _scale(axes: Axes, results: Results, metrics: Sequence[str], along: str = "y") -> None:
     """Scale of the metric's axis, and its zero."""
-    shown = [s.estimate.mean for (_, name), s in results.summaries.items() if name in metrics]
-    means = [mean for mean in shown if mean is not None]
+    shown = [s.estimate for (_, name), s in results.summaries.items() if name in metrics]
+    shown = [estimate for estimate in shown if estimate.mean is not None]
+    means = [estimate.mean for estimate in shown if estimate.mean is not None]
     if len(set(means)) == 1:  # not a scale of rounding errors
-        axes.set(**{f"{along}lim": (0, 1.1 * means[0] or 1)})
+        ends = [1.1 * end for estimate in shown for end in _interval(estimate)]
+        axes.set(**{f"{along}lim": (min(0, *ends), max(0, *ends) or 1)})
     better = Metric.of(metrics[0]).quantity.better
     if better == "near zero":
         (axes.axhline if along == "y" else axes.axvline)(0, color="0.3", lw=0.8)

@@ -212,21 +212,47 @@ class Walk:
         walk = quotient(join.lobe.forward, place)
         self._deposit(join, walk, path.vertex + 1, end, launch, path)
 
+    @dr.syntax
     def _join_by_mirror(
         self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
     ) -> None:
-        """Deposit what a vertex sends to the other end's image in a plane mirror.
+        """Deposit what a vertex sends to the other end's images: in each plane mirror, in any two.
 
         Of paths that met a mirror first: all others the opposite end finds, which meets it first.
         """
-        assert self.mirrors is not None
+        mirrors = self.mirrors
+        assert mirrors is not None
+        assert not isinstance(self.other, Projector | Beams | Sun)  # those of walks inwards
         blind = path.active & path.densities.met_mirror_first
-        sight = Mirrored(self.world, self.other, self.mirrors.choose(sampler))
-        end = sight.connect(lane, here.point, sampler)
+        number = self.other.choose(lane, sampler)
+        each, count = mi.UInt32(0), dr.select(blind, mirrors.largest.count, 0)
+        while dr.hint(each < count, exclude=[self, here, path, launch, mirrors, number, count]):
+            sight = Mirrored(self.world, self.other, mirrors.one(each))
+            end = sight.connect_to(number, here.point, sampler)
+            shown = mirrors.largest.show(each, here.point, end.point) & (end.importance > 0)
+            if dr.hint(shown, exclude=[self, here, path, launch, sight, end]):
+                self._deposit_mirrored(here, path, launch, sight, end, sampler, mi.Bool(True))
+            each += 1
+        if dr.hint(mirrors.most > 1, mode="scalar"):
+            fold, looked = mirrors.choose_two(sampler)
+            sight = Mirrored(self.world, self.other, fold)
+            end = sight.connect_to(number, here.point, sampler)
+            self._deposit_mirrored(here, path, launch, sight, end, sampler, blind & looked)
+
+    def _deposit_mirrored(
+        self,
+        here: Vertex,
+        path: Path,
+        launch: Launch,
+        sight: Mirrored,
+        end: Connection,
+        sampler: Any,
+        active: Any,
+    ) -> None:
         towards, length_m = direction_to(here.point, end.point)
-        lobe = here.lobe(towards, blind & (end.importance > 0))
+        lobe = here.lobe(towards, active & (end.importance > 0))
         value = path.beta * end.importance * lobe.value
-        lit = blind & carries_light(value)
+        lit = active & carries_light(value)
         value *= sight.transmission(
             here.si, here.point, towards, length_m, here.in_fog, sampler, lit
         )

@@ -5,14 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from reconstruction.base.errors import InputError, nearest
-from reconstruction.capture.spots import MAX_SPOTS
-from spisim.base.config import load_yaml, read_text
+from reconstruction.errors import InputError, nearest
 
-PARTS = Path(__file__).with_name("detector_parts.yaml")
 #: Which parts of an instrument there are.
 IMAGE, RANGES, BOTH = "image", "ranges", "both"
 METHODS = "cw", "pulsed", "dtof"
@@ -68,7 +64,7 @@ QUESTIONS: dict[str, Question] = {
     "patterns": Question("Patterns of a frame", 127, 1, 2**20, IMAGE),
     "image_part": Question("Detector of the image, by part", "fga015", of=IMAGE),
     "image_adc_bits": Question("Bits of its converter", 16, 1, 31, IMAGE),
-    "spots": Question("Laser spots; light is traced for 4", 4, 1, MAX_SPOTS, RANGES),
+    "spots": Question("Laser spots; light is traced for 4", 4, 1, 64, RANGES),
     "laser_power_w": Question("Power of a laser, of a pulse its peak", 5e-3, 1e-9, 1e4, RANGES),
     "modulation": Question("Time of flight: cw, pulsed or dtof", "cw", of=RANGES),
     "frequency_hz": Question("Modulation frequency of cw", 15e6, 1e4, 1e10, RANGES),
@@ -82,7 +78,10 @@ QUESTIONS: dict[str, Question] = {
 @cache
 def detector_parts() -> dict[str, dict[str, Any]]:
     """Sensors of instrument files by part."""
-    parts: dict[str, dict[str, Any]] = load_yaml(read_text(PARTS), PARTS)
+    from spisim.config import load_yaml, read_text
+    from spisim.instrument.load import DETECTOR_PARTS
+
+    parts: dict[str, dict[str, Any]] = load_yaml(read_text(DETECTOR_PARTS), DETECTOR_PARTS)
     return parts
 
 

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from reconstruction.base.errors import InputError
-from spisim.instrument.data_sheet import IMAGE, QUESTIONS, RANGES, detector_parts
+from reconstruction.errors import InputError
+
+from .data_sheet import IMAGE, QUESTIONS, RANGES, detector_parts
 
 #: Full scale before it is known how much light there is.
 UNKNOWN_ELECTRONS = 1e15

@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from spisim.base.config import parse_model
-from spisim.budget.link import Target, bucket_link, spot_link
+from spisim.budget import Target, bucket_link, spot_link
+from spisim.config import parse_model
 from spisim.instrument import Instrument
-from spisim.instrument.sheet_text import instrument_text
+
+from .sheet_text import instrument_text
 
 #: What converters have to hold: a white wall near by, in the sun.
 BRIGHTEST = Target(1.0, reflectance=1.0, illuminance_klx=100.0)

@@ -1,0 +1,122 @@
+"""What samples cost: seconds by scene and weather, and the slowest ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from reconstruction.arrays import Floats
+from spisim.atmosphere.sections import WEATHER
+from spisim.config import load_yaml
+from spisim.dataset.planned import PlannedSet, Sample
+from spisim.dataset.records import Record
+
+#: Samples of a plan that are drawn, not made, to learn how frequent its groups are.
+MAX_DRAWN = 200
+
+
+@dataclass(frozen=True)
+class Group:
+    """Samples that cost about the same: those of one scene or family in one kind of weather."""
+
+    scene: str
+    weather: str
+
+    @classmethod
+    def of(cls, sample: Sample) -> Self:
+        """The group of a sample; its weather is all that its scene file has in the air."""
+        fields = load_yaml(sample.scene_text, sample.scene_name)
+        weather = [name for name in WEATHER if fields.get(name) is not None]
+        return cls(str(sample.parameters["scene"]), ", ".join(weather) or "clear")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Seconds of samples without compiling: quantiles, the mean, and of how many samples."""
+
+    samples: int
+    median_s: float
+    p90_s: float
+    max_s: float
+    mean_s: float
+
+    @classmethod
+    def of(cls, seconds: Sequence[float] | Floats, weights: Floats | None = None) -> Self:
+        """Of at least one sample; `weights` where they stand for unequal parts of a plan."""
+        each = np.ones(len(seconds)) if weights is None else weights
+        quantiles = np.quantile(seconds, (0.5, 0.9), weights=each, method="inverted_cdf")
+        mean = np.average(seconds, weights=each)
+        return cls(len(seconds), *map(float, (*quantiles, np.max(seconds), mean)))
+
+
+@dataclass(frozen=True)
+class GroupCost:
+    """A group, the fraction of the plan that it makes up, and its cost in the pilot."""
+
+    group: Group
+    fraction: float
+    cost: Cost | None  # None where the pilot has no sample of it
+
+    def summary(self) -> dict[str, Any]:
+        """JSON-ready."""
+        cost = None if self.cost is None else vars(self.cost)
+        return {**vars(self.group), "fraction": self.fraction, "cost": cost}
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """Samples to make for an estimate of the cost, and the groups that they stand for."""
+
+    indices: Sequence[int]
+    groups: dict[int, Group]  # by index, of all samples that were drawn
+
+    @classmethod
+    def of(cls, planned: PlannedSet, samples: int) -> Self:
+        """So many samples at random, of every group if there are enough; else the frequent ones."""
+        size, rng = planned.plan.size, np.random.default_rng((planned.plan.seed, 1))
+        drawn = range(size) if size <= MAX_DRAWN else np.unique(rng.integers(size, size=MAX_DRAWN))
+        groups = {int(index): Group.of(planned.sample(int(index))) for index in drawn}
+        order = [int(index) for index in rng.permutation(list(groups))]
+        first: dict[Group, int] = {}
+        for index in order:
+            first.setdefault(groups[index], index)
+        frequent = sorted(first, key=list(groups.values()).count, reverse=True)
+        chosen = dict.fromkeys([*(first[group] for group in frequent), *order])
+        return cls(list(chosen)[:samples], groups)
+
+    def costs(self, records: Iterable[Record]) -> tuple[list[GroupCost], Cost]:
+        """By group, the most frequent first, and of all samples of the plan.
+
+        A sample of the pilot counts as much as those of its group that it stands for. Raises
+        ValueError where no record is of a sample that was made.
+        """
+        made: dict[Group, list[float]] = {}
+        for record in records:
+            if record.done and record.seconds is not None and record.index in self.indices:
+                seconds = record.seconds - record.compiling_s
+                made.setdefault(self.groups[record.index], []).append(seconds)
+        if not made:
+            raise ValueError("no sample was made")
+        drawn = list(self.groups.values())
+        fractions = {group: drawn.count(group) / len(drawn) for group in dict.fromkeys(drawn)}
+        weights = [np.full(len(made[group]), fractions[group] / len(made[group])) for group in made]
+        costs = [
+            GroupCost(group, fraction, Cost.of(made[group]) if group in made else None)
+            for group, fraction in sorted(fractions.items(), key=lambda item: -item[1])
+        ]
+        return costs, Cost.of(np.concatenate(list(made.values())), np.concatenate(weights))
+
+
+def cost_of(records: Iterable[Record]) -> Cost | None:
+    """Of the samples that were made; None where their seconds are not recorded."""
+    seconds = [each.seconds - each.compiling_s for each in records if each.done and each.seconds]
+    return Cost.of(seconds) if seconds else None
+
+
+def slowest(records: Iterable[Record], count: int = 5) -> list[Record]:
+    """Of the samples that were made, the slowest, compiling included, slowest first."""
+    timed = [record for record in records if record.done and record.seconds]
+    return sorted(timed, key=lambda record: -(record.seconds or 0.0))[:count]
