@@ -8,9 +8,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from reconstruction.arrays import Floats
+from reconstruction.base.arrays import Floats
 from spisim.atmosphere.sections import WEATHER
-from spisim.config import load_yaml
+from spisim.base.config import load_yaml
 from spisim.dataset.planned import PlannedSet, Sample
 from spisim.dataset.records import Record
 

@@ -8,8 +8,8 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from reconstruction.errors import InputError, naming, nearest
-from spisim.config import dump_yaml, load_yaml
+from reconstruction.base.errors import InputError, naming, nearest
+from spisim.base.config import dump_yaml, load_yaml
 from spisim.dataset.cost import Cost, GroupCost, Pilot
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.planned import PlannedSet, Sample

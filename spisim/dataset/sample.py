@@ -16,10 +16,10 @@ from warnings import catch_warnings, simplefilter
 from threadpoolctl import threadpool_limits
 
 from reconstruction import Capture, capture_warnings, write_capture
-from reconstruction.errors import InputError, explain
-from reconstruction.files import write_atomically
-from reconstruction.timing import timed
-from spisim.config import dump_yaml, load_yaml, parse_model
+from reconstruction.base.errors import InputError, explain
+from reconstruction.base.files import write_atomically
+from reconstruction.base.timing import timed
+from spisim.base.config import dump_yaml, load_yaml, parse_model
 from spisim.dataset.folder import Layout, Origin, done, fingerprint
 from spisim.dataset.plan import Keep
 from spisim.dataset.planned import PlannedSet, Sample
@@ -28,9 +28,9 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene, make_scene
 from spisim.scene.stock import Stock
 from spisim.simulation import Simulation, simulate
+from spisim.simulation.light.files import write_histograms
 from spisim.transport.backend import compiling_timed, free_memory, use_threads
 from spisim.transport.exr import write_exr
-from spisim.transport.light_files import write_histograms
 
 _one_at_a_time = Lock()  # warnings are caught for the whole process
 _stock = Stock()  # of this process

@@ -9,7 +9,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from reconstruction.folders import holder
+from reconstruction.base.folders import holder
 from spisim.dataset.cost import Cost, cost_of, slowest
 from spisim.dataset.folder import Layout, everything
 from spisim.dataset.manifest import read_manifest

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from makers import Fake, InThisProcess
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 from runs import Run, rows, write_plan
 from spisim.dataset import sample as samples
 from spisim.dataset.cost import Cost, Group, Pilot

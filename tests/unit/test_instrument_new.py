@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
+from spisim.base.config import parse_model
 from spisim.budget import Target, budget_warnings
 from spisim.cli import app
 from spisim.cli.instrument import new
 from spisim.cli.instrument.data_sheet import QUESTIONS, completed
 from spisim.cli.instrument.full_scale import new_instrument_text
-from spisim.config import parse_model
 from spisim.instrument import Instrument, load_instrument
 
 ALL = [

@@ -11,14 +11,10 @@ import pytest
 from matplotlib import pyplot
 
 from spisim.dataset.records import Record
-from spisim.report.study import write_study
-from spisim.report.study.labels import axis_label, condition_label, value_label
-from spisim.report.study.plots import _over_numbers, study_plots
-from spisim.report.study.profile_plot import profile_of, profile_plot
-from spisim.study import QUANTITIES
-from spisim.study.evaluation import Evaluation
-from spisim.study.profile import CENTRES_M
-from spisim.study.results import (
+from spisim.dataset.study import QUANTITIES
+from spisim.dataset.study.evaluation import Evaluation
+from spisim.dataset.study.profile import CENTRES_M
+from spisim.dataset.study.results import (
     ALL_SCENES,
     Results,
     differences_csv,
@@ -26,6 +22,10 @@ from spisim.study.results import (
     results_of,
     summary_csv,
 )
+from spisim.report.study import write_study
+from spisim.report.study.labels import axis_label, condition_label, value_label
+from spisim.report.study.plots import _over_numbers, study_plots
+from spisim.report.study.profile_plot import profile_of, profile_plot
 from studies import planned
 
 # Tables

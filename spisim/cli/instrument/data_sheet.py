@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
-from reconstruction.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
 
 #: Which parts of an instrument there are.
 IMAGE, RANGES, BOTH = "image", "ranges", "both"
@@ -78,7 +78,7 @@ QUESTIONS: dict[str, Question] = {
 @cache
 def detector_parts() -> dict[str, dict[str, Any]]:
     """Sensors of instrument files by part."""
-    from spisim.config import load_yaml, read_text
+    from spisim.base.config import load_yaml, read_text
     from spisim.instrument.load import DETECTOR_PARTS
 
     parts: dict[str, dict[str, Any]] = load_yaml(read_text(DETECTOR_PARTS), DETECTOR_PARTS)

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from spisim.base.config import parse_model
 from spisim.budget import Target, bucket_link, spot_link
-from spisim.config import parse_model
 from spisim.instrument import Instrument
 
 from .sheet_text import instrument_text

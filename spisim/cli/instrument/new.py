@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from reconstruction.errors import InputError
-from reconstruction.files import Output, require_outputs, write_atomically
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import Output, require_outputs, write_atomically
 
 from .. import budget
 from ..console import say

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from reconstruction.errors import InputError
+from reconstruction.base.errors import InputError
 
 from .data_sheet import IMAGE, QUESTIONS, RANGES, detector_parts
 
