@@ -448,7 +448,7 @@ def test_a_method_that_cannot_use_the_patterns_is_refused_by_name_and_left_out_o
             raise InputError("image method 'choosy' needs patterns of another basis")
 
     register(monkeypatch, IMAGE_METHODS, choosy=Choosy())
-    monkeypatch.setitem(IMAGE_METHODS._own, "choosy", "choosy")
+    monkeypatch.setitem(IMAGE_METHODS._sources, "choosy", [])
     with pytest.raises(InputError, match="'choosy' needs patterns of another basis"):
         reconstruct(capture, image="choosy")
     assert "choosy" not in reconstruct(capture, image="all").images
