@@ -6,6 +6,8 @@ COPY pyproject.toml README.md LICENSE ./
 COPY spisim spisim
 COPY reconstruction reconstruction
 COPY scenes scenes
+COPY formats formats
+COPY tools/wheel_scenes.py tools/wheel_scenes.py
 COPY studies studies
 COPY examples examples
 RUN pip install --no-cache-dir '.[data]' && rm -rf /src
