@@ -48,8 +48,8 @@ DIRECT_RAYS = 8
 #: And light that fog and a surface scatter once each.
 HALO_RAYS = 2
 #: Where something retro-reflects: most of what it sends back to the detector, fog scatters on the
-#: way, and few rays find that (1.8 times as efficient for a safety vest in fog of 40 m).
-HALO_RAYS_TO_RETRO = 6
+#: way, and few rays find that (twice as efficient for safety vests in fog of 40 m).
+HALO_RAYS_TO_RETRO = 12
 #: The same for lasers, whose spots outshine what is scattered more often; as few rays do for what
 #: mirrors show.
 SPOT_RAYS, SPOT_HALO_RAYS = 8, 2
