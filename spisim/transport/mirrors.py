@@ -156,7 +156,7 @@ class Mirrors:
         return Fold((self.largest.plane(number),), mi.UInt32(1), mi.Float(1))
 
     def choose_two(self, sampler: Any) -> tuple[Fold, Any]:
-        """Two of the largest planes, and whether they are looked at, as their probability says."""
+        """Two of the largest planes, and whether they are looked at, as the probability says."""
         looked = sampler.next_1d() < self.again
         planes, chances = zip(
             *(self.largest.draw(sampler.next_1d()) for _ in range(MAX_FOLDS)), strict=True

@@ -12,7 +12,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene, Volume
-from spisim.scene.bsdf import Diffuse
+from spisim.scene.bsdf import Diffuse, Retroreflector
 from spisim.scene.lamps import PointLamp
 from spisim.transport.backend import with_backend
 from spisim.transport.bounds import Ball, Bounds, Box, Ellipsoid
@@ -41,6 +41,7 @@ class World:
     smooth: Mirrors | None  # these, and smooth coats
     radius_m: float  # of a ball around everything
     diffuse: bool  # all surfaces are Lambertian
+    retroreflects: bool  # some surface does
 
     @property
     def plain(self) -> bool:
@@ -79,6 +80,7 @@ def build_world(scene: Scene) -> World:
         smooth=smooth,
         radius_m=_everything(scene)[1],
         diffuse=all(isinstance(thing.material.bsdf, Diffuse) for thing in scene.objects),
+        retroreflects=any(isinstance(each.material.bsdf, Retroreflector) for each in scene.objects),
     )
 
 

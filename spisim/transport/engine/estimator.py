@@ -47,6 +47,9 @@ from spisim.transport.world import World
 DIRECT_RAYS = 8
 #: And light that fog and a surface scatter once each.
 HALO_RAYS = 2
+#: Where something retro-reflects: most of what it sends back to the detector, fog scatters on the
+#: way, and few rays find that (twice as efficient for safety vests in fog of 40 m).
+HALO_RAYS_TO_RETRO = 12
 #: The same for lasers, whose spots outshine what is scattered more often; as few rays do for what
 #: mirrors show.
 SPOT_RAYS, SPOT_HALO_RAYS = 8, 2
@@ -126,7 +129,8 @@ def image_light(
                 return
             strategy = Strategy.PROJECTOR  # which finds what lies behind panes
         if halo:
-            halo_light(world, near.times(HALO_RAYS), far, seeds[2], deposit, replicas=replicas)
+            rays_alone = near.times(HALO_RAYS_TO_RETRO if world.retroreflects else HALO_RAYS)
+            halo_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
     walk = partial(Walk, world, deposit=deposit, rays=rays, halo=halo, replicas=replicas)
     if strategy is not Strategy.DETECTOR:
         out = walk(near, far, True, outward, mirrors=world.mirrors, footprint=footprint)

@@ -222,7 +222,7 @@ class Walk:
         """
         mirrors = self.mirrors
         assert mirrors is not None
-        assert not isinstance(self.other, Projector | Beams | Sun)  # those of walks inwards
+        assert isinstance(self.other, Detectors | Lamp)
         blind = path.active & path.densities.met_mirror_first
         number = self.other.choose(lane, sampler)
         each, count = mi.UInt32(0), dr.select(blind, mirrors.largest.count, 0)
