@@ -2,6 +2,7 @@
 # needs: spisim[torch]
 
 import subprocess
+import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -38,7 +39,8 @@ assert len(data) == 60
 assert not data.failed
 
 chosen = [word for name in ARRAYS for word in ("--array", name)]
-subprocess.run(["spisim", "dataset", "pack", "depth", "-o", "depth-pack", *chosen], check=True)
+pack_command = [sys.executable, "-m", "spisim", "dataset", "pack", "depth", "-o", "depth-pack"]
+subprocess.run([*pack_command, *chosen], check=True)
 pack = spisim.open_dataset("depth-pack")
 train, _, test = pack.split(0.75, 0.0, 0.25, seed=1)  # by scene
 print(len(train), "samples to learn from,", len(test), "held out")
