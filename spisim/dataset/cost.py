@@ -117,6 +117,6 @@ def cost_of(records: Iterable[Record]) -> Cost | None:
 
 
 def slowest(records: Iterable[Record], count: int = 5) -> list[Record]:
-    """Of the samples that were made, the slowest, compiling included, slowest first."""
+    """Of the samples that were made, the slowest without compiling, slowest first."""
     timed = [record for record in records if record.done and record.seconds]
-    return sorted(timed, key=lambda record: -(record.seconds or 0.0))[:count]
+    return sorted(timed, key=lambda each: each.compiling_s - (each.seconds or 0.0))[:count]

@@ -49,7 +49,8 @@ def print_slowest(records: Sequence[Record], common: Mapping[str, Any]) -> None:
     table = word_table("slowest, s", "compiling, s", "sample", "parameters")
     for record in records:
         own = {name: value for name, value in record.parameters.items() if name not in common}
-        seconds = (f"{record.seconds:.2f}", f"{record.compiling_s:.2f}")
+        making_s = (record.seconds or 0.0) - record.compiling_s
+        seconds = (f"{making_s:.2f}", f"{record.compiling_s:.2f}")
         table.add_row(*seconds, str(record.index), listed(own))
     print_table(table)
 
