@@ -324,7 +324,7 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"wavelength_nm": "infrared"}, "wavelength_nm: should be a number; found 'infrared'"),
     ({"wavelength_nm": {"grid": [905, "a"]}}, "wavelength_nm: should be a number, not 'a'"),
     ({"wavelength_nm": {"uniform": [950, 900]}}, "wavelength_nm: needs a lower and"),
-    ({"wavelength_nm": 2000}, "wavelength_nm: should be less than or equal to 1600; found 2000"),
+    ({"wavelength_nm": 2000}, "wavelength_nm: should be from 800 to 1600; found 2000"),
     ({"samples": 0}, "samples: should be greater than 0"),
     ({"samples": "many"}, "samples: "),
     ({"seed": -1}, "seed: should be greater"),
