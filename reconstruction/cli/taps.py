@@ -47,7 +47,9 @@ NEEDS: tuple[tuple[str, tuple[str, ...]], ...] = (
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of the spots."""
-    group = parser.add_argument_group("time of flight of the four spots (iToF, pulses, dToF)")
+    group = parser.add_argument_group(
+        "time of flight of the spots (iToF, pulses, dToF), of four without --directions"
+    )
     group.add_argument("--taps", metavar="SOURCE", help="taps, windows or histograms of the spots")
     which = group.add_mutually_exclusive_group()
     many: dict[str, Any] = {"type": number, "nargs": "+"}
@@ -64,9 +66,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--response-sigma", metavar="S", type=number, help="of pulse and jitter")
     group.add_argument("--delay-offset", metavar="S", type=number, help="at zero path (0)")
     group.add_argument(
-        "--directions", metavar="SOURCE", help="from the pinhole to the spots, (4, 3): x y z"
+        "--directions",
+        metavar="SOURCE",
+        help="from the pinhole to the spots, as many as there are, a line each: x y z",
     )
-    group.add_argument("--detectors", metavar="SOURCE", help="their positions in metres, (4, 3)")
+    group.add_argument(
+        "--detectors", metavar="SOURCE", help="their positions in metres, a line each"
+    )
     group.add_argument(
         "--fov-deg", metavar="WIDTHxHEIGHT", type=angles, help="of the patterns, for depth maps"
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from reconstruction import make_plan, read_capture, reconstruct
+from reconstruction import make_plan, read_capture, reconstruct, write_capture
 from reconstruction.base.constants import c
 from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import (
@@ -205,5 +205,23 @@ def test_spots_from_python(tmp_path):
         InputError, match=r"unknown 'noise_electron'.* did you mean 'noise_electrons'"
     ):
         spots_from_taps(cw_taps(20e6), 20e6, about={"noise_electron": 1})
-    with pytest.raises(InputError, match=r"directions has shape \(1, 3\)"):
-        spots_from_taps(cw_taps(20e6), 20e6, geometry=SpotGeometry([[0, 0, 1]]))
+    with pytest.raises(InputError, match=r"directions have shape \(3,\), expected \(S, 3\)"):
+        spots_from_taps(cw_taps(20e6), 20e6, geometry=SpotGeometry([0, 0, 1]))
+
+
+@pytest.mark.parametrize("count", [1, 7, 64])
+def test_as_many_spots_as_there_are_directions(tmp_path, count):
+    geometry = SpotGeometry([[0.01 * each, 0, 1] for each in range(count)])
+    taps = np.random.default_rng(count).poisson(900, (5, count, 4))
+    spots = spots_from_taps(taps.reshape(5, -1), 20e6, geometry=geometry)
+    np.testing.assert_array_equal(spots.taps, taps)
+    assert spots.directions.shape == spots.detector_positions_m.shape == (count, 3)
+    write_capture(capture_from_spots(spots), tmp_path / "rig.h5")
+    np.testing.assert_array_equal(read_capture(tmp_path / "rig.h5").spots.taps, taps)
+    with pytest.raises(InputError, match=rf"4 numbers of each of the {count} spots"):
+        spots_from_taps(taps[..., :3], 20e6, geometry=geometry)
+
+
+def test_more_spots_than_there_may_be_are_refused():
+    with pytest.raises(InputError, match=r"shape \(65, 3\), expected .* 1 to 64 spots"):
+        spots_from_taps(np.ones((65, 4)), 20e6, geometry=SpotGeometry(np.ones((65, 3))))

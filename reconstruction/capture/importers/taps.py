@@ -7,18 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...base.arrays import Floats
 from ...base.errors import InputError
 from ...operators import NOTHING_SHOWN
 from ..model import Capture
 from ..readings.cw import CwSpots
 from ..readings.dtof import HistogramSpots
 from ..readings.pulsed import PulsedSpots
-from ..spots import Spots
+from ..spots import MAX_SPOTS, Spots
 from .about import checked_about
 from .arrays import capture_from_readings
 
-SPOTS = 4
 QUARTERS_RAD = (0.0, np.pi / 2, np.pi, 3 * np.pi / 2)
 """Phases of four taps, a quarter of a period after each other."""
 
@@ -36,26 +34,37 @@ NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 class SpotGeometry(NamedTuple):
-    """Unit vectors (4, 3) from the pinhole to the spots, and detector positions (4, 3) in metres.
+    """Unit vectors (S, 3) from the pinhole to S spots, and detector positions (S, 3) in metres.
 
-    Without anything said the spots lie straight ahead and the detectors at the pinhole.
+    Without anything said four spots lie straight ahead and the detectors are at the pinhole.
     """
 
-    directions: ArrayLike = ((0.0, 0.0, 1.0),) * SPOTS
-    detector_positions_m: ArrayLike = ((0.0, 0.0, 0.0),) * SPOTS
+    directions: ArrayLike = ((0.0, 0.0, 1.0),) * 4
+    detector_positions_m: ArrayLike | None = None
+
+    @property
+    def spots(self) -> int:
+        """Number of spots, 1 to `MAX_SPOTS`; InputError for any other and for other shapes."""
+        shape = np.shape(self.directions)
+        if not (len(shape) == 2 and shape[1] == 3 and 1 <= shape[0] <= MAX_SPOTS):
+            raise InputError(
+                f"directions have shape {shape}, expected (S, 3): x, y, z of 1 to {MAX_SPOTS} spots"
+            )
+        return int(shape[0])
 
     def fields(self) -> dict[str, Any]:
         """Both as fields of `Spots`, directions made unit vectors; InputError for other shapes."""
-        arrays: dict[str, Floats] = {
-            name: np.asarray(each, float) for name, each in self._asdict().items()
-        }
-        for name, array in arrays.items():
-            if array.shape != (SPOTS, 3):
-                raise InputError(f"{name} has shape {array.shape}, expected ({SPOTS}, 3): x, y, z")
-        lengths = np.linalg.norm(arrays["directions"], axis=1, keepdims=True)
+        shape, positions_m = (self.spots, 3), self.detector_positions_m
+        positions_m = np.zeros(shape) if positions_m is None else np.asarray(positions_m, float)
+        if positions_m.shape != shape:
+            raise InputError(
+                f"detector_positions_m has shape {positions_m.shape}, expected {shape}: x, y, z"
+            )
+        directions = np.asarray(self.directions, float)
+        lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         if not (lengths > 0).all():
             raise InputError("directions hold a vector of length 0")
-        return arrays | {"directions": arrays["directions"] / lengths}
+        return {"directions": directions / lengths, "detector_positions_m": positions_m}
 
 
 AHEAD = SpotGeometry()
@@ -70,11 +79,11 @@ def spots_from_taps(
     geometry: SpotGeometry = AHEAD,
     about: Mapping[str, float] = NOTHING,
 ) -> CwSpots:
-    """Continuous-wave (iToF) taps of four spots.
+    """Continuous-wave (iToF) taps of S spots, as many as `geometry` has.
 
     Parameters
     ----------
-    taps : array, (4, K), (frames, 4, K), (4 * frames, K) or (frames, 4 * K)
+    taps : array, (S, K), (frames, S, K), (S * frames, K) or (frames, S * K)
         Counts of K = F * P taps of each spot: those of all P phases of the first frequency, then
         those of the next.
     frequencies_hz : float or array, (F,)
@@ -100,7 +109,7 @@ def spots_from_taps(
     each_hz, phases = np.atleast_1d(frequencies_hz), np.atleast_1d(phases_rad)
     offsets = np.broadcast_to(phase_offsets_rad, each_hz.shape)
     what = f"{phases.size} phases of {each_hz.size} frequency(ies)"
-    readings = _of_spots(taps, each_hz.size * phases.size, what)
+    readings = _of_spots(taps, each_hz.size * phases.size, geometry.spots, what)
     spots = CwSpots(
         taps=readings,
         tap_frequencies_hz=np.repeat(each_hz.astype(float), phases.size),
@@ -124,11 +133,11 @@ def spots_from_windows(
     geometry: SpotGeometry = AHEAD,
     about: Mapping[str, float] = NOTHING,
 ) -> PulsedSpots:
-    """Windows of pulsed light of four spots.
+    """Windows of pulsed light of S spots, as many as `geometry` has.
 
     Parameters
     ----------
-    taps : array, (4, W), (frames, 4, W), (4 * frames, W) or (frames, 4 * W)
+    taps : array, (S, W), (frames, S, W), (S * frames, W) or (frames, S * W)
         Counts of W windows of each spot: background, then two or more for the echo.
     window_starts_s : array, (W,)
         When each opens after the pulse begins to leave.
@@ -151,7 +160,7 @@ def spots_from_windows(
         If the taps have another shape, or windows overlap or leave gaps.
     """
     starts = np.atleast_1d(window_starts_s).astype(float)
-    readings = _of_spots(taps, starts.size, f"{starts.size} windows")
+    readings = _of_spots(taps, starts.size, geometry.spots, f"{starts.size} windows")
     spots = PulsedSpots(
         taps=readings,
         window_starts_s=starts,
@@ -176,11 +185,11 @@ def spots_from_histograms(
     saturated: ArrayLike = False,
     geometry: SpotGeometry = AHEAD,
 ) -> HistogramSpots:
-    """Histograms (dToF) of four spots.
+    """Histograms (dToF) of S spots, as many as `geometry` has.
 
     Parameters
     ----------
-    counts : array, (4, B), (frames, 4, B), (4 * frames, B) or (B, 4)
+    counts : array, (S, B), (frames, S, B), (S * frames, B) or (B, S)
         Arrivals in B time bins of each spot.
     bin_width_s : float
         Width of a bin.
@@ -192,7 +201,7 @@ def spots_from_histograms(
         Rms width of pulse and jitter together; nan where it is to be fitted.
     delay_offset_s : float
         Calibrated delay: light arrives L / c + delay_offset_s after it left.
-    saturated : bool or array, (frames, 4)
+    saturated : bool or array, (frames, S)
         Histograms that must not be used.
     geometry
         As for `spots_from_taps`.
@@ -206,14 +215,14 @@ def spots_from_histograms(
     InputError
         If the counts have another shape, or hold more arrivals than cycles.
     """
-    array = _numbers(counts)
-    if array.ndim == 2 and array.shape[1] == SPOTS != array.shape[0]:
+    array, count = _numbers(counts), geometry.spots
+    if array.ndim == 2 and array.shape[1] == count != array.shape[0]:
         array = array.T
-    if array.ndim == 2 and array.shape[0] % SPOTS == 0:
-        array = array.reshape(-1, SPOTS, array.shape[1])
-    if array.ndim != 3 or array.shape[1] != SPOTS:
+    if array.ndim == 2 and array.shape[0] % count == 0:
+        array = array.reshape(-1, count, array.shape[1])
+    if array.ndim != 3 or array.shape[1] != count:
         raise InputError(
-            f"the histograms have shape {array.shape}; a line for each of the {SPOTS} spots is "
+            f"the histograms have shape {array.shape}; a line for each of the {count} spots is "
             "expected, frame after frame, or a column for each"
         )
     spots = HistogramSpots(
@@ -235,19 +244,19 @@ def capture_from_spots(spots: Spots) -> Capture:
     return capture_from_readings(np.zeros((len(spots.readings), 1)), NOTHING_SHOWN, spots=spots)
 
 
-def _of_spots(taps: ArrayLike, each: int, what: str) -> NDArray[Any]:
-    """Readings (frames, 4, each) from an array of any of the layouts."""
+def _of_spots(taps: ArrayLike, each: int, spots: int, what: str) -> NDArray[Any]:
+    """Readings (frames, spots, each) from an array of any of the layouts."""
     array = _numbers(taps)
     columns = array.shape[-1] if array.ndim else 0
-    by_spot = array.ndim == 2 and columns == each and len(array) % SPOTS == 0
-    by_frame = array.ndim in (1, 2) and columns == SPOTS * each
-    if not (by_spot or by_frame or (array.ndim == 3 and array.shape[1:] == (SPOTS, each))):
+    by_spot = array.ndim == 2 and columns == each and len(array) % spots == 0
+    by_frame = array.ndim in (1, 2) and columns == spots * each
+    if not (by_spot or by_frame or (array.ndim == 3 and array.shape[1:] == (spots, each))):
         raise InputError(
-            f"the taps have shape {array.shape}; {what} give {each} numbers of each of the {SPOTS} "
-            f"spots: {each} columns, a line for each spot, frame after frame, or {SPOTS * each} "
+            f"the taps have shape {array.shape}; {what} give {each} numbers of each of the {spots} "
+            f"spots: {each} columns, a line for each spot, frame after frame, or {spots * each} "
             "columns, a line for each frame"
         )
-    return array.reshape(-1, SPOTS, each)
+    return array.reshape(-1, spots, each)
 
 
 def _numbers(values: ArrayLike) -> NDArray[Any]:
