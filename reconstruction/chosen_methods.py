@@ -88,7 +88,7 @@ def ranging_solvers(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver
             RANGING_METHODS[name]
             check_four(f"ranging method {name!r}", spots)
         told = f"left out: methods need 4 spots, the recording has {len(spots.directions)}"
-        return {}, {"ranging": told}
+        return {}, {f"ranging {spots.method}": told}
     solvers: dict[str, RangingSolver] = {}
     refused: dict[str, str] = {}
 

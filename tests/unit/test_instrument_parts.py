@@ -173,7 +173,7 @@ def test_a_recording_of_seven_spots_is_read_and_its_image_reconstructed(tmp_path
     np.testing.assert_array_equal(copy.spots.readings, seven.spots.readings)
     result = reconstruct(copy)
     assert result.rangings == {} == result.depths
-    assert "methods need 4 spots, the recording has 7" in result.notes["ranging"]
+    assert "methods need 4 spots, the recording has 7" in result.notes["ranging cw"]
     np.testing.assert_array_equal(result.image, reconstruct(capture).image)
     with pytest.raises(InputError, match="'cw' needs 4 spots; the recording has 7"):
         reconstruct(copy, ranging="cw")
