@@ -30,6 +30,7 @@ import spisim
 from reconstruction import Capture, Reconstructor, Result
 from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
 from reconstruction.live.links.sockets import TcpListen
+from reconstruction.live.loop import fast_depth
 from spisim.budget.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "live.md"
@@ -72,7 +73,7 @@ def main() -> int:
         spisim.load_scene("warehouse"), spisim.load_instrument("paper"), spp=16, frames=DIFFERENT
     ).capture
     frames = round((QUICK_S if options.quick else SECONDS) / frame_period_s(capture.setup))
-    reconstruct = Reconstructor(capture.setup)
+    reconstruct = Reconstructor(capture.setup, depth=fast_depth(capture.setup))
     expected = [digest(reconstruct(capture.frame(n))) for n in range(DIFFERENT)]
     faults = drawn(frames, np.random.default_rng(0))
     yardstick = Yardstick()

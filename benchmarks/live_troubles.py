@@ -35,6 +35,7 @@ from reconstruction.image import IMAGE_METHODS
 from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
 from reconstruction.live.framing import MAX_PAYLOAD_BYTES, Kind, Message, header
 from reconstruction.live.links.sockets import TcpListen
+from reconstruction.live.loop import fast_depth
 from reconstruction.live.sinks import Detached, Sink
 from spisim.budget.paper.checks import Check, Table, surroundings
 
@@ -240,7 +241,7 @@ def spoilt(capture: Capture, number: int) -> Frames:
 def wrong(capture: Capture, found: Run) -> int:
     """Results other than those of the same frames from memory, in any bit."""
     setup = capture.setup
-    reconstruct = Reconstructor(setup, image=USUAL_IMAGES[0])
+    reconstruct = Reconstructor(setup, image=USUAL_IMAGES[0], depth=fast_depth(setup))
     expected = {
         number: digest(reconstruct(replace(spoilt(capture, number), first=number)))
         for number in found.digests

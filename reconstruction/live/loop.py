@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..base.errors import InputError, in_words
+from ..capture import Setup
 from ..chosen_methods import Names, check_names
-from ..depth import MIN_FREE, check_min_free
+from ..depth import DEPTH_METHODS, MIN_FREE, check_min_free, lacks
 from ..reconstructor import Reconstructor
 from .counts import Latencies
 from .reception import POLL_S, Arrival, Reception
@@ -17,15 +18,23 @@ from .setups import StreamSetup
 logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
+FAST_DEPTH = "anchored"
+"""The depth method that leaves time for the rest of a frame at video rate."""
+
+
+def fast_depth(setup: Setup) -> Names:
+    """Return `FAST_DEPTH`, or None, the default one, where the setup does not suit it."""
+    return None if lacks(DEPTH_METHODS[FAST_DEPTH], setup) else FAST_DEPTH
 
 
 class Loop:
     """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
 
-    Methods are named as for a `Reconstructor`, and ``min_free`` is that of one, too. Whatever a
-    method raises costs its own part of a frame, and what a setup or a frame raises costs these
-    alone: it is counted and reported. Raises InputError for unknown methods, for those that the
-    first setup of a file or pipe does not suit, and where the reception has failed.
+    Methods are named as for a `Reconstructor`, but depth is by `fast_depth` unless it is named;
+    ``min_free`` is that of one, too. Whatever a method raises costs its own part of a frame, and
+    what a setup or a frame raises costs these alone: it is counted and reported. Raises InputError
+    for unknown methods, for those that the first setup of a file or pipe does not suit, and where
+    the reception has failed.
     """
 
     def __init__(
@@ -48,11 +57,11 @@ class Loop:
         self._methods: dict[str, Any] = {
             "image": image,
             "ranging": ranging,
-            "depth": depth,
             "weather": weather,
             "min_free": min_free,
             "failed": self._method_failed,
         }
+        self._depth = depth
         self._results = results
         self._states = states
         self._clock = clock
@@ -90,7 +99,8 @@ class Loop:
             return
         first, self._stream, self._reconstruct = self._stream is None, stream, None
         try:
-            self._reconstruct = Reconstructor(stream.setup, **self._methods)
+            methods = self._methods | {"depth": self._depth or fast_depth(stream.setup)}
+            self._reconstruct = Reconstructor(stream.setup, **methods)
             self._trouble = None
         except Exception as error:
             if first and self._reception.final and isinstance(error, InputError):
@@ -153,7 +163,7 @@ class Loop:
             return ""
         return (
             f"{dropped} frames dropped: they come faster than this machine reconstructs them; "
-            "depth anchored and weather clear take less time than the defaults"
+            "depth anchored and weather clear take less time than others"
         )
 
     def _tell(self) -> None:
